@@ -1,0 +1,55 @@
+# Two commands on a fresh machine: `make trainer` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.DEFAULT_GOAL := help
+.PHONY: help trainer test check lint types layers format clean
+
+help:  ## say what can be made
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
+
+trainer: $(VENV)/.runs  ## start the trainer and print its address (ARGS= is passed on)
+	@$(BIN)/bluntdissect trainer $(ARGS)
+
+test: $(VENV)/.tests  ## run all tests
+	@$(BIN)/python -m pytest $(ARGS)
+
+check: lint types layers  ## lint, types and import layers
+
+lint: $(VENV)/.tests
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: $(VENV)/.tests
+	@$(BIN)/pyright
+
+layers: $(VENV)/.tests
+	@$(BIN)/lint-imports
+
+format: $(VENV)/.tests  ## sort imports and format the code
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+clean:  ## remove the virtual environment and everything built
+	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
+$(BIN)/python:
+	@echo "Creating $(VENV) ..."
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "Python 3.11 or newer is needed; set PYTHON=..." >&2; exit 2; }
+	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 \
+		|| { $(PYTHON) -m venv --clear --without-pip $(VENV) \
+		     && $(PYTHON) -m pip --quiet --python $(BIN)/python install pip; }
+
+$(VENV)/.runs: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing the trainer ..."
+	@$(PIP_INSTALL) -e .
+	@touch $@
+
+$(VENV)/.tests: pyproject.toml constraints.txt $(VENV)/.runs
+	@echo "Installing what the tests need ..."
+	@$(PIP_INSTALL) -e '.[test]'
+	@touch $@

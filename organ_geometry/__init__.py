@@ -1,0 +1,1 @@
+"""Organs from cross-section images: images, edges, curves, sections, organs, skins, meshes."""
