@@ -1,0 +1,114 @@
+"""A straight beam between two clamps: its length, its section and its material."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+from physics.quantity import finite, positive
+
+__all__ = ["Beam"]
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """A straight beam of constant section, held by a clamp at each end.
+
+    Attributes
+    ----------
+    span
+        Length between the clamps, 2L of the thesis, mm.
+    area
+        Area of the section, mm^2.
+    second_moment
+        Second moment of area about the axis the beam bends around, mm^4.
+    fibre_distance
+        Distance of the outermost fibre from that axis, c of the thesis, mm.
+    modulus
+        Young's modulus, MPa.
+    poisson_ratio
+        Poisson's ratio, from 0 to below 0.5.
+
+    Raises
+    ------
+    ValueError
+        If a length, area, moment or modulus is not above zero, or Poisson's ratio is out of range.
+    """
+
+    span: float
+    area: float
+    second_moment: float
+    fibre_distance: float
+    modulus: float
+    poisson_ratio: float = 0.3
+
+    def __post_init__(self) -> None:
+        positive(self.span, "span", "mm")
+        positive(self.area, "area", "mm^2")
+        positive(self.second_moment, "second_moment", "mm^4")
+        positive(self.fibre_distance, "fibre_distance", "mm")
+        positive(self.modulus, "modulus", "MPa")
+        if not 0.0 <= finite(self.poisson_ratio, "poisson_ratio", "(no unit)") < 0.5:
+            raise ValueError(f"poisson_ratio must be from 0 to below 0.5, got {self.poisson_ratio}")
+
+    @classmethod
+    def round(
+        cls, *, span: float, diameter: float, modulus: float, poisson_ratio: float = 0.3
+    ) -> Self:
+        """Return a solid round beam.
+
+        Parameters
+        ----------
+        span
+            Length between the clamps, mm.
+        diameter
+            Diameter of the section, mm.
+        modulus
+            Young's modulus, MPa.
+        poisson_ratio
+            Poisson's ratio.
+
+        Returns
+        -------
+        Self
+            The beam, with A = pi d^2/4, I = pi d^4/64 and c = d/2.
+
+        Examples
+        --------
+        >>> duct = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+        >>> round(duct.area, 3), round(duct.second_moment, 2)
+        (62.072, 306.6)
+        """
+        positive(diameter, "diameter", "mm")
+        return cls(
+            span=span,
+            area=math.pi * diameter**2 / 4.0,
+            second_moment=math.pi * diameter**4 / 64.0,
+            fibre_distance=diameter / 2.0,
+            modulus=modulus,
+            poisson_ratio=poisson_ratio,
+        )
+
+    def grasped_at(self, grasp: float) -> tuple[float, float]:
+        """Return the lengths of the two parts that a grasp divides the span into.
+
+        Parameters
+        ----------
+        grasp
+            Distance of the grasp from the first clamp, mm.
+
+        Returns
+        -------
+        tuple[float, float]
+            Lengths from the first clamp to the grasp and from there to the second, mm.
+
+        Raises
+        ------
+        ValueError
+            If the grasp is not between the clamps.
+        """
+        if not 0.0 < finite(grasp, "grasp", "mm") < self.span:
+            raise ValueError(
+                f"grasp must lie between the clamps, above 0 and below {self.span:g} mm, "
+                f"got {grasp:g} mm"
+            )
+        return float(grasp), self.span - float(grasp)

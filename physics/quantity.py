@@ -1,0 +1,94 @@
+"""Checks of the numbers that enter the physics: named, with their unit and what would be right."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["finite", "positive", "stations_on"]
+
+
+def finite(value: float, name: str, unit: str) -> float:
+    """Return the value as a float if it is a finite number.
+
+    Parameters
+    ----------
+    value
+        The number to check.
+    name
+        What it is called in the message.
+    unit
+        Its unit in the message.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    ValueError
+        If it is not finite.
+    """
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{name} must be a finite number of {unit}, got {number}")
+    return number
+
+
+def positive(value: float, name: str, unit: str) -> float:
+    """Return the value as a float if it is finite and above zero.
+
+    Parameters
+    ----------
+    value
+        The number to check.
+    name
+        What it is called in the message.
+    unit
+        Its unit in the message.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    ValueError
+        If it is not finite or not above zero.
+    """
+    number = float(value)
+    if not (math.isfinite(number) and number > 0.0):
+        raise ValueError(f"{name} must be above 0 {unit}, got {number} {unit}")
+    return number
+
+
+def stations_on(span: float, stations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the stations as a float array if they all lie on the span.
+
+    Parameters
+    ----------
+    span
+        Length between the clamps, mm.
+    stations
+        (N,) distances from the first clamp at rest, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N,) the stations, mm.
+
+    Raises
+    ------
+    ValueError
+        If they are not a row of finite numbers from 0 to the span.
+    """
+    row = np.asarray(stations, dtype=np.float64)
+    if row.ndim != 1:
+        raise ValueError(f"stations must be a row of distances in mm, got shape {row.shape}")
+    if row.size and not (row.min() >= 0.0 and row.max() <= span):
+        raise ValueError(
+            f"stations must lie from 0 to the span of {span} mm, got {row.min()} to {row.max()} mm"
+        )
+    return row

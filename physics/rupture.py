@@ -1,0 +1,214 @@
+"""The rupture criterion (5.26 to 5.29): where a pulled beam tears, when, and how far it is off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.beam import Beam
+from physics.equilibrium import Equilibrium
+from physics.quantity import positive
+from physics.theory import Theory
+
+__all__ = [
+    "BreakEvent",
+    "RuptureCheck",
+    "break_event",
+    "calibrated_threshold",
+    "check_rupture",
+    "critical_stations",
+]
+
+EQUAL_STRESSES = 1e-9
+"""Stresses nearer than this part of the larger count as equal: rounding, not physics."""
+
+
+@dataclass(frozen=True, slots=True)
+class RuptureCheck:
+    """The place of the highest stress, held against the threshold.
+
+    Attributes
+    ----------
+    station
+        Where normal plus bending stress is highest, mm from the first clamp. Of equal places the
+        one nearest the grasp.
+    tension_side
+        Side that bending stretches there: 1 the side of the pull, -1 the side away from it,
+        0 where nothing bends.
+    normal_stress
+        Normal stress there, MPa.
+    bending_stress
+        Bending stress there, MPa.
+    threshold
+        Stress T that the beam bears, MPa.
+    """
+
+    station: float
+    tension_side: int
+    normal_stress: float
+    bending_stress: float
+    threshold: float
+
+    @property
+    def total_stress(self) -> float:
+        """Normal plus bending stress, MPa."""
+        return self.normal_stress + self.bending_stress
+
+    @property
+    def margin(self) -> float:
+        """Stress left to the threshold, MPa; below zero past it."""
+        return self.threshold - self.total_stress
+
+    @property
+    def distance_to_break(self) -> float:
+        """1 at rest, 0 at the threshold, below zero past it."""
+        return 1.0 - self.total_stress / self.threshold
+
+    @property
+    def broken(self) -> bool:
+        """Whether the criterion (5.29) is met."""
+        return self.total_stress > self.threshold
+
+
+@dataclass(frozen=True, slots=True)
+class BreakEvent:
+    """The load at which a beam reaches its threshold.
+
+    Attributes
+    ----------
+    force
+        The grasper's whole force, N.
+    deflection
+        Displacement of the grasp, mm.
+    check
+        The criterion at that load.
+    """
+
+    force: float
+    deflection: float
+    check: RuptureCheck
+
+
+def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.float64]:
+    """Return stations that hold every place where the stress can be highest.
+
+    Parameters
+    ----------
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    count
+        How many stations to spread over the span.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (count or count + 1,) both clamps, the grasp and the stations between, mm.
+    """
+    beam.grasped_at(grasp)
+    return np.union1d(np.linspace(0.0, beam.span, count), [grasp])
+
+
+def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
+    """Return the place of the highest stress among the stations, held against the threshold.
+
+    Parameters
+    ----------
+    equilibrium
+        A pulled beam, sampled where it may tear (`critical_stations`).
+    threshold
+        Stress T that the beam bears, MPa.
+
+    Returns
+    -------
+    RuptureCheck
+        Place, stresses and margin.
+
+    Raises
+    ------
+    ValueError
+        If the threshold is not above zero or the equilibrium has no station.
+    """
+    positive(threshold, "threshold", "MPa")
+    total = equilibrium.total_stress
+    if not total.size:
+        raise ValueError("the equilibrium must be sampled at one station or more, got none")
+    highest = np.flatnonzero(total >= total.max() * (1.0 - EQUAL_STRESSES))
+    away = np.abs(equilibrium.stations[highest] - equilibrium.grasp)
+    place = highest[np.argmin(away)]
+    # Bending stretches the side away from the pull where the moment has the deflection's sign.
+    turn = float(equilibrium.moment[place]) * (1.0 if equilibrium.deflection >= 0.0 else -1.0)
+    return RuptureCheck(
+        station=float(equilibrium.stations[place]),
+        tension_side=int(-np.sign(turn)),
+        normal_stress=float(equilibrium.normal_stress[place]),
+        bending_stress=float(equilibrium.bending_stress[place]),
+        threshold=float(threshold),
+    )
+
+
+def calibrated_threshold(theory: Theory, beam: Beam, grasp: float, force: float) -> float:
+    """Return the threshold at which a beam breaks under a known force.
+
+    A threshold belongs to its theory: two theories that see the same break read other stresses.
+
+    Parameters
+    ----------
+    theory
+        The theory that reads the stresses.
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    force
+        The grasper's whole force at the break, N.
+
+    Returns
+    -------
+    float
+        Highest normal plus bending stress at that force, MPa.
+    """
+    positive(force, "force at the break", "N")
+    stations = critical_stations(beam, grasp)
+    return float(theory.under_force(beam, grasp, force, stations).total_stress.max())
+
+
+def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> BreakEvent | None:
+    """Return the load at which a beam reaches its threshold.
+
+    The stress grows with the deflection, so the root is bracketed by doubling and halved down to
+    neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
+
+    Parameters
+    ----------
+    theory
+        The theory that reads the stresses.
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    threshold
+        Stress T that the beam bears, MPa.
+
+    Returns
+    -------
+    BreakEvent | None
+        The load; None if the beam bears deflections of a thousand spans.
+    """
+    positive(threshold, "threshold", "MPa")
+    stations = critical_stations(beam, grasp)
+
+    def reaches(deflection: float) -> bool:
+        pulled = theory.under_deflection(beam, grasp, deflection, stations)
+        return float(pulled.total_stress.max()) >= threshold
+
+    low, high = 0.0, 1e-3 * beam.span
+    while not reaches(high):
+        low, high = high, 2.0 * high
+        if high > 1e3 * beam.span:
+            return None
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (low, middle) if reaches(middle) else (middle, high)
+    pulled = theory.under_deflection(beam, grasp, high, stations)
+    return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

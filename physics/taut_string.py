@@ -1,0 +1,177 @@
+"""The thesis's string for very large deflections of thin beams (5.21 to 5.25)."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.beam import Beam
+from physics.equilibrium import Equilibrium
+from physics.quantity import finite, stations_on
+
+__all__ = ["TautString"]
+
+
+@dataclass(frozen=True, slots=True)
+class TautString:
+    """A beam that only stretches: two straight lines under one tension.
+
+    For a grasp at a from one clamp and b from the other, S = a + b, the lines are
+    l_a = sqrt(a^2 + delta^2) and l_b alike, the tension E A (l_a + l_b - S) / S is the same in
+    both, as it is in the cubic, and F = tension x delta (1/l_a + 1/l_b). With a = b = L and F = 2P
+    that is (5.25): P = k delta (1 - L / sqrt(L^2 + delta^2)), k = A E / L.
+    """
+
+    name: ClassVar[str] = "string"
+
+    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
+        """Return the grasper's whole force at a deflection.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm.
+
+        Returns
+        -------
+        float
+            Force, N.
+        """
+        a, b = beam.grasped_at(grasp)
+        deflection = finite(deflection, "deflection", "mm")
+        return _force_and_slope(beam, a, b, deflection)[0]
+
+    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
+        """Return the deflection under a force.
+
+        The force grows with the deflection and ever faster, so Newton's method, once above the
+        root, comes down to it without overshooting; it stops where rounding does.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+
+        Returns
+        -------
+        float
+            Displacement of the grasp along the pull, mm.
+        """
+        a, b = beam.grasped_at(grasp)
+        pull = abs(finite(force, "force", "N"))
+        if pull == 0.0:
+            return 0.0
+        # The small-slope law F = E A S delta^3 / (2 a^2 b^2) overrates the force: a start below.
+        cube = 2.0 * (a * b) ** 2 * pull / (beam.modulus * beam.area * beam.span)
+        delta = cube ** (1.0 / 3.0)
+        for _ in range(100):
+            value, slope = _force_and_slope(beam, a, b, delta)
+            step = (pull - value) / slope
+            delta += step
+            if abs(step) <= 2e-16 * delta:
+                break
+        return math.copysign(delta, force)
+
+    def under_force(
+        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        """Return the equilibrium under a force.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+        """
+        return self._taut(beam, grasp, force, self.deflection(beam, grasp, force), stations)
+
+    def under_deflection(
+        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        """Return the equilibrium at a deflection of the grasp.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+        """
+        return self._taut(beam, grasp, self.force(beam, grasp, deflection), deflection, stations)
+
+    def _taut(
+        self,
+        beam: Beam,
+        grasp: float,
+        force: float,
+        deflection: float,
+        stations: NDArray[np.float64],
+    ) -> Equilibrium:
+        at = stations_on(beam.span, stations)
+        a, b = beam.grasped_at(grasp)
+        first, second = math.atan2(deflection, a), -math.atan2(deflection, b)
+        rotation = np.where(at < a, first, second)
+        # A section stands still in its clamp and halves the kink at the grasp.
+        rotation[at == a] = 0.5 * (first + second)
+        rotation[(at == 0.0) | (at == beam.span)] = 0.0
+        strain = _stretch(a, b, deflection) / beam.span
+        normal_stress = np.full_like(at, beam.modulus * strain)
+        return Equilibrium(
+            theory=self.name,
+            grasp=a,
+            force=force,
+            deflection=deflection,
+            stations=at.copy(),
+            along=at.copy(),
+            across=deflection * np.minimum(at / a, (beam.span - at) / b),
+            rotation=rotation,
+            normal_force=normal_stress * beam.area,
+            moment=np.zeros_like(at),
+            normal_stress=normal_stress,
+            bending_stress=np.zeros_like(at),
+        )
+
+
+def _stretch(a: float, b: float, delta: float) -> float:
+    """Return l_a + l_b - a - b without the cancellation that it has as written."""
+    square = delta * delta
+    return square / (math.hypot(a, delta) + a) + square / (math.hypot(b, delta) + b)
+
+
+def _force_and_slope(beam: Beam, a: float, b: float, delta: float) -> tuple[float, float]:
+    """Return the force, N, and its derivative by the deflection, N/mm."""
+    la, lb = math.hypot(a, delta), math.hypot(b, delta)
+    stiffness = beam.modulus * beam.area / beam.span
+    stretch = _stretch(a, b, delta)
+    sines = delta / la + delta / lb
+    slope = stiffness * (sines * sines + stretch * (a * a / la**3 + b * b / lb**3))
+    return stiffness * stretch * sines, slope

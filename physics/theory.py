@@ -1,0 +1,71 @@
+"""The one way to call a theory of a pulled beam, whichever it is."""
+
+from collections.abc import Callable
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.beam import Beam
+from physics.cubic import Cubic
+from physics.equilibrium import Equilibrium
+from physics.taut_string import TautString
+
+__all__ = ["THEORIES", "Theory", "theory_named"]
+
+
+class Theory(Protocol):
+    """A way to find the equilibrium of a beam pulled across its axis at one place.
+
+    Attributes
+    ----------
+    name
+        Name of the theory, as on the command line.
+    """
+
+    name: ClassVar[str]
+
+    def under_force(
+        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        """Return the equilibrium under a force, N, at a grasp, mm, sampled at stations, mm."""
+        ...
+
+    def under_deflection(
+        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        """Return the equilibrium at a deflection, mm, of the grasp, sampled at stations, mm."""
+        ...
+
+
+THEORIES: dict[str, Callable[[], Theory]] = {"cubic": Cubic, "string": TautString}
+"""The theories by name, each with its own defaults."""
+
+
+def theory_named(name: str, *, q: float | None = None) -> Theory:
+    """Return the theory of that name.
+
+    Parameters
+    ----------
+    name
+        One of `THEORIES`.
+    q
+        Factor of the axial coupling, for the cubic only; its default when None.
+
+    Returns
+    -------
+    Theory
+        The theory.
+
+    Raises
+    ------
+    ValueError
+        If there is no theory of that name, or it has no q.
+    """
+    if name not in THEORIES:
+        raise ValueError(f"unknown theory {name!r}; there are: {', '.join(THEORIES)}")
+    if q is None:
+        return THEORIES[name]()
+    if name != "cubic":
+        raise ValueError(f"q belongs to the cubic theory, the {name} theory has none")
+    return Cubic(q=q)

@@ -1,0 +1,118 @@
+"""Where a beam tears, how far it is from it, and at which load."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from thesis_tables import LBF, PSI
+
+from physics import (
+    THEORIES,
+    Beam,
+    Cubic,
+    break_event,
+    calibrated_threshold,
+    check_rupture,
+    critical_stations,
+    theory_named,
+)
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=45.0 * PSI)
+BREAK = 0.8 * LBF
+"""P = 0.4 lbf of figure 6.28 on the half, F = 2P on the whole."""
+
+
+def test_thesis_duct_at_the_break() -> None:
+    """6.858 + 23.813 = 30.672 psi by (5.26) to (5.28) at P = 0.4 lbf."""
+    pulled = Cubic().under_force(DUCT, 25.4, BREAK, critical_stations(DUCT, 25.4))
+    check = check_rupture(pulled, threshold=30.672 * PSI)
+    assert check.normal_stress / PSI == pytest.approx(6.858, abs=5e-4)
+    assert check.bending_stress / PSI == pytest.approx(23.813, abs=5e-4)
+    assert check.distance_to_break == pytest.approx(0.0, abs=2e-5)
+
+
+def test_central_pull_stresses_clamps_and_grasp_alike_and_tears_at_the_grasp() -> None:
+    stations = critical_stations(DUCT, 25.4)
+    pulled = Cubic().under_force(DUCT, 25.4, 2.0, stations)
+    at_grasp = pulled.total_stress[stations == 25.4]
+    assert pulled.total_stress[[0, -1]] == pytest.approx(np.repeat(at_grasp, 2), rel=1e-12)
+    check = check_rupture(pulled, 0.2)
+    assert check.station == 25.4
+    assert check.tension_side == 1  # an arch stretches its outer side, that of the pull
+
+
+@pytest.mark.parametrize(("grasp", "clamp"), [(10.0, 0.0), (40.0, 50.8)])
+def test_off_centre_pull_tears_at_the_near_clamp_on_the_far_side(
+    grasp: float, clamp: float
+) -> None:
+    pulled = Cubic().under_force(DUCT, grasp, 2.0, critical_stations(DUCT, grasp))
+    check = check_rupture(pulled, 0.2)
+    assert check.station == clamp
+    assert check.tension_side == -1
+
+
+def test_a_pull_the_other_way_tears_the_other_side() -> None:
+    stations = critical_stations(DUCT, 25.4)
+    assert check_rupture(Cubic().under_force(DUCT, 25.4, -2.0, stations), 0.2).tension_side == 1
+    assert check_rupture(Cubic().under_force(DUCT, 10.0, -2.0, stations), 0.2).tension_side == -1
+
+
+def test_string_has_no_side_to_tear_first() -> None:
+    pulled = theory_named("string").under_force(DUCT, 25.4, 2.0, critical_stations(DUCT, 25.4))
+    check = check_rupture(pulled, 0.2)
+    assert check.tension_side == 0
+    assert check.station == 25.4
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(sorted(THEORIES)),
+    st.floats(2.0, 48.0),
+    st.floats(0.01, 2.0),
+)
+def test_break_event_is_the_root_of_the_criterion(
+    name: str, grasp: float, threshold: float
+) -> None:
+    theory = theory_named(name)
+    event = break_event(theory, DUCT, grasp, threshold)
+    assert event is not None
+    stations = critical_stations(DUCT, grasp)
+
+    def broken(factor: float) -> bool:
+        pulled = theory.under_force(DUCT, grasp, factor * event.force, stations)
+        return check_rupture(pulled, threshold).broken
+
+    assert broken(1.0 + 1e-9)
+    assert not broken(1.0 - 1e-9)
+    assert event.check.margin == pytest.approx(0.0, abs=1e-12)
+    assert theory.under_force(DUCT, grasp, event.force, stations).deflection == pytest.approx(
+        event.deflection, rel=1e-9
+    )
+
+
+@settings(deadline=None)
+@given(st.sampled_from(sorted(THEORIES)), st.floats(2.0, 48.0), st.floats(0.01, 50.0))
+def test_calibrated_threshold_breaks_at_its_force(name: str, grasp: float, force: float) -> None:
+    theory = theory_named(name)
+    event = break_event(theory, DUCT, grasp, calibrated_threshold(theory, DUCT, grasp, force))
+    assert event is not None
+    assert event.force == pytest.approx(force, rel=1e-9)
+
+
+def test_distance_to_break_runs_from_one_to_zero() -> None:
+    threshold = calibrated_threshold(Cubic(), DUCT, 25.4, BREAK)
+    stations = critical_stations(DUCT, 25.4)
+    distances = [
+        check_rupture(
+            Cubic().under_force(DUCT, 25.4, part * BREAK, stations), threshold
+        ).distance_to_break
+        for part in (0.0, 0.25, 0.5, 0.75, 1.0, 1.1)
+    ]
+    assert distances[0] == 1.0
+    assert distances[4] == pytest.approx(0.0, abs=1e-12)
+    assert distances == sorted(distances, reverse=True)
+    assert distances[5] < 0.0
+
+
+def test_a_threshold_out_of_reach_is_no_event() -> None:
+    assert break_event(Cubic(), DUCT, 25.4, 1e12) is None
