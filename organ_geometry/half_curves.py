@@ -1,0 +1,320 @@
+"""Half-curves: one closed boundary as two polynomials y(x) of degree six.
+
+Coordinates are a section's own: mm, x along the image's columns, y along its rows (down), from
+the section's axis point. A boundary is stored as a row of sixteen numbers: the middle and half
+the width of its range in x, then seven Chebyshev coefficients in u = (x - middle) / half_width of
+the top half-curve (smaller y) and seven of the bottom one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike, NDArray
+
+DEGREE = 6
+COEFFICIENTS = DEGREE + 1
+ROW_SIZE = 2 + 2 * COEFFICIENTS
+
+MIDDLE = 0
+HALF_WIDTH = 1
+TOP = slice(2, 2 + COEFFICIENTS)
+BOTTOM = slice(2 + COEFFICIENTS, ROW_SIZE)
+
+# A polynomial cannot stand upright as a round boundary does at its two ends. Ending the range a
+# little inside and closing it by a short vertical segment gives the smallest distance.
+RANGE_SHARE = 0.995
+
+# Fewer points than this on a half leave seven coefficients badly determined.
+_ENOUGH_POINTS = 2 * COEFFICIENTS
+_RESAMPLED_POINTS = 128
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfCurves:
+    """The two half-curves of one boundary.
+
+    Attributes
+    ----------
+    middle
+        Middle of the range in x, mm.
+    half_width
+        Half the width of the range in x, mm.
+    top
+        (7,) Chebyshev coefficients of the half with smaller y, mm.
+    bottom
+        (7,) Chebyshev coefficients of the half with larger y, mm.
+    """
+
+    middle: float
+    half_width: float
+    top: NDArray[np.float64]
+    bottom: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.middle) and np.isfinite(self.half_width) and self.half_width > 0):
+            raise ValueError(
+                f"half-curves need a finite middle and a half width above 0 mm, "
+                f"not {self.middle:g} mm and {self.half_width:g} mm"
+            )
+        for field in ("top", "bottom"):
+            locked = np.array(getattr(self, field), dtype=np.float64)
+            if locked.shape != (COEFFICIENTS,) or not np.isfinite(locked).all():
+                raise ValueError(f"{field} must be {COEFFICIENTS} finite coefficients, mm")
+            locked.setflags(write=False)
+            object.__setattr__(self, field, locked)
+
+    @classmethod
+    def from_row(cls, row: ArrayLike) -> "HalfCurves":
+        """Return the half-curves of a row of sixteen numbers.
+
+        Parameters
+        ----------
+        row
+            (16,) middle, half width, top and bottom coefficients, mm.
+
+        Returns
+        -------
+        HalfCurves
+            The same boundary.
+
+        Raises
+        ------
+        ValueError
+            If there are not sixteen numbers, or they make no boundary.
+        """
+        numbers = np.asarray(row, dtype=np.float64)
+        if numbers.shape != (ROW_SIZE,):
+            raise ValueError(f"row must have shape ({ROW_SIZE},), not {numbers.shape}")
+        return cls(
+            float(numbers[MIDDLE]), float(numbers[HALF_WIDTH]), numbers[TOP], numbers[BOTTOM]
+        )
+
+    def as_row(self) -> NDArray[np.float64]:
+        """Return the boundary as a row of sixteen numbers.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (16,) middle, half width, top and bottom coefficients, mm.
+        """
+        return np.concatenate([[self.middle, self.half_width], self.top, self.bottom])
+
+    def outline(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the boundary.
+
+        Parameters
+        ----------
+        angles
+            (N,) rad; the point is at u = cos(angle), on the bottom half where sin(angle) >= 0.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, 2) points x, y, mm.
+        """
+        angles = np.asarray(angles, dtype=np.float64)
+        return outline_points(np.broadcast_to(self.as_row(), (len(angles), ROW_SIZE)), angles)
+
+    def distances(self, points: NDArray[np.float64], *, count: int = 256) -> NDArray[np.float64]:
+        """Return the distance of each point to the boundary, its end segments included.
+
+        Parameters
+        ----------
+        points
+            (N, 2) points x, y, mm.
+        count
+            Number of corners of the polygon that stands for the boundary.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N,) distances, mm, not signed.
+        """
+        corners = closed_outlines(self.as_row()[np.newaxis], count)[0]
+        return polygon_distances(np.asarray(points, dtype=np.float64), corners)
+
+
+def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
+    """Return the two half-curves that lie nearest to a closed boundary.
+
+    The boundary is cut at its leftmost and rightmost points. In each half, the squared distances
+    in y are weighted by the squared y component of the normal, which makes them distances along
+    the normal, and by the length of boundary that each point stands for, so that crowded points
+    count no more than sparse ones. The ends stay free: forcing the halves to meet costs a factor
+    of four in distance.
+
+    Parameters
+    ----------
+    points
+        (N, 2) points x, y along the boundary in either sense, mm; the last joins the first.
+
+    Returns
+    -------
+    HalfCurves
+        The fitted boundary, mm.
+
+    Raises
+    ------
+    ValueError
+        If the points are fewer than three, not finite, or have no width.
+    """
+    boundary = np.asarray(points, dtype=np.float64)
+    if boundary.ndim != 2 or boundary.shape[1] != 2 or len(boundary) < 3:
+        raise ValueError(
+            f"points must have shape (N, 2) with three or more points, not {boundary.shape}"
+        )
+    if not np.isfinite(boundary).all():
+        raise ValueError("points must be finite, mm")
+    left, right = float(boundary[:, 0].min()), float(boundary[:, 0].max())
+    width = right - left
+    if not width > 0.0:
+        raise ValueError(f"the boundary must have a width above 0 mm, not {width:g} mm")
+
+    halves = _split(boundary)
+    if min(len(half) for half, _ in halves) < _ENOUGH_POINTS:
+        halves = _split(resampled(boundary, _RESAMPLED_POINTS))
+    middle = 0.5 * (left + right)
+    half_width = 0.5 * width * RANGE_SHARE
+    first, second = (
+        _fit_half((half[:, 0] - middle) / half_width, half[:, 1], weights)
+        for half, weights in halves
+    )
+    # The sense of positive area goes from left to right on the side of smaller y.
+    after = np.roll(boundary, -1, axis=0)
+    area = float((boundary[:, 0] * after[:, 1] - boundary[:, 1] * after[:, 0]).sum())
+    top, bottom = (first, second) if area >= 0.0 else (second, first)
+    return HalfCurves(middle, half_width, top, bottom)
+
+
+def outline_points(rows: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return one boundary point for each row and angle.
+
+    Parameters
+    ----------
+    rows
+        (N, 16) half-curves, mm.
+    angles
+        (N,) rad; the point is at u = cos(angle), on the bottom half where sin(angle) >= 0.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, 2) points x, y, mm.
+    """
+    u = np.cos(angles)
+    on_bottom = np.sin(angles) >= 0.0
+    coefficients = np.where(on_bottom[:, np.newaxis], rows[:, BOTTOM], rows[:, TOP])
+    # Clenshaw's recurrence, one row of coefficients for each point.
+    doubled = 2.0 * u
+    previous = np.zeros_like(u)
+    current = coefficients[:, DEGREE].copy()
+    for order in range(DEGREE - 1, 0, -1):
+        current, previous = coefficients[:, order] + doubled * current - previous, current
+    y = coefficients[:, 0] + u * current - previous
+    x = rows[:, MIDDLE] + rows[:, HALF_WIDTH] * u
+    return np.stack([x, y], axis=1)
+
+
+def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.float64]:
+    """Return each boundary as a closed polygon that includes the ends of both halves.
+
+    Parameters
+    ----------
+    rows
+        (K, 16) half-curves, mm.
+    count
+        Number of corners, even: the first half of them lies on the bottom half-curve from right to
+        left, the other on the top one from left to right.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (K, count, 2) corners x, y, mm; the last joins the first.
+    """
+    u = np.cos(np.linspace(0.0, np.pi, count // 2))
+    basis = chebyshev.chebvander(u, DEGREE).T
+    x = rows[:, MIDDLE, np.newaxis] + rows[:, HALF_WIDTH, np.newaxis] * u
+    bottom = np.stack([x, rows[:, BOTTOM] @ basis], axis=2)
+    top = np.stack([x, rows[:, TOP] @ basis], axis=2)
+    return np.concatenate([bottom, top[:, ::-1]], axis=1)
+
+
+def polygon_distances(
+    points: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each point to a closed polygon.
+
+    Parameters
+    ----------
+    points
+        (N, 2) points, mm.
+    corners
+        (C, 2) corners in order, mm; the last joins the first.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N,) distances, mm, not signed.
+    """
+    sides = np.roll(corners, -1, axis=0) - corners
+    squared = np.maximum(np.einsum("ij,ij->i", sides, sides), np.finfo(np.float64).tiny)
+    to_x = points[:, :1] - corners[:, 0]
+    to_y = points[:, 1:] - corners[:, 1]
+    share = np.clip((to_x * sides[:, 0] + to_y * sides[:, 1]) / squared, 0.0, 1.0)
+    to_x -= share * sides[:, 0]
+    to_y -= share * sides[:, 1]
+    return np.sqrt((to_x * to_x + to_y * to_y).min(axis=1))
+
+
+def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return points at equal distances along a closed polygon.
+
+    Parameters
+    ----------
+    points
+        (N, 2) corners in order, mm; the last joins the first.
+    count
+        Number of points wanted.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (count, 2) points, the first at the first corner.
+    """
+    closed = np.concatenate([points, points[:1]])
+    steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+    lengths = np.zeros(len(closed))
+    np.cumsum(steps, out=lengths[1:])
+    wanted = np.arange(count) * (float(lengths[-1]) / count)
+    x = np.interp(wanted, lengths, closed[:, 0])
+    y = np.interp(wanted, lengths, closed[:, 1])
+    return np.stack([x, y], axis=1)
+
+
+def _split(
+    boundary: NDArray[np.float64],
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return both halves between the extreme x, each with its (M,) least-squares weights."""
+    before = np.roll(boundary, 1, axis=0)
+    after = np.roll(boundary, -1, axis=0)
+    lengths = 0.5 * (
+        np.linalg.norm(after - boundary, axis=1) + np.linalg.norm(boundary - before, axis=1)
+    )
+    chords = after - before
+    chord_lengths = np.maximum(np.linalg.norm(chords, axis=1), np.finfo(np.float64).tiny)
+    weights = np.abs(chords[:, 0]) / chord_lengths * np.sqrt(lengths)
+
+    left, right = int(boundary[:, 0].argmin()), int(boundary[:, 0].argmax())
+    total = len(boundary)
+    onward = np.arange(left, left + (right - left) % total + 1) % total
+    back = np.arange(right, right + (left - right) % total + 1) % total
+    return [(boundary[half], weights[half]) for half in (onward, back)]
+
+
+def _fit_half(
+    u: NDArray[np.float64], y: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the (7,) Chebyshev coefficients of the weighted least-squares fit."""
+    basis = chebyshev.chebvander(u, DEGREE) * weights[:, np.newaxis]
+    return np.asarray(np.linalg.lstsq(basis, y * weights)[0], dtype=np.float64)
