@@ -1,0 +1,88 @@
+"""What the commands share: an organ from a file or from the shipped images, and a theory's load."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from organ_geometry.organ import Organ
+    from physics import Beam, Equilibrium, Theory
+
+__all__ = ["equilibrium", "organ_from", "shipped_organ"]
+
+
+def organ_from(path: Path | None) -> "Organ":
+    """Return the organ in a file, or the shipped one.
+
+    Parameters
+    ----------
+    path
+        An `.organ` file; the shipped phantom's images when None.
+
+    Returns
+    -------
+    Organ
+        The organ.
+    """
+    if path is None:
+        return shipped_organ()
+    from organ_geometry.organ_file import read_organ
+
+    return read_organ(path)
+
+
+def shipped_organ() -> "Organ":
+    """Return the organ that the shipped section images give.
+
+    Returns
+    -------
+    Organ
+        The bile-duct phantom.
+    """
+    from assets import BILE_DUCT_PHANTOM
+    from organ_geometry.image_stack import read_image_stack
+    from organ_geometry.organ_builder import build_organ
+
+    return build_organ(read_image_stack(BILE_DUCT_PHANTOM)).organ
+
+
+def equilibrium(
+    theory: "Theory",
+    beam: "Beam",
+    *,
+    grasp: float | None,
+    force: float | None,
+    deflection: float | None,
+) -> "Equilibrium":
+    """Return a beam under the load that the options ask for.
+
+    Parameters
+    ----------
+    theory
+        The theory.
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm; the middle when None.
+    force, deflection
+        N and mm: one of them.
+
+    Returns
+    -------
+    Equilibrium
+        The beam, sampled at every place where the stress can be highest.
+
+    Raises
+    ------
+    ValueError
+        If not exactly one of force and deflection is given.
+    """
+    from physics import critical_stations
+
+    if (force is None) == (deflection is None):
+        raise ValueError("give either --force (N) or --deflection (mm)")
+    at = 0.5 * beam.span if grasp is None else grasp
+    stations = critical_stations(beam, at)
+    if force is not None:
+        return theory.under_force(beam, at, force, stations)
+    assert deflection is not None  # noqa: S101
+    return theory.under_deflection(beam, at, deflection, stations)

@@ -1,0 +1,53 @@
+"""The program `bluntdissect`: its commands, and how it says what went wrong."""
+
+import sys
+
+import click
+import typer
+
+from app.command_line import compress, export, solve, trainer
+
+__all__ = ["main", "program"]
+
+WRONG_INPUT, OUR_FAULT = 2, 1
+
+program = typer.Typer(
+    name="bluntdissect",
+    help="Blunt dissection of a tubular organ, solved as a beam. "
+    "Not clinically validated, not a medical device.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+program.command("trainer")(trainer.trainer)
+program.command("compress")(compress.compress)
+program.command("export")(export.export)
+program.command("solve")(solve.solve)
+
+
+def main() -> None:
+    """Run the command line and exit: 0 done, 2 wrong input, 1 a fault of ours."""
+    sys.exit(_status())
+
+
+def _status() -> int:
+    try:
+        return int(program(standalone_mode=False) or 0)
+    except click.exceptions.NoArgsIsHelpError as error:
+        print(error.format_message())
+        return WRONG_INPUT
+    except click.ClickException as error:
+        return _say(error.format_message(), WRONG_INPUT)
+    except (ValueError, OSError) as error:
+        return _say(str(error), WRONG_INPUT)
+    except (KeyboardInterrupt, click.Abort):
+        return _say("stopped", 130)
+    except Exception as error:  # the last resort: one line instead of a traceback
+        return _say(f"internal error, please report it: {type(error).__name__}: {error}", OUR_FAULT)
+
+
+def _say(message: str, status: int) -> int:
+    """Print a message as one line on stderr and return the status."""
+    print(f"bluntdissect: {' '.join(message.split())}", file=sys.stderr)
+    return status

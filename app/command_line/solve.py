@@ -1,0 +1,114 @@
+"""`bluntdissect solve`: one beam under one pull, in numbers."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.command_line.load import equilibrium, organ_from
+
+__all__ = ["solve"]
+
+
+def solve(
+    preset: Annotated[str | None, typer.Option(help="A duct that ships with the trainer.")] = None,
+    organ: Annotated[
+        Path | None,
+        typer.Option(help="Organ whose own sections such a preset takes; the shipped one if none."),
+    ] = None,
+    span: Annotated[float | None, typer.Option(help="Round beam: mm between the clamps.")] = None,
+    diameter: Annotated[float | None, typer.Option(help="Round beam: diameter, mm.")] = None,
+    modulus: Annotated[float | None, typer.Option(help="Round beam: Young's modulus, MPa.")] = None,
+    poisson: Annotated[float, typer.Option(help="Round beam: Poisson's ratio.")] = 0.3,
+    grasp: Annotated[
+        float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
+    ] = None,
+    force: Annotated[float | None, typer.Option(help="The grasper's whole force, N.")] = None,
+    deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
+    theory: Annotated[str, typer.Option(help="cubic or string.")] = "cubic",
+    q: Annotated[
+        float | None, typer.Option(help="Axial coupling of the cubic theory; 0.5 if not given.")
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(help="Stress at which it breaks, MPa; the preset's own if not given."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Solve a beam under a pull: deflection, force, stresses and distance to break.
+
+    Examples: bluntdissect solve --preset thesis-bile-duct --force 3.56, or
+    bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json
+    """
+    from app.simulation.dissection import Dissection
+    from app.simulation.preset import RoundBeam, preset_named
+    from physics import Beam, break_event, check_rupture, theory_named
+    from physics.quantity import positive
+
+    chosen = theory_named(theory, q=q)
+    round_beam = {"--span": span, "--diameter": diameter, "--modulus": modulus}
+    given = [name for name, value in round_beam.items() if value is not None]
+    if preset is not None:
+        if given:
+            raise ValueError(f"--preset brings its own beam; leave out {', '.join(given)}")
+        duct = preset_named(preset)
+        if isinstance(duct.beam, RoundBeam):
+            if organ is not None:
+                raise ValueError(f"preset {preset} brings its own beam; leave out --organ")
+            beam = duct.round_beam()
+        else:
+            beam = Dissection.of(organ_from(organ), duct).beam
+        limit = duct.threshold(chosen, beam) if threshold is None else threshold
+    else:
+        if span is None or diameter is None or modulus is None:
+            raise ValueError("give a --preset, or --span, --diameter and --modulus of a round beam")
+        if organ is not None:
+            raise ValueError("--organ goes with a --preset that takes the organ's own sections")
+        beam = Beam.round(span=span, diameter=diameter, modulus=modulus, poisson_ratio=poisson)
+        limit = threshold
+    if limit is not None:
+        positive(limit, "threshold", "MPa")
+
+    pulled = equilibrium(chosen, beam, grasp=grasp, force=force, deflection=deflection)
+    # Without a threshold any will do to find the place of the highest stress.
+    check = check_rupture(pulled, 1.0 if limit is None else limit)
+    event = None if limit is None else break_event(chosen, beam, pulled.grasp, limit)
+    result = {
+        "theory": chosen.name,
+        "force_N": pulled.force,
+        "deflection_mm": pulled.deflection,
+        "normal_stress_MPa": check.normal_stress,
+        "bending_stress_MPa": check.bending_stress,
+        "distance_to_break": None if limit is None else check.distance_to_break,
+        "breaks_at_N": None if event is None else event.force,
+    }
+    if as_json:
+        print(json.dumps(result))
+        return
+    side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
+    lines = [
+        ("theory", chosen.name),
+        ("force", f"{pulled.force:.6g} N"),
+        ("deflection", f"{pulled.deflection:.6g} mm"),
+        ("normal stress", f"{1e3 * check.normal_stress:.6g} kPa"),
+        ("bending stress", f"{1e3 * check.bending_stress:.6g} kPa"),
+        (
+            "highest at",
+            f"{check.station:.6g} mm from the first clamp{side[check.tension_side]}",
+        ),
+    ]
+    if limit is None:
+        lines.append(("threshold", "none given (--threshold MPa)"))
+    else:
+        state = "  it breaks" if check.broken else ""
+        lines += [
+            ("threshold", f"{1e3 * limit:.6g} kPa"),
+            ("distance to break", f"{100.0 * check.distance_to_break:.2f} %{state}"),
+            (
+                "breaks at",
+                "no force it can be pulled with" if event is None else f"{event.force:.6g} N",
+            ),
+        ]
+    for name, value in lines:
+        print(f"{name:<18} {value}")

@@ -1,0 +1,50 @@
+"""`bluntdissect trainer`: the trainer in a browser tab."""
+
+import signal
+import threading
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from app.command_line.load import organ_from
+
+__all__ = ["trainer"]
+
+
+def trainer(
+    host: Annotated[str, typer.Option(help="Address to serve.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
+    organ: Annotated[
+        Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
+    ] = None,
+    look: Annotated[str, typer.Option(help="full, or plain for slow machines.")] = "full",
+) -> None:
+    """Serve the trainer; open the address that it prints in a browser.
+
+    Example: bluntdissect trainer --port 0 --organ duct.organ
+    """
+    if look not in ("full", "plain"):
+        raise ValueError(f"--look must be full or plain, not {look}")
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port must be from 0 to 65535, not {port}")
+    # Both signals end the wait below, so that server and clock stop in order.
+    stop = threading.Event()
+
+    def end(_signal: int, _frame: FrameType | None) -> None:
+        stop.set()
+
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
+    tissue = organ_from(organ)
+
+    from app.trainer.server import Trainer
+
+    running = Trainer(tissue, host=host, port=port, look=look)
+    try:
+        print(f"The trainer is ready: {running.address}", flush=True)
+        print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
+        stop.wait()
+    finally:
+        running.stop()

@@ -1,0 +1,283 @@
+"""The panel: read-outs, sliders, choices and the force-deflection plot of one client."""
+
+import html
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import theme, uplot
+
+from app.simulation.preset import OrganBeam
+from app.simulation.session import Phase, Reading, Session
+from app.trainer.readout import KPA_PER_MPA, readout_html
+from physics import THEORIES
+
+__all__ = ["DISCLAIMER", "Panel"]
+
+DISCLAIMER = "Not clinically validated, not a medical device."
+WIDTH = 330
+"""px."""
+BRAND = (38, 166, 154)
+THEORY_LABELS = {"cubic": "Cubic beam (Rayleigh)", "string": "String (very large deflection)"}
+AXIS_COLOUR = "#c9ccd1"
+GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
+
+HELP = """\
+**Goal.** Free the duct without tearing it.
+
+1. Raise *Force F*: the hook pulls, the duct stretches and bends.
+2. Watch *Distance to break* turn amber, then red.
+3. Past the threshold the duct tears. *Reset* gives a new one.
+
+Drag the picture to look around, scroll to come nearer.
+
+**What is computed.** The duct is one beam between two clamps. It tears where
+normal stress + bending stress > threshold T. How the torn ends gape and swing
+is drawn, not computed.
+"""
+
+
+class Panel:
+    """One client's panel: it writes inputs into the session and shows its readings.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI.
+    session
+        The client's session.
+    """
+
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._gui, self._session = gui, session
+        gui.configure_theme(
+            titlebar_content=theme.TitlebarConfig(
+                buttons=(),
+                image=theme.TitlebarImage(
+                    image_url_light=_LOGO,
+                    image_url_dark=_LOGO,
+                    image_alt="Blunt-dissection trainer",
+                    href=None,
+                ),
+            ),
+            dark_mode=True,
+            show_logo=False,
+            show_share_button=False,
+            brand_color=BRAND,
+        )
+        gui.set_panel_label("Blunt dissection")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        self._readout = gui.add_html(readout_html(session.reading()))
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Train", viser.Icon.HAND_MOVE):
+            self._add_inputs()
+            self._plot = self._add_plot()
+        with tabs.add_tab("Model", viser.Icon.ADJUSTMENTS):
+            self._about = gui.add_markdown(self._model_text())
+        with tabs.add_tab("Help", viser.Icon.HELP):
+            gui.add_markdown(HELP)
+        gui.add_html(
+            f"<div data-testid='disclaimer' style='padding:4px 14px 10px;font-size:11px;"
+            f"opacity:.75'>{DISCLAIMER}</div>"
+        )
+        self._shown = session.reading()
+        self._curve_key: object = None
+        self.show(self._shown)
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading.
+
+        Parameters
+        ----------
+        reading
+            The session's reading.
+        """
+        self._readout.content = readout_html(reading)
+        self._draw_curve(reading)
+        if (reading.phase is Phase.INTACT) != (self._shown.phase is Phase.INTACT):
+            for handle in (self._force, self._grasp, self._threshold, self._preset, self._theory):
+                handle.disabled = reading.phase is not Phase.INTACT
+        if reading.phase is Phase.TORN and self._shown.phase is not Phase.TORN:
+            self._force.value = 0.0
+        self._shown = reading
+
+    def _add_inputs(self) -> None:
+        gui, session = self._gui, self._session
+        low, high = session.grasp_range
+        self._force = gui.add_slider(
+            "Force F (N)",
+            min=0.0,
+            max=session.force_limit,
+            step=_step(session.force_limit),
+            initial_value=0.0,
+            hint="The grasper's whole force across the duct",
+        )
+        self._grasp = gui.add_slider(
+            "Grasp (mm)",
+            min=round(low, 1),
+            max=round(high, 1),
+            step=0.1,
+            initial_value=round(session.grasp, 1),
+            hint="Where the hook holds the duct, from the left clamp",
+        )
+        low, high = (KPA_PER_MPA * end for end in session.threshold_range)
+        self._threshold = gui.add_slider(
+            "Threshold (kPa)",
+            min=low,
+            max=high,
+            step=_step(high),
+            initial_value=KPA_PER_MPA * session.threshold,
+            hint="Normal plus bending stress at which the duct tears",
+        )
+        self._titles = {preset.title: preset.name for preset in session.presets_offered()}
+        self._preset = gui.add_dropdown(
+            "Duct",
+            tuple(self._titles),
+            initial_value=session.dissection.preset.title,
+            hint="Material, section and break, with their sources under Model",
+        )
+        self._theory = gui.add_dropdown(
+            "Theory",
+            tuple(THEORY_LABELS[name] for name in THEORIES),
+            initial_value=THEORY_LABELS[session.theory],
+            hint="How the beam is solved; each theory has its own threshold",
+        )
+        reset = gui.add_button(
+            "Reset", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
+        )
+
+        @self._force.on_update
+        async def _(_: object) -> None:
+            session.set_force(_number(self._force.value))
+
+        @self._grasp.on_update
+        async def _(_: object) -> None:
+            session.set_grasp(_number(self._grasp.value))
+
+        @self._threshold.on_update
+        async def _(_: object) -> None:
+            session.set_threshold(_number(self._threshold.value) / KPA_PER_MPA)
+
+        @self._preset.on_update
+        async def _(_: object) -> None:
+            name = self._titles.get(self._preset.value)
+            if name is not None and name != session.dissection.preset.name:
+                session.choose_preset(name)
+                self._take_ranges()
+
+        @self._theory.on_update
+        async def _(_: object) -> None:
+            for name, label in THEORY_LABELS.items():
+                if label == self._theory.value and name != session.theory:
+                    session.choose_theory(name)
+                    self._take_ranges()
+
+        @reset.on_click
+        async def _(_: object) -> None:
+            session.reset()
+            self._force.value = 0.0
+
+    def _take_ranges(self) -> None:
+        """Bring the sliders' ranges and values in line with the session's."""
+        session = self._session
+        force = min(_number(self._force.value), session.force_limit)
+        self._force.max = session.force_limit
+        self._force.step = _step(session.force_limit)
+        self._force.value = force if self._shown.phase is Phase.INTACT else 0.0
+        session.set_force(self._force.value)
+        low, high = session.grasp_range
+        self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
+        self._grasp.value = round(session.grasp, 1)
+        low, high = (KPA_PER_MPA * end for end in session.threshold_range)
+        self._threshold.min, self._threshold.max = low, high
+        self._threshold.step = _step(high)
+        self._threshold.value = KPA_PER_MPA * session.threshold
+        self._about.content = self._model_text()
+
+    def _add_plot(self) -> viser.GuiUplotHandle:
+        nothing = np.zeros(2)
+        return self._gui.add_uplot(
+            (np.array([0.0, 1.0]), nothing, nothing, nothing),
+            (
+                uplot.Series(label="deflection, mm"),
+                uplot.Series(label="theory, N", stroke="#7d8590", width=1.5),
+                uplot.Series(label="this pull, N", stroke="#35c28f", width=3),
+                uplot.Series(label="break, N", stroke="#ff6b5e", width=1.5, dash=(6, 4)),
+            ),
+            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
+            axes=(
+                uplot.Axis(
+                    stroke=AXIS_COLOUR, label="deflection (mm)", labelSize=18, size=34, grid=GRID
+                ),
+                uplot.Axis(
+                    stroke=AXIS_COLOUR, label="force F (N)", labelSize=18, size=40, grid=GRID
+                ),
+            ),
+            legend=uplot.Legend(show=False),
+            aspect=1.75,
+        )
+
+    def _draw_curve(self, reading: Reading) -> None:
+        """Draw the theory's curve, the part of it this pull has covered, and the break."""
+        session, event = self._session, reading.breaks_at
+        key = (
+            session.dissection.preset.name,
+            session.theory,
+            session.grasp,
+            event.force if event else None,
+        )
+        if key != self._curve_key:
+            self._curve_key = key
+            self._curve: tuple[NDArray[np.float64], NDArray[np.float64]] = session.curve()
+        deflections, forces = self._curve
+        # The pull's own end is a point of the grid, so that its curve ends where the hook is.
+        grid = np.union1d(deflections, [reading.deepest])
+        theory = np.interp(grid, deflections, forces)
+        pulled = np.where(grid <= reading.deepest, theory, np.nan)
+        level = np.full_like(grid, event.force if event else np.nan)
+        self._plot.data = (grid, theory, pulled, level)
+
+    def _model_text(self) -> str:
+        session = self._session
+        preset, beam = session.dissection.preset, session.dissection.beam
+        own = isinstance(preset.beam, OrganBeam)
+        section = "the organ's weakest section" if own else "a full round bar"
+        geometry = (
+            f"Beam: {beam.span:.1f} mm between the clamps, {section}: area {beam.area:.1f} mm², "
+            f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "
+            f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
+            f"Poisson's ratio {beam.poisson_ratio:g}."
+        )
+        confidence = f"**{preset.confidence}**. {html.escape(preset.confidence_note)}"
+        return "\n\n".join(
+            (
+                f"**{html.escape(preset.title)}**",
+                html.escape(preset.description),
+                geometry,
+                f"Source: {html.escape(preset.source)}",
+                f"Confidence: {confidence}",
+            )
+        )
+
+
+def _number(value: object) -> float:
+    """Return what a browser sent as a number, NaN where it is none."""
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _step(limit: float) -> float:
+    """Return the power of ten that divides a scale into some hundred to a thousand steps."""
+    return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))
+
+
+_LOGO = (
+    "data:image/svg+xml;utf8,"
+    "<svg xmlns='http://www.w3.org/2000/svg' width='310' height='32'>"
+    "<path d='M4 21C14 21 14 11 24 11s10 10 20 10' stroke='%23d9a066' stroke-width='8' "
+    "fill='none' stroke-linecap='round'/>"
+    "<path d='M24 1v8a4 4 0 0 0 8 0' stroke='%23cfd4d9' stroke-width='2.5' fill='none' "
+    "stroke-linecap='round'/>"
+    "<text x='58' y='22' font-family='sans-serif' font-size='17' font-weight='600' "
+    "fill='%23e8eaed'>Blunt-dissection trainer</text></svg>"
+)

@@ -1,0 +1,136 @@
+"""The read-out above the sliders: distance to break in large, the other figures below it."""
+
+from app.simulation.session import Phase, Reading
+
+__all__ = ["readout_html", "zone"]
+
+KPA_PER_MPA = 1000.0
+CAREFUL_BELOW = 0.40
+STOP_BELOW = 0.15
+"""Distances to break at which the word and the colour change."""
+
+SAFE, CAREFUL, STOP, TEARING, TORN = "Safe", "Careful", "Stop", "Tearing", "Torn"
+COLOURS = {
+    SAFE: "#35c28f",
+    CAREFUL: "#f2b134",
+    STOP: "#ff6b5e",
+    TEARING: "#ff6b5e",
+    TORN: "#ff6b5e",
+}
+
+
+def zone(reading: Reading) -> str:
+    """Return the word for how far the duct is from its break.
+
+    Parameters
+    ----------
+    reading
+        The session's reading.
+
+    Returns
+    -------
+    str
+        Safe, Careful, Stop, Tearing or Torn.
+    """
+    if reading.phase is Phase.TORN:
+        return TORN
+    if reading.phase is Phase.TEARING:
+        return TEARING
+    distance = reading.check.distance_to_break
+    return STOP if distance < STOP_BELOW else CAREFUL if distance < CAREFUL_BELOW else SAFE
+
+
+def readout_html(reading: Reading) -> str:
+    """Return the read-out as HTML.
+
+    Parameters
+    ----------
+    reading
+        The session's reading.
+
+    Returns
+    -------
+    str
+        HTML of numbers and our own words only. Its `data-` attributes carry the figures in
+        full, in N, mm and kPa, for tests and for screen readers' scripts.
+    """
+    word = zone(reading)
+    colour = COLOURS[word]
+    check, phase = reading.check, reading.phase
+    distance = max(0.0, check.distance_to_break)
+    used = 100.0 * min(1.0, 1.0 - distance)
+    torn = phase is Phase.TORN
+    if torn:
+        used = 100.0
+    stressed = 0.0 if torn else 1.0
+    normal = stressed * check.normal_stress * KPA_PER_MPA
+    bending = stressed * check.bending_stress * KPA_PER_MPA
+    event = reading.breaks_at
+    breaks_at = "never" if event is None else f"{event.force:.6g}"
+    big = (
+        "torn"
+        if torn
+        else f"{100.0 * distance:.0f}<span style='font-size:18px;font-weight:500'> %</span>"
+    )
+    rows = "".join(
+        (
+            _cell("Force F", _figure(reading.force), "N"),
+            _cell("Deflection", _figure(reading.deflection), "mm"),
+            _cell(
+                "Broke at" if torn else "Breaks at", _figure(event.force if event else None), "N"
+            ),
+            _cell("Normal stress", _figure(normal), "kPa"),
+            _cell("Bending stress", _figure(bending), "kPa"),
+            _cell("Threshold T", _figure(check.threshold * KPA_PER_MPA), "kPa"),
+        )
+    )
+    label = f"Distance to break {'none, the duct is torn' if torn else f'{100 * distance:.0f} %'}"
+    return (
+        f"<div data-testid='readout' data-phase='{phase.value}' data-force-n='{reading.force:.6g}'"
+        f" data-deflection-mm='{reading.deflection:.6g}' data-normal-stress-kpa='{normal:.6g}'"
+        f" data-bending-stress-kpa='{bending:.6g}'"
+        f" data-threshold-kpa='{check.threshold * KPA_PER_MPA:.6g}'"
+        f" data-distance-to-break='{0.0 if torn else check.distance_to_break:.6g}'"
+        f" data-breaks-at-n='{breaks_at}' role='status' aria-label='{label}'"
+        " style='padding:8px 14px 2px;font-variant-numeric:tabular-nums'>"
+        "<div style='display:flex;align-items:flex-end;justify-content:space-between'><div>"
+        "<div style='font-size:11px;opacity:.75'>Distance to break</div>"
+        "<div style='font-size:38px;line-height:1.05;font-weight:700;"
+        f"color:{colour}'>{big}</div></div>"
+        f"<div style='border:1px solid {colour};color:{colour};border-radius:99px;"
+        f"padding:2px 12px;font-weight:600;font-size:13px;margin-bottom:6px'>{word}</div></div>"
+        f"{_bar(used)}"
+        "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
+        f"{rows}</div></div>"
+    )
+
+
+def _bar(used: float) -> str:
+    """Return the three-zone bar with its mark at the used part, %."""
+    careful, stop = 100.0 * (1.0 - CAREFUL_BELOW), 100.0 * (1.0 - STOP_BELOW)
+    return (
+        "<div style='position:relative;height:10px;border-radius:5px;margin:8px 0 4px;"
+        f"background:linear-gradient(90deg,#1f6f55 0 {careful:.0f}%,#8a6318 {careful:.0f}%"
+        f" {stop:.0f}%,#8c2c26 {stop:.0f}%)'><div style='position:absolute;"
+        f"left:calc({used:.1f}% - 2px);top:-4px;width:4px;height:18px;border-radius:2px;"
+        "background:#fff;box-shadow:0 0 0 1px #000'></div></div>"
+        "<div style='display:flex;font-size:10px;opacity:.7;justify-content:space-between'>"
+        "<span>slack</span><span>break</span></div>"
+    )
+
+
+def _cell(name: str, value: str, unit: str) -> str:
+    return (
+        f"<div><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
+        f"<div style='font-size:16px;font-weight:600;white-space:nowrap'>{value}"
+        f"<span style='font-size:11px;font-weight:400;opacity:.75'> {unit}</span></div></div>"
+    )
+
+
+def _figure(value: float | None) -> str:
+    """Return a figure with as many digits as a glance takes in."""
+    if value is None:
+        return "–"
+    if value >= 100.0:
+        return f"{value:,.0f}"
+    return f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"

@@ -1,0 +1,105 @@
+"""The scene: the duct of one client between its clamps, and the hook that pulls it."""
+
+import numpy as np
+import viser
+from viser import transforms
+
+from app.simulation.session import Phase, Reading, Session
+from app.trainer.stage.lighting import Look
+from app.trainer.stage.stage import Stage
+
+__all__ = ["Scene"]
+
+TISSUE = (205, 140, 92)
+"""sRGB."""
+LIFT_AFTER_TEAR = 2.5
+"""How far the hook is lifted from where a torn duct lay, in radii."""
+
+
+class Scene:
+    """One client's picture of its session.
+
+    Parameters
+    ----------
+    client
+        The client.
+    session
+        Its session.
+    look
+        "plain" for slow machines.
+    """
+
+    def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
+        self._client, self._session = client, session
+        self._look: Look = look
+        self._stage: Stage | None = None
+        self._meshes: list[viser.MeshHandle] = []
+        self._shape = -1
+        self._clamps: tuple[float, float] | None = None
+        self.draw(session.reading())
+
+    def draw(self, reading: Reading) -> None:
+        """Draw the session as it is now.
+
+        Parameters
+        ----------
+        reading
+            The session's reading.
+        """
+        with self._client.atomic():
+            stage = self._set_stage()
+            if self._session.shape != self._shape:
+                self._rebuild()
+            for mesh, surface in zip(self._meshes, self._session.surfaces, strict=True):
+                mesh.vertices = surface.vertices
+            lift = LIFT_AFTER_TEAR * stage.radius if reading.phase is Phase.TORN else 0.0
+            stage.place_hook(np.add(reading.hook, (0.0, 0.0, lift)), (0.0, 0.0, 1.0))
+
+    def frame_camera(self) -> None:
+        """Keep both clamps in the client's picture."""
+        self._set_stage().frame_camera(self._client)
+
+    def _set_stage(self) -> Stage:
+        """Return the stage for the session's clamps, setting it anew when they have moved."""
+        dissection = self._session.dissection
+        if self._stage is not None and self._clamps == dissection.clamps:
+            return self._stage
+        if self._stage is not None:
+            self._stage.remove()
+        self._clamps = dissection.clamps
+        first, last = dissection.organ.axis_at(np.array(dissection.clamps))
+        self._stage = Stage(
+            self._client.scene,
+            span=float(np.linalg.norm(last - first)),
+            radius=dissection.organ.mean_radius,
+            look=self._look,
+            tissue=TISSUE,
+        )
+        # The organ stands where its images stand; the stage has its first clamp at the origin.
+        turn = transforms.SO3.from_matrix(dissection.frame.T)
+        self._client.scene.add_frame(
+            "/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first)
+        )
+        self._shape = -1
+        self._stage.frame_camera(self._client)
+        return self._stage
+
+    def _rebuild(self) -> None:
+        """Show the session's surfaces instead of those shown so far."""
+        surfaces = self._session.surfaces
+        self._shape = self._session.shape
+        for mesh in self._meshes:
+            mesh.remove()
+        full = self._look == "full"
+        self._meshes = [
+            self._client.scene.add_mesh_simple(
+                f"/organ/{surface.name}",
+                surface.vertices,
+                surface.faces.astype(np.uint32),
+                color=TISSUE,
+                side="double",
+                cast_shadow=full,
+                receive_shadow=full,
+            )
+            for surface in surfaces
+        ]

@@ -1,0 +1,159 @@
+"""The trainer's server: its start-up in one place, one session per client, one clock for all."""
+
+import contextlib
+import io
+import logging
+import socket
+import threading
+import time
+
+import viser
+
+from app.simulation.session import Session
+from app.trainer.client_view import ClientView
+from app.trainer.stage.lighting import Look
+from organ_geometry.organ import Organ
+
+__all__ = ["DEFAULT_PORT", "TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
+
+DEFAULT_PORT = 8080
+TICKS_PER_SECOND = 30.0
+LONGEST_TICK = 0.1
+"""Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
+
+log = logging.getLogger(__name__)
+
+
+class AddressTakenError(ValueError):
+    """The address cannot be served: it is in use or not this machine's."""
+
+
+class Trainer:
+    """A running trainer: open its address in a browser.
+
+    Parameters
+    ----------
+    organ
+        The organ that every client trains on, each in a session of its own.
+    host
+        Address to serve, loopback unless somebody wants otherwise.
+    port
+        Port to serve; 0 takes a free one.
+    look
+        "plain" for slow machines.
+
+    Raises
+    ------
+    AddressTakenError
+        If the address is in use or not this machine's.
+    """
+
+    def __init__(
+        self,
+        organ: Organ,
+        *,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        look: Look = "full",
+    ) -> None:
+        self._organ, self._host = organ, host
+        self._look: Look = look
+        self._views: dict[int, ClientView] = {}
+        self._views_lock = threading.Lock()
+        self._stopping = threading.Event()
+        _warm(organ)
+        self._server = _serve(host, port)
+        self._server.on_client_connect(self._connect)
+        self._server.on_client_disconnect(self._disconnect)
+        self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
+        self._clock.start()
+
+    @property
+    def port(self) -> int:
+        """The port that answers."""
+        return self._server.get_port()
+
+    @property
+    def address(self) -> str:
+        """The address that answers."""
+        host = self._host if self._host not in ("0.0.0.0", "::") else "localhost"  # noqa: S104
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
+    def sessions(self) -> dict[int, Session]:
+        """The sessions by client number."""
+        with self._views_lock:
+            return {number: view.session for number, view in self._views.items()}
+
+    def stop(self) -> None:
+        """Stop the clock and the server."""
+        self._stopping.set()
+        self._clock.join(timeout=5.0)
+        self._server.stop()
+
+    def _connect(self, client: viser.ClientHandle) -> None:
+        view = ClientView(client, Session(self._organ), self._look)
+        with self._views_lock:
+            self._views[client.client_id] = view
+
+    def _disconnect(self, client: viser.ClientHandle) -> None:
+        with self._views_lock:
+            self._views.pop(client.client_id, None)
+
+    def _run(self) -> None:
+        period = 1.0 / TICKS_PER_SECOND
+        due = last = time.monotonic()
+        while not self._stopping.wait(max(0.0, due - time.monotonic())):
+            now = time.monotonic()
+            seconds, last = min(now - last, LONGEST_TICK), now
+            due = max(due + period, now)
+            with self._views_lock:
+                views = list(self._views.items())
+            for number, view in views:
+                try:
+                    view.tick(seconds)
+                except Exception:
+                    # A client that has just gone, or a fault of ours: the others go on.
+                    with self._views_lock:
+                        gone = self._views.get(number) is not view
+                    if not gone:
+                        log.exception("the session of client %d has stopped", number)
+                        self._drop(number)
+
+    def _drop(self, number: int) -> None:
+        with self._views_lock:
+            self._views.pop(number, None)
+
+
+def _serve(host: str, port: int) -> viser.ViserServer:
+    """Return viser's server on exactly this address: viser itself would take another port."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        raise _taken(host, port, error.strerror or str(error)) from error
+    # viser prints an address of its own, whatever `verbose` says.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, verbose=False)
+    if port not in (0, server.get_port()):
+        server.stop()
+        raise _taken(host, port, "it is in use")
+    return server
+
+
+def _taken(host: str, port: int, why: str) -> AddressTakenError:
+    return AddressTakenError(
+        f"cannot serve {host} port {port}: {why.lower()}; choose another with --port, "
+        "or 0 for a free one"
+    )
+
+
+def _warm(organ: Organ) -> None:
+    """Compile or load what a first pull needs, so that no client waits for it."""
+    session = Session(organ)
+    session.set_force(session.force_limit)
+    for _ in range(100):
+        session.step(LONGEST_TICK)
+    session.reading()

@@ -1,0 +1,124 @@
+"""Where the camera stands for a span and the shape of a browser's window."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.trainer.stage.clamps import JAW_LENGTH
+
+FIELD_OF_VIEW = 0.62
+"""Vertical, rad."""
+
+_VIEW_DIRECTION = np.array([0.0, 0.80, -0.60])
+_MARGIN = 0.93
+_NARROW = 0.8
+_NARROW_SHIFT = 0.42
+_LIFT = 0.30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Viewpoint:
+    """A camera pose.
+
+    Attributes
+    ----------
+    position, look_at
+        (3,) mm in stage coordinates.
+    up
+        (3,) unit vector.
+    fov
+        Vertical field of view, rad.
+    """
+
+    position: NDArray[np.float64]
+    look_at: NDArray[np.float64]
+    up: NDArray[np.float64]
+    fov: float = FIELD_OF_VIEW
+
+    @property
+    def distance(self) -> float:
+        """From the camera to the point it looks at, mm."""
+        return float(np.linalg.norm(self.look_at - self.position))
+
+    def picture_points(self, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
+        """Return where points appear in the picture.
+
+        Parameters
+        ----------
+        points
+            (N, 3) mm, in front of the camera.
+        aspect
+            Width by height of the picture.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, 2) right and up, -1 to 1 from edge to edge.
+        """
+        forward = (self.look_at - self.position) / self.distance
+        right = np.cross(forward, self.up)
+        right /= np.linalg.norm(right)
+        above = np.cross(right, forward)
+        relative = points - self.position
+        scale = np.tan(self.fov / 2.0) * (relative @ forward)
+        return np.stack([relative @ right / (scale * aspect), relative @ above / scale], axis=-1)
+
+
+def viewpoint(span: float, radius: float, aspect: float) -> Viewpoint:
+    """Return the viewpoint that shows the whole duct, both clamps and the room it is lifted into.
+
+    Parameters
+    ----------
+    span
+        Between the clamps, mm.
+    radius
+        Of the duct, mm.
+    aspect
+        Width by height of the picture. Below 0.8 it is taken for a phone, whose panel covers the
+        lower part: the duct then appears in the upper part.
+
+    Returns
+    -------
+    Viewpoint
+        Looking along +y and down.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive.
+    """
+    if not min(span, radius, aspect) > 0.0:
+        raise ValueError(
+            f"span, radius and aspect must be positive, got {span} mm, {radius} mm, {aspect}"
+        )
+    forward = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+    right = np.array([1.0, 0.0, 0.0])
+    above = np.cross(right, forward)
+    target = np.array([0.5 * span, 0.0, 0.08 * span])
+    reach = 0.62 * JAW_LENGTH * radius
+    shown = np.array(
+        [
+            *[
+                [x, y, z]
+                for x in (-reach, span + reach)
+                for y in (-1.2 * radius, 1.2 * radius)
+                for z in (-1.6 * radius, 1.6 * radius)
+            ],
+            [0.5 * span, 0.0, _LIFT * span + radius],
+            [0.5 * span, 0.0, -3.5 * radius],
+        ]
+    )
+    relative = shown - target
+    depth = relative @ forward
+    slope = float(np.tan(FIELD_OF_VIEW / 2.0))
+    shift = _NARROW_SHIFT if aspect < _NARROW else 0.0
+    # A point is inside when |right| <= margin * aspect * slope * (distance + depth), and likewise
+    # upwards, where the shift takes a part of the picture's height; solved for the distance.
+    distance = max(
+        float(np.max(np.abs(relative @ right) / (_MARGIN * aspect * slope) - depth)),
+        float(np.max((relative @ above / slope - _MARGIN * depth) / (_MARGIN - shift))),
+        float(np.max((-(relative @ above) / slope - _MARGIN * depth) / (_MARGIN + shift))),
+    )
+    look_at = target - above * (shift * slope * distance)
+    return Viewpoint(look_at - forward * distance, look_at, np.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,147 @@
+"""The two clamps that hold the duct's ends: jaws above and below, on shafts that leave the picture.
+
+Lengths in this module are in duct radii until the last step, so that a thin duct gets a small
+clamp.
+"""
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
+from app.trainer.stage.solids import Solid, joined_solid, smooth_path, swept_solid
+
+STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
+INSULATION = Finish(color=(24, 26, 30), roughness=0.42, metallic=0.1, clearcoat=0.2)
+
+JAW_REACH = 0.5
+"""How far the jaws reach over the duct's end, in duct radii."""
+
+JAW_LENGTH = 2.7
+"""From the duct's end back to the hinge, in duct radii."""
+
+_SHAFT_LEAN = np.array([-0.93, 0.30, 0.20])
+_SHAFT_LENGTH = 60.0
+_RIBS = 5
+
+
+@cache
+def clamp_glb(
+    end: Literal["first", "second"],
+    *,
+    radius: float,
+    bite: float,
+    tissue: tuple[int, int, int],
+    detail: float = 1.0,
+) -> bytes:
+    """Return one clamp and the pinched tissue in its mouth, as a GLB file.
+
+    Parameters
+    ----------
+    end
+        The first clamp's shaft leads towards -x, the second's towards +x.
+    radius
+        Of the duct, mm.
+    bite
+        Distance from the axis to each jaw, in duct radii.
+    tissue
+        sRGB colour of the pinched tissue, 0 to 255.
+    detail
+        1 for the full look, less for fewer triangles.
+
+    Returns
+    -------
+    bytes
+        The file, mm; its origin is the axis point where the duct is clamped.
+    """
+    corners = max(10, round(20 * detail))
+    parts = [
+        Part(_steel_solid(bite, corners), STEEL),
+        Part(_shaft_solid(corners), INSULATION),
+        Part(_cuff_solid(bite, corners), Finish(color=tissue, roughness=1.0)),
+    ]
+    mirrored = end == "second"
+    return binary_gltf(
+        [Part(_placed(part.solid, radius, mirrored=mirrored), part.finish) for part in parts]
+    )
+
+
+def _steel_solid(bite: float, corners: int) -> Solid:
+    """Return jaws, ribs, hinge and ferrule of the first clamp."""
+    solids: list[Solid] = []
+    for up in (1.0, -1.0):
+        jaw = smooth_path(
+            [
+                [JAW_REACH - 0.25, 0.0, up * (bite + 0.30)],
+                [-0.35, 0.0, up * (bite + 0.28)],
+                [-1.25, 0.0, up * 0.50],
+                [-JAW_LENGTH, 0.0, up * 0.27],
+            ],
+            22,
+        )
+        along = np.linspace(0.0, 1.0, len(jaw))
+        solids.append(
+            swept_solid(
+                jaw,
+                np.interp(along, [0.0, 0.15, 0.45, 1.0], [1.06, 1.16, 1.14, 0.5]),
+                np.interp(along, [0.0, 0.2, 0.6, 1.0], [0.24, 0.30, 0.36, 0.34]),
+                squareness=0.5,
+                corners=corners,
+            )
+        )
+        solids.extend(
+            swept_solid(
+                [[x, -1.0, up * (bite + 0.02)], [x, 0.0, up * (bite + 0.02)], [x, 1.0, up * bite]],
+                0.075,
+                side=(1.0, 0.0, 0.0),
+                corners=8,
+            )
+            for x in np.linspace(JAW_REACH - 0.2, -0.4, _RIBS)
+        )
+    hinge = -JAW_LENGTH + 0.1
+    solids.append(
+        swept_solid(
+            [[hinge, -0.72, 0.0], [hinge, 0.0, 0.0], [hinge, 0.72, 0.0]],
+            0.24,
+            side=(1.0, 0.0, 0.0),
+            corners=corners,
+        )
+    )
+    for y in (-0.56, 0.56):
+        plate = np.array([[hinge + 0.25, y, 0.0], [hinge - 0.4, y, 0.0], [hinge - 1.3, y * 0.6, 0]])
+        solids.append(swept_solid(plate, 0.13, [0.36, 0.52, 0.56], squareness=0.3, corners=corners))
+    wrist = np.array([hinge - 1.0, 0.0, 0.0])
+    ferrule = [wrist, wrist + 0.4 * _SHAFT_LEAN, wrist + 1.5 * _SHAFT_LEAN, wrist + 2 * _SHAFT_LEAN]
+    solids.append(swept_solid(ferrule, [0.50, 0.64, 0.68, 0.68], corners=corners))
+    return joined_solid(solids)
+
+
+def _shaft_solid(corners: int) -> Solid:
+    """Return the insulated shaft of the first clamp, long enough to leave any picture."""
+    start = np.array([-JAW_LENGTH - 0.9, 0.0, 0.0]) + 1.4 * _SHAFT_LEAN
+    steps = np.linspace(0.0, _SHAFT_LENGTH, 8)[:, None]
+    return swept_solid(start + steps * _SHAFT_LEAN, 0.76, corners=corners)
+
+
+def _cuff_solid(bite: float, corners: int) -> Solid:
+    """Return the tissue between the jaws: as round as the duct at its end, flat at the back."""
+    x = np.linspace(0.22, -1.6, 12)
+    path = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=-1)
+    knots = [-1.6, -1.1, -0.35, 0.0, 0.22]
+    return swept_solid(
+        path,
+        np.interp(x, knots, [0.9, 1.08, 1.03, 0.99, 0.94]),
+        np.interp(x, knots, [0.12, 0.24, bite * 0.95, 0.96, 0.94]),
+        corners=corners,
+    )
+
+
+def _placed(solid: Solid, radius: float, *, mirrored: bool) -> Solid:
+    """Return the solid in mm, mirrored in x for the second clamp."""
+    flip = np.array([-1.0 if mirrored else 1.0, 1.0, 1.0])
+    return Solid(
+        solid.vertices * radius * flip,
+        solid.faces[:, ::-1] if mirrored else solid.faces,
+        solid.normals * flip,
+    )

@@ -1,0 +1,102 @@
+"""The hook-like grasper: a steel wire that curls under the duct, on an insulated shaft."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from app.trainer.stage.clamps import INSULATION, STEEL
+from app.trainer.stage.gltf_asset import Part, binary_gltf
+from app.trainer.stage.solids import swept_solid
+
+_TIP_ANGLE = -0.45
+_LEAN = np.array([0.40, 0.14, 0.90])
+_NECK = 2.6
+_SHAFT_LENGTH = 320.0
+_PRESS = 0.15
+
+
+@cache
+def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
+    """Return the hook as a GLB file for a pull along +z.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm; the hook's bend fits it.
+    detail
+        1 for the full look, less for fewer triangles.
+
+    Returns
+    -------
+    bytes
+        The file, mm; its origin is the duct's axis point at the grasp, and the hook touches
+        (0, 0, -radius).
+
+    Notes
+    -----
+    From the tip, which shows on the viewer's side, the wire runs around the underside to the far
+    side and up into a shaft that leans to the right and out of the picture.
+    """
+    corners = max(8, round(20 * detail))
+    wire = 0.5 + 0.07 * radius
+    bend = radius + wire - _PRESS
+    count = max(14, round(30 * detail))
+    angles = np.linspace(_TIP_ANGLE, np.pi, count, dtype=np.float64)
+    arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
+
+    lean = _LEAN / np.linalg.norm(_LEAN)
+    turns = np.linspace(0.0, 1.0, 16)[1:, None]
+    directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * lean
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    neck = arc[-1] + np.cumsum(directions, axis=0) * (_NECK * radius / len(turns))
+    path = np.concatenate([arc, neck])
+    radii = np.interp(np.arange(len(path)), [0, 5], [0.82 * wire, wire])
+
+    root = neck[-1]
+    ferrule = root + np.array([-0.6, 0.4, 2.6, 5.5])[:, None] * lean
+    steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, _SHAFT_LENGTH, 6)])
+    shaft = root + steps[:, None] * lean
+    return binary_gltf(
+        [
+            Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), STEEL),
+            Part(
+                swept_solid(ferrule, [wire, 1.15 * wire, 1.75, 1.85], corners=corners),
+                STEEL,
+            ),
+            Part(
+                swept_solid(shaft, [2.05, 2.2, 2.25, *[2.25] * 6], corners=corners),
+                INSULATION,
+            ),
+        ]
+    )
+
+
+def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:
+    """Return the turn about the duct's axis that takes +z to the pull.
+
+    Parameters
+    ----------
+    direction
+        (3,) pull; its part along the axis, x, is left out, as the hook stays across the duct.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (4,) unit quaternion, w first.
+
+    Raises
+    ------
+    ValueError
+        If the pull is not finite or has no part across the axis.
+
+    Examples
+    --------
+    >>> hook_wxyz([0.0, 0.0, 2.0]).tolist()
+    [1.0, 0.0, 0.0, 0.0]
+    """
+    pull = np.asarray(direction, np.float64)
+    if pull.shape != (3,) or not np.isfinite(pull).all() or np.hypot(pull[1], pull[2]) == 0.0:
+        raise ValueError(f"direction must be 3 finite numbers not all along x, got {direction}")
+    half = 0.5 * np.arctan2(-pull[1], pull[2])
+    return np.array([np.cos(half), np.sin(half) + 0.0, 0.0, 0.0])

@@ -1,0 +1,97 @@
+"""Light, air and background of the stage."""
+
+from typing import Literal
+
+import numpy as np
+import viser
+
+Look = Literal["full", "plain"]
+"""'plain' leaves out environment map and normal map, for slow machines."""
+
+_BACKGROUND = (10, 3, 4)
+_FOG = (2, 0, 0)  # the client takes fog colours for linear light: this is _BACKGROUND in sRGB
+_REFERENCE_SPAN = 50.8
+
+
+def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
+    """Add lights, environment map and background to a scene.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    span
+        Between the clamps, mm.
+    look
+        Whether the environment map is wanted.
+
+    Notes
+    -----
+    viser's server sends the environment map itself from its own files: nothing is fetched from
+    elsewhere. No light casts shadows: viser 1.1.1 fixes the shadow camera's near plane and bias for
+    scenes of about a metre, and at millimetres everything beyond 100 mm from the lamp turns dark.
+    The bed's texture carries the duct's shadow instead.
+    """
+    full = look == "full"
+    scene.set_up_direction("+z")
+    scene.configure_default_lights(False)
+    scene.configure_environment_map("studio" if full else None, environment_intensity=0.38)
+    scene.set_background_image(np.full((8, 8, 3), _BACKGROUND, np.uint8), format="png")
+
+    scale = span / _REFERENCE_SPAN
+    center = np.array([0.5 * span, 0.0, 0.0])
+    lamp = np.array([-34.0, -34.0, 84.0]) * scale
+    aim = -lamp / np.linalg.norm(lamp)
+    scene.add_light_spot(
+        "/stage/light/lamp",
+        color=(255, 244, 232),
+        intensity=2.9,
+        decay=0.0,
+        angle=0.56,
+        penumbra=1.0,
+        position=_triple(center + lamp),
+        direction=_triple(aim),
+    )
+    scene.add_light_point(
+        "/stage/light/rim",
+        color=(255, 196, 170),
+        intensity=0.7,
+        decay=0.0,
+        position=_triple(center + np.array([42.0, 44.0, 46.0]) * scale),
+    )
+    scene.add_light_ambient(
+        "/stage/light/ambient", color=(255, 205, 190), intensity=0.15 if full else 0.6
+    )
+
+
+def fill_air(scene: viser.SceneApi, *, distance: float) -> None:
+    """Let what lies far behind the duct fade into the dark.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    distance
+        From the camera to the duct, mm.
+    """
+    scene.configure_fog(0.95 * distance, 2.3 * distance, color=_FOG)
+
+
+def clear_light(scene: viser.SceneApi) -> None:
+    """Give the scene viser's own light, air and background back.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    """
+    scene.configure_fog(1.0, 2.0, enabled=False)
+    scene.set_background_image(None)
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(True)
+
+
+def _triple(vector: np.ndarray) -> tuple[float, float, float]:
+    """Return a vector as the plain tuple viser asks for."""
+    x, y, z = (float(number) for number in vector)
+    return x, y, z

@@ -1,0 +1,209 @@
+"""Surfaces the stage is made of: grids, and sections swept along a path."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_CAP_RINGS = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """A triangle surface.
+
+    Attributes
+    ----------
+    vertices
+        (V, 3) mm.
+    faces
+        (F, 3) vertex indices, counter-clockwise from outside.
+    normals
+        (V, 3) unit vectors, outward.
+    uv
+        (V, 2) place in the texture, v upward, or None.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    normals: NDArray[np.float64]
+    uv: NDArray[np.float64] | None = None
+
+
+def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the area-weighted unit normals of a surface.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) mm.
+    faces
+        (F, 3) vertex indices.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (V, 3); +z where a vertex has no face with an area.
+    """
+    first, second, third = (vertices[faces[:, corner]] for corner in range(3))
+    face_normals = np.cross(second - first, third - first)
+    sums = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(sums, faces[:, corner], face_normals)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(lengths > 0.0, sums / np.maximum(lengths, 1e-300), (0.0, 0.0, 1.0))
+
+
+def grid_faces(rows: int, columns: int, *, closed: bool = False) -> NDArray[np.int64]:
+    """Return the triangles of a grid of points stored row by row.
+
+    Parameters
+    ----------
+    rows, columns
+        Points each way.
+    closed
+        Whether the last column joins the first.
+
+    Returns
+    -------
+    NDArray[np.int64]
+        (F, 3) indices; the normal is (along a row) x (from row to row).
+    """
+    row = np.arange(rows - 1)[:, None] * columns
+    column = np.arange(columns if closed else columns - 1)[None, :]
+    here, right = row + column, row + (column + 1) % columns
+    below, opposite = here + columns, right + columns
+    return np.concatenate(
+        [
+            np.stack([here, right, below], axis=-1).reshape(-1, 3),
+            np.stack([right, opposite, below], axis=-1).reshape(-1, 3),
+        ]
+    )
+
+
+def swept_solid(
+    path: ArrayLike,
+    half_widths: ArrayLike,
+    half_heights: ArrayLike | None = None,
+    *,
+    side: Sequence[float] = (0.0, 1.0, 0.0),
+    squareness: float = 0.0,
+    corners: int = 20,
+) -> Solid:
+    """Return a bar with rounded ends whose section is swept along a path.
+
+    Parameters
+    ----------
+    path
+        (N, 3) mm, no two neighbours alike.
+    half_widths
+        (N,) or one number: the section's reach along `side`, mm.
+    half_heights
+        The same across `side`; equal to `half_widths` when left out.
+    side
+        Direction of the width at the path's start; carried along without twist.
+    squareness
+        0 for an ellipse, towards 1 for a box with rounded edges.
+    corners
+        Points around the section.
+
+    Returns
+    -------
+    Solid
+        Closed, wound outwards.
+    """
+    points = np.asarray(path, np.float64)
+    widths = np.broadcast_to(np.asarray(half_widths, np.float64), len(points))
+    heights = (
+        widths
+        if half_heights is None
+        else np.broadcast_to(np.asarray(half_heights, np.float64), len(points))
+    )
+    tangents = np.gradient(points, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    sides = np.empty_like(points)
+    carried = np.asarray(side, np.float64)
+    for index, tangent in enumerate(tangents):
+        carried = carried - tangent * (carried @ tangent)
+        carried = carried / np.linalg.norm(carried)
+        sides[index] = carried
+
+    # Rounded ends: the end sections repeated outwards, shrinking along a quarter of an ellipse.
+    angles = np.linspace(0.0, np.pi / 2.0, _CAP_RINGS + 1)[1:]
+    reach = [min(widths[end], heights[end]) * (1.0 - 0.5 * squareness) for end in (0, -1)]
+    start = points[0] - tangents[0] * (reach[0] * np.sin(angles[::-1]))[:, None]
+    stop = points[-1] + tangents[-1] * (reach[1] * np.sin(angles))[:, None]
+    shrink = np.concatenate([np.cos(angles[::-1]), np.ones(len(points)), np.cos(angles)])
+    points = np.concatenate([start, points, stop])
+    repeated = np.r_[np.zeros(_CAP_RINGS, int), np.arange(len(tangents)), np.full(_CAP_RINGS, -1)]
+    tangents, sides = tangents[repeated], sides[repeated]
+    widths, heights = widths[repeated] * shrink, heights[repeated] * shrink
+
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    power = 1.0 - squareness
+    across = np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** power
+    upward = np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** power
+    ups = np.cross(tangents, sides)
+    vertices = (
+        points[:, None]
+        + (widths[:, None] * across)[..., None] * sides[:, None]
+        + (heights[:, None] * upward)[..., None] * ups[:, None]
+    ).reshape(-1, 3)
+    faces = grid_faces(len(points), corners, closed=True)
+    return Solid(vertices, faces, vertex_normals(vertices, faces))
+
+
+def joined_solid(solids: Sequence[Solid]) -> Solid:
+    """Return several solids as one, without texture coordinates.
+
+    Parameters
+    ----------
+    solids
+        At least one.
+
+    Returns
+    -------
+    Solid
+        Their vertices and faces one after the other.
+    """
+    offsets = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
+    return Solid(
+        np.concatenate([solid.vertices for solid in solids]),
+        np.concatenate(
+            [solid.faces + offset for solid, offset in zip(solids, offsets, strict=False)]
+        ),
+        np.concatenate([solid.normals for solid in solids]),
+    )
+
+
+def smooth_path(knots: ArrayLike, count: int) -> NDArray[np.float64]:
+    """Return points evenly along a Catmull-Rom curve through the knots.
+
+    Parameters
+    ----------
+    knots
+        (K, 3) mm, at least two.
+    count
+        Points wanted.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (count, 3) mm, from the first knot to the last.
+    """
+    given = np.asarray(knots, np.float64)
+    padded = np.concatenate([2.0 * given[:1] - given[1:2], given, 2.0 * given[-1:] - given[-2:-1]])
+    place = np.linspace(0.0, len(given) - 1.0, 24 * len(given))
+    segment = np.minimum(place.astype(int), len(given) - 2)
+    t = (place - segment)[:, None]
+    before, here, after, beyond = (padded[segment + step] for step in range(4))
+    dense = 0.5 * (
+        2.0 * here
+        + (after - before) * t
+        + (2.0 * before - 5.0 * here + 4.0 * after - beyond) * t**2
+        + (3.0 * here - before - 3.0 * after + beyond) * t**3
+    )
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
+    even = np.linspace(0.0, float(arc[-1]), count)
+    return np.stack([np.interp(even, arc, dense[:, axis]) for axis in range(3)], axis=-1)

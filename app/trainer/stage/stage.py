@@ -1,0 +1,198 @@
+"""The stage: everything still around the duct, on one client's scene."""
+
+import time
+
+import numpy as np
+import viser
+from numpy.typing import ArrayLike, NDArray
+
+from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.clamps import clamp_glb
+from app.trainer.stage.hook import hook_glb, hook_wxyz
+from app.trainer.stage.lighting import Look, clear_light, fill_air, light_stage
+from app.trainer.stage.neighbours import neighbours_glb
+from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
+
+_SETTLING_TIME = 3.0
+_ASPECT_CHANGE = 0.02
+_POSE_TOLERANCE = 0.01
+_LIFT_ROOM = 3.0
+
+
+class Stage:
+    """Lights, tissue bed, clamps and hook under `/stage` of one client's scene.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    span
+        Between the clamps, mm; the duct's axis runs from (0, 0, 0) to (span, 0, 0).
+    radius
+        Of the duct, mm.
+    look
+        'plain' for slow machines: no environment map or normal map, fewer triangles.
+    bite
+        Distance from the axis to each jaw, in radii: where the duct's ends should be as flat.
+    tissue
+        sRGB colour of the tissue pinched in the clamps, 0 to 255.
+
+    Raises
+    ------
+    ValueError
+        If span or radius is not positive.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        *,
+        span: float,
+        radius: float,
+        look: Look = "full",
+        bite: float = 0.8,
+        tissue: tuple[int, int, int] = (205, 140, 92),
+    ) -> None:
+        if not min(span, radius) > 0.0:
+            raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
+        self.span, self.radius, self.look = float(span), float(radius), look
+        self._scene = scene
+        self._removed = False
+        self._framed_aspect = 0.0
+        self._framed_at = 0.0
+        full = look == "full"
+        detail = 1.0 if full else 0.5
+        scale = self.span / REFERENCE_SPAN
+        floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
+
+        light_stage(scene, span=self.span, look=look)
+        bed = tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
+        scene.add_glb("/stage/tissue_bed", bed, scale=scale, position=floor, cast_shadow=False)
+        scene.add_glb(
+            "/stage/neighbours",
+            neighbours_glb(corners=40 if full else 16),
+            scale=scale,
+            position=floor,
+            cast_shadow=False,
+        )
+        for end, x in (("first", 0.0), ("second", self.span)):
+            glb = clamp_glb(end, radius=self.radius, bite=bite, tissue=tissue, detail=detail)
+            scene.add_glb(
+                f"/stage/clamps/{end}",
+                glb,
+                position=(x, 0.0, 0.0),
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        self._hook = scene.add_frame("/stage/hook", show_axes=False)
+        scene.add_glb(
+            "/stage/hook/instrument",
+            hook_glb(self.radius, detail=detail),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._hook_point: NDArray[np.float64] | None = None
+        self._hook_wxyz = hook_wxyz((0.0, 0.0, 1.0))
+        self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+    def place_hook(
+        self, point: ArrayLike, direction: ArrayLike, *, radius: float | None = None
+    ) -> None:
+        """Put the hook around the duct.
+
+        Parameters
+        ----------
+        point
+            (3,) the duct's axis point at the grasp, mm.
+        direction
+            (3,) unit pull; the hook lies against the side away from it.
+        radius
+            Of the duct at the grasp, mm, where it differs from the stage's.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite, or the pull runs along x.
+        """
+        wxyz = hook_wxyz(direction)
+        place = np.array(point, np.float64)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
+        if radius is not None:
+            place -= (radius - self.radius) * np.asarray(direction, np.float64)
+        # Most ticks move the hook only, or not at all: send no more than that.
+        if self._hook_point is None or not np.array_equal(place, self._hook_point):
+            self._hook.position = place
+            self._hook_point = place
+        if not np.allclose(wxyz, self._hook_wxyz):
+            self._hook.wxyz = wxyz
+            self._hook_wxyz = wxyz
+
+    def show_hook(self) -> None:
+        """Show the hook."""
+        self._hook.visible = True
+
+    def hide_hook(self) -> None:
+        """Hide the hook."""
+        self._hook.visible = False
+
+    def frame_camera(self, client: viser.ClientHandle) -> None:
+        """Set the client's camera so that both clamps are in its picture, and keep it so.
+
+        Parameters
+        ----------
+        client
+            Whose scene this stage is on.
+
+        Notes
+        -----
+        A browser that is still laying out its page reports a size that changes a moment later,
+        and resets the camera once after it connects. So the camera is framed again when the
+        picture's shape changes, and for three seconds whenever it is not where it was put.
+        After that the user may look around freely.
+        """
+        self._frame(client, client.camera.aspect)
+
+        @client.camera.on_update
+        def _(camera: viser.CameraHandle) -> None:
+            if self._removed:
+                return
+            aspect = camera.aspect
+            reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
+            settling = time.monotonic() - self._framed_at < _SETTLING_TIME
+            if reshaped or (settling and not self._is_framed(camera)):
+                self._frame(client, aspect, settles=reshaped)
+
+    def remove(self) -> None:
+        """Take everything off the scene, so that another stage can be built."""
+        if self._removed:
+            return
+        self._removed = True
+        self._scene.remove_by_name("/stage")
+        clear_light(self._scene)
+
+    def _frame(self, client: viser.ClientHandle, aspect: float, *, settles: bool = True) -> None:
+        """Set the camera once, and the fog with it."""
+        view = viewpoint(self.span, self.radius, aspect)
+        self._framed_aspect = aspect
+        if settles:
+            self._framed_at = time.monotonic()
+        with client.atomic():
+            camera = client.camera
+            camera.fov = view.fov
+            camera.up_direction = view.up
+            camera.position = view.position
+            camera.look_at = view.look_at
+            camera.near = 1.0
+            camera.far = 20.0 * view.distance
+            camera.max_orbit_distance = 2.0 * view.distance
+            fill_air(self._scene, distance=view.distance)
+
+    def _is_framed(self, camera: viser.CameraHandle) -> bool:
+        """Return whether the camera is where it was put."""
+        view = viewpoint(self.span, self.radius, self._framed_aspect)
+        near = _POSE_TOLERANCE * view.distance
+        return bool(
+            np.linalg.norm(camera.position - view.position) < near
+            and np.linalg.norm(camera.look_at - view.look_at) < near
+        )

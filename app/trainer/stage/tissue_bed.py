@@ -1,0 +1,195 @@
+"""The tissue bed under the duct: red fascia with lobules of fat, softly out of focus.
+
+Everything is drawn for a span of 50.8 mm about the origin below the duct's middle, and scaled.
+One height picture drives the surface, its normals and its colours.
+"""
+
+from functools import cache
+
+import cv2
+import numpy as np
+
+from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
+from app.trainer.stage.solids import Solid, grid_faces, smooth_path, vertex_normals
+from app.trainer.stage.textures import (
+    Image,
+    blurred,
+    jpeg_file,
+    mixed_color,
+    normal_map,
+    smooth_noise,
+    smooth_step,
+)
+
+REFERENCE_SPAN = 50.8
+
+_HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
+_FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (86, 26, 23), (52, 14, 15), (120, 62, 54)
+_FAT, _FAT_DEEP = (164, 120, 70), (96, 46, 28)
+_VEIN = (44, 12, 22)
+
+# Clusters of fat lobules, kept clear of the duct: middle x, y, reach x, y (mm), lobules.
+_CLUSTERS = (
+    (-30.0, 24.0, 11.0, 6.0, 24),
+    (-45.0, -12.0, 9.0, 6.0, 18),
+    (-20.0, -27.0, 10.0, 4.0, 16),
+    (14.0, 27.0, 12.0, 5.0, 24),
+    (38.0, 17.0, 8.0, 6.0, 18),
+    (33.0, -25.0, 12.0, 5.0, 20),
+    (58.0, -4.0, 8.0, 10.0, 18),
+    (-70.0, 30.0, 14.0, 14.0, 22),
+    (66.0, 44.0, 14.0, 12.0, 22),
+)
+# Veins: knots x, y (mm) and width (mm).
+_VEINS = (
+    (((-60, 2), (-36, 8), (-16, 5), (4, 12), (24, 9), (46, 26), (70, 30)), 1.5),
+    (((-16, 5), (-8, -6), (-12, -20), (-2, -34), (-6, -60)), 1.1),
+    (((24, 9), (30, -4), (22, -16), (28, -40)), 0.9),
+    (((4, 12), (2, 24), (10, 44)), 0.9),
+)
+
+
+@cache
+def tissue_bed_glb(*, rows: int = 66, columns: int = 72, pixels: int = 896) -> bytes:
+    """Return the bed as a GLB file.
+
+    Parameters
+    ----------
+    rows, columns
+        Points of the surface.
+    pixels
+        Width of the textures; below 512 the normal map is left out.
+
+    Returns
+    -------
+    bytes
+        The file, mm at a span of 50.8 mm; z = 0 is the bed's floor below the duct's middle.
+    """
+    shape = (round(pixels * 0.85), pixels)
+    x, y = _ground(shape)
+    lobules, grain = _lobules(x, y)
+    veins = _veins(x, y)
+    coarse = smooth_noise(shape, cells=3.0, fall=2.0, seed=11)
+    fine = smooth_noise(shape, cells=9.0, fall=1.5, seed=12)
+    relief = (2.6 * (coarse - 0.5) + 1.2 * (fine - 0.5) + 1.5 * lobules + 0.7 * veins).astype(
+        np.float32
+    )
+
+    surface_relief = cv2.resize(
+        blurred(relief, pixels / 180.0), (columns, rows), interpolation=cv2.INTER_AREA
+    )
+    surface_x, surface_y = _ground((rows, columns))
+    height = _basin(surface_x, surface_y) + surface_relief
+    vertices = np.stack([surface_x, surface_y, height], axis=-1).reshape(-1, 3).astype(np.float64)
+    faces = grid_faces(rows, columns)
+    uv = np.stack(
+        np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)), axis=-1
+    ).reshape(-1, 2)
+    solid = Solid(vertices, faces, vertex_normals(vertices, faces), uv)
+
+    color = _bed_color(x, y, lobules, grain, veins, coarse, fine)
+    finish = Finish(
+        roughness=0.52,
+        specular=0.35,
+        base_jpeg=jpeg_file(np.flipud(color), quality=78),
+        normal_jpeg=_normal_jpeg(relief, y) if pixels >= 512 else b"",
+    )
+    return binary_gltf([Part(solid, finish)])
+
+
+def _ground(shape: tuple[int, int]) -> tuple[Image, Image]:
+    """Return x and y of each pixel or point, mm, closer together near the duct."""
+    rows, columns = shape
+    across = np.linspace(-1.0, 1.0, columns)
+    along = np.linspace(-1.0, 1.0, rows)
+    x = _HALF_WIDTH * (0.45 * across + 0.55 * across**3)
+    middle = 0.5 * (_NEAR + _FAR)
+    y = middle + 0.5 * (_FAR - _NEAR) * (0.35 * along + 0.65 * along**3)
+    y -= middle * (1.0 - along**2)  # the densest rows lie under the duct
+    grid = np.meshgrid(x, y)
+    return grid[0].astype(np.float32), grid[1].astype(np.float32)
+
+
+def _basin(x: Image, y: Image) -> Image:
+    """Return the bed's large shape: a groove below the duct, rising to all sides."""
+    groove = -2.6 * np.exp(-((y / 13.0) ** 2) - (x / 46.0) ** 2)
+    back = 26.0 * smooth_step(y, 14.0, 95.0)
+    front = 9.0 * smooth_step(y, -16.0, -80.0)
+    sides = 20.0 * smooth_step(np.abs(x), 34.0, 130.0)
+    return (groove + back + front + sides).astype(np.float32)
+
+
+def _lobules(x: Image, y: Image) -> tuple[Image, Image]:
+    """Return how thick the fat is, 0 to 1, and a shade of its own for each lobule."""
+    random = np.random.default_rng(5)
+    thickness, shade = np.zeros_like(x), np.full_like(x, 0.5)
+    for middle_x, middle_y, reach_x, reach_y, count in _CLUSTERS:
+        for _ in range(count):
+            offset = random.normal(0.0, 0.5, 2)
+            size = random.uniform(2.2, 4.6) * (1.0 - 0.25 * min(1.0, float(np.hypot(*offset))))
+            stretch = random.uniform(0.75, 1.3)
+            tint = random.uniform(0.0, 1.0)
+            place = (middle_x + reach_x * offset[0], middle_y + reach_y * offset[1])
+            columns = np.flatnonzero(np.abs(x[0] - place[0]) < size * stretch)
+            rows = np.flatnonzero(np.abs(y[:, 0] - place[1]) < size)
+            if not len(rows) or not len(columns):
+                continue
+            window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            squared = ((x[window] - place[0]) / (size * stretch)) ** 2 + (
+                (y[window] - place[1]) / size
+            ) ** 2
+            dome = np.sqrt(np.clip(1.0 - squared, 0.0, 1.0)) * (0.55 + 0.1 * size)
+            higher = dome > thickness[window]
+            thickness[window] = np.where(higher, dome, thickness[window])
+            shade[window] = np.where(higher, tint, shade[window])
+    return np.clip(thickness, 0.0, 1.0).astype(np.float32), shade
+
+
+def _veins(x: Image, y: Image) -> Image:
+    """Return the veins, 1 along their middles."""
+    rows, columns = x.shape
+    picture = np.zeros(x.shape, np.uint8)
+    for knots, width in _VEINS:
+        flat = [[x_mm, y_mm, 0.0] for x_mm, y_mm in knots]
+        curve = smooth_path(flat, 80)
+        column = np.interp(curve[:, 0], x[0], np.arange(columns, dtype=np.float64))
+        row = np.interp(curve[:, 1], y[:, 0], np.arange(rows, dtype=np.float64))
+        pixel = float(np.diff(x[0]).min())
+        cv2.polylines(
+            picture,
+            [np.stack([column, row], axis=-1).round().astype(np.int32)],
+            isClosed=False,
+            color=255,
+            thickness=max(1, round(width / pixel)),
+            lineType=cv2.LINE_AA,
+        )
+    return blurred(picture.astype(np.float32) / 255.0, columns / 400.0)
+
+
+def _bed_color(
+    x: Image, y: Image, lobules: Image, grain: Image, veins: Image, coarse: Image, fine: Image
+) -> Image:
+    """Return the bed's colours, darker in the groove and softer away from the duct."""
+    color = mixed_color(_FASCIA, _FASCIA_DEEP, smooth_step(coarse, 0.35, 0.75))
+    color = mixed_color(color, _FASCIA_PALE, 0.35 * smooth_step(fine, 0.5, 0.85))
+    color = mixed_color(color, _VEIN, 0.7 * veins)
+    fat = mixed_color(_FAT_DEEP, _FAT, smooth_step(lobules, 0.25, 0.85))
+    fat = mixed_color(fat, _FASCIA, 0.12 + 0.22 * grain)
+    color = mixed_color(color, fat, smooth_step(lobules, 0.06, 0.38))
+    shade = 1.0 - 0.45 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
+    color = color * shade[..., None].astype(np.float32)
+    # Out of focus: the farther from the duct's plane, the softer.
+    pixels = x.shape[1]
+    soft, softer = blurred(color, pixels / 420.0), blurred(color, pixels / 130.0)
+    away = np.hypot(y / 1.0, x / 2.2)
+    return mixed_color(soft, softer, smooth_step(away.astype(np.float32), 14.0, 48.0))
+
+
+def _normal_jpeg(relief: Image, y: Image) -> bytes:
+    """Return the part of the relief that the surface is too coarse for, as a normal map."""
+    pixels = relief.shape[1]
+    detail = blurred(relief, pixels / 420.0) - blurred(relief, pixels / 110.0)
+    detail = detail * (1.0 - 0.6 * smooth_step(np.abs(y), 15.0, 55.0))
+    picture = normal_map(np.flipud(detail).astype(np.float32), 5.0)
+    half = cv2.resize(picture, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
+    return jpeg_file(half.astype(np.float32), quality=80)

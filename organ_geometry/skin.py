@@ -1,0 +1,292 @@
+"""Skins: the closed surface of an organ, or of a piece of it, and how it follows its axis."""
+
+import itertools
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.driving_points import DrivingPoints
+from organ_geometry.organ import Organ
+
+__all__ = ["BoundSkin", "Skin", "organ_skin", "ring_angles", "sides_of", "tube_skin"]
+
+MOST_VERTICES = 2_000_000
+"""A skin that a screen, a printer or a file has use for; more is a slip of the unit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skin:
+    """A closed triangle mesh at rest whose vertices know their place along the axis.
+
+    Attributes
+    ----------
+    vertices
+        (V, 3) places at rest, mm.
+    faces
+        (F, 3) vertex numbers, anticlockwise seen from outside.
+    stations
+        (V,) arc length along the organ's axis that each vertex belongs to, mm.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    stations: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for array in (self.vertices, self.faces, self.stations):
+            array.setflags(write=False)
+
+    def bound_to(self, points: DrivingPoints) -> "BoundSkin":
+        """Return the skin bound to driving points.
+
+        Parameters
+        ----------
+        points
+            The driving points that it shall follow.
+
+        Returns
+        -------
+        BoundSkin
+            The skin with its weights.
+        """
+        index, weight = points.binding(self.stations)
+        return BoundSkin(self, index, weight)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoundSkin:
+    """A skin and the driving points that each vertex follows.
+
+    Attributes
+    ----------
+    skin
+        The skin at rest.
+    index
+        (V,) number of the driving point before each vertex.
+    weight
+        (V,) part in which each vertex follows the point after it.
+    """
+
+    skin: Skin
+    index: NDArray[np.int32]
+    weight: NDArray[np.float64]
+
+    def deform(
+        self, transforms: NDArray[np.float64], out: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Write the deformed vertices: each follows its driving points' blended transform.
+
+        Parameters
+        ----------
+        transforms
+            (D, 3, 4) transforms of the driving points less the identity
+            (`DrivingPoints.transforms`).
+        out
+            (V, 3) receives the vertices, mm.
+
+        Returns
+        -------
+        NDArray[np.float32]
+            `out`. With transforms of zero it equals `skin.vertices` to the bit.
+        """
+        _blend(self.skin.vertices, self.index, self.weight, transforms, out)
+        return out
+
+
+def organ_skin(organ: Organ, *, edge_length: float) -> Skin:
+    """Return the closed skin of a whole organ.
+
+    Parameters
+    ----------
+    organ
+        The organ; a hollow one has its inner wall as well.
+    edge_length
+        Wanted length of the triangles' edges, mm.
+
+    Returns
+    -------
+    Skin
+        The skin.
+
+    Raises
+    ------
+    ValueError
+        If the edge length is not above zero or asks for more than two million vertices.
+    """
+    rim = np.zeros(1)
+    return tube_skin(organ, rim, rim + organ.length, edge_length=edge_length)
+
+
+def tube_skin(
+    organ: Organ,
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    *,
+    edge_length: float,
+    reach: float = 0.0,
+) -> Skin:
+    """Return the closed skin of the part of an organ between two rims.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    start, end
+        (1,) for an even rim, or (`sides_of`,) station of the rim at each angle, mm.
+    edge_length
+        Wanted length of the triangles' edges, mm.
+    reach
+        How far along the axis the rings adapt to an uneven rim, mm.
+
+    Returns
+    -------
+    Skin
+        Outer wall, inner wall of a hollow organ, and the faces that close both rims.
+
+    Raises
+    ------
+    ValueError
+        If the edge length is not above zero or asks for more than two million vertices.
+    """
+    sides = sides_of(organ, edge_length)
+    low, high = float(start.mean()), float(end.mean())
+    rings = max(2, round((high - low) / edge_length) + 1)
+    walls = 2 if organ.hollow else 1
+    if walls * rings * sides > MOST_VERTICES:
+        raise ValueError(
+            f"edge_length of {edge_length:g} mm asks for {walls * rings * sides:,} vertices; "
+            f"give one that needs at most {MOST_VERTICES:,}"
+        )
+    even = np.linspace(low, high, rings)[:, None]
+    stations = even + (start - low) * _ramp(low + reach - even, reach)
+    stations = stations + (end - high) * _ramp(even - (high - reach), reach)
+    stations = np.broadcast_to(stations, (rings, sides))
+    angles = np.broadcast_to(ring_angles(sides), (rings, sides))
+
+    grid = np.arange(rings * sides, dtype=np.int32).reshape(rings, sides)
+    outer = organ.surface(stations.ravel(), angles.ravel())
+    if organ.hollow:
+        inner = organ.surface(stations.ravel(), angles.ravel(), wall="lumen")
+        vertices = [outer, inner]
+        rows = [stations.ravel(), stations.ravel()]
+        lumen = grid + grid.size
+        faces = [
+            _wall(grid),
+            _wall(lumen)[:, ::-1],
+            _strip(lumen[0], grid[0]),
+            _strip(grid[-1], lumen[-1]),
+        ]
+    else:
+        centres = np.array([stations[0].mean(), stations[-1].mean()])
+        vertices = [outer, organ.axis_at(centres)]
+        rows = [stations.ravel(), centres]
+        first, last = np.full((2, sides), [[grid.size], [grid.size + 1]], dtype=np.int32)
+        faces = [_wall(grid), _fan(grid[0], first)[:, ::-1], _fan(grid[-1], last)]
+    triangles = np.concatenate(faces)
+    if not _right_handed(organ):
+        triangles = triangles[:, ::-1]
+    # Adding 0 turns a minus zero into a plain one, which a rest pose returns to the bit.
+    return Skin(
+        np.concatenate(vertices).astype(np.float32) + np.float32(0.0),
+        np.ascontiguousarray(triangles, dtype=np.int32),
+        np.concatenate(rows),
+    )
+
+
+def sides_of(organ: Organ, edge_length: float) -> int:
+    """Return how many vertices a ring of the skin has.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    edge_length
+        Wanted length of the triangles' edges, mm.
+
+    Returns
+    -------
+    int
+        The number, at least 12.
+
+    Raises
+    ------
+    ValueError
+        If the edge length is not above zero.
+    """
+    if not edge_length > 0.0:
+        raise ValueError(f"edge_length must be above 0 mm, got {edge_length} mm")
+    return max(12, round(2.0 * np.pi * organ.mean_radius / edge_length))
+
+
+def ring_angles(sides: int) -> NDArray[np.float64]:
+    """Return the angles of a ring's vertices: even, and none where the two half-curves meet.
+
+    Parameters
+    ----------
+    sides
+        How many vertices a ring has.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (sides,) angles, rad.
+    """
+    return (np.arange(sides, dtype=np.float64) + 0.5) * (2.0 * np.pi / sides)
+
+
+def _ramp(distance: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Return 0 to 1 while the distance grows from 0 to the reach; all 1 without a reach."""
+    if reach == 0.0:
+        return np.ones_like(distance)
+    part: NDArray[np.float64] = np.clip(distance / reach, 0.0, 1.0)
+    return part * part * (3.0 - 2.0 * part)
+
+
+def _right_handed(organ: Organ) -> bool:
+    """Return whether x_dir, y_dir and the way along the axis are a right-handed frame."""
+    frames = organ.frames
+    tangents = np.gradient(organ.axis, axis=0)
+    turns = np.cross(frames[:, :, 0], frames[:, :, 1])
+    return float(np.sum(turns * tangents)) > 0.0
+
+
+def _wall(grid: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the triangles of a tube of rings, seen from outside."""
+    parts = [_strip(near, far) for near, far in itertools.pairwise(grid)]
+    return np.concatenate(parts)
+
+
+def _strip(near: NDArray[np.int32], far: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the triangles between two rings."""
+    near_next, far_next = np.roll(near, -1), np.roll(far, -1)
+    return np.concatenate(
+        [np.stack([near, near_next, far_next], 1), np.stack([near, far_next, far], 1)]
+    )
+
+
+def _fan(ring: NDArray[np.int32], centre: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the triangles between a ring and its centre, seen from the organ's far end."""
+    return np.stack([ring, np.roll(ring, -1), centre], 1)
+
+
+@numba.njit(cache=True)
+def _blend(
+    rest: NDArray[np.float32],
+    index: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    transforms: NDArray[np.float64],
+    out: NDArray[np.float32],
+) -> None:
+    for v in range(rest.shape[0]):
+        before = transforms[index[v]]
+        after = transforms[index[v] + 1]
+        part = weight[v]
+        x, y, z = np.float64(rest[v, 0]), np.float64(rest[v, 1]), np.float64(rest[v, 2])
+        for i in range(3):
+            m0 = before[i, 0] + part * (after[i, 0] - before[i, 0])
+            m1 = before[i, 1] + part * (after[i, 1] - before[i, 1])
+            m2 = before[i, 2] + part * (after[i, 2] - before[i, 2])
+            shift = before[i, 3] + part * (after[i, 3] - before[i, 3])
+            out[v, i] = rest[v, i] + (m0 * x + m1 * y + m2 * z + shift)

@@ -1,0 +1,167 @@
+"""A torn organ: two closed pieces with a ragged rim, and how far their rims have opened.
+
+Where it tears and when is the beam's to say. The rim's raggedness, how far it gapes and how far a
+piece draws back from it are drawn, not computed: beam theory ends where the duct does.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.organ import Organ
+from organ_geometry.skin import Skin, ring_angles, sides_of, tube_skin
+
+__all__ = ["TornPiece", "torn_pieces"]
+
+RAGGEDNESS = 0.16
+"""Largest distance of the rim from its mean station, in mean radii."""
+REACH = 1.0
+"""Along how much of the axis the rings adapt to the ragged rim, in mean radii."""
+SHORTEST_STUMP = 0.45
+"""Least length of a piece, in mean radii: a duct that tears at a clamp leaves a stump in it."""
+GAPE = 0.55
+"""How far a rim draws back along the axis once it is free, in mean radii."""
+DRAWN_BACK = 3.0
+"""Length of the axis over which a rim's drawing back fades out, in mean radii."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TornPiece:
+    """One piece of a torn organ, at rest, closed at its clamp and at its torn rim.
+
+    Attributes
+    ----------
+    skin
+        The piece's skin; both pieces' rims have the same shape, so that a tear that has not
+        opened cannot be seen.
+    height
+        (V,) place of each vertex across the section: 0 on the side that tears first, 1 opposite.
+    retreat
+        (V, 3) displacement of each vertex once the tear has passed it by a section's height, mm.
+    """
+
+    skin: Skin
+    height: NDArray[np.float64]
+    retreat: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for array in (self.height, self.retreat):
+            array.setflags(write=False)
+
+    def open(self, front: float, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Move a piece's vertices apart from the other's, in place.
+
+        Parameters
+        ----------
+        front
+            How far the tear has run: at 0 it starts, at 1 it has crossed the section, at 2 every
+            part of the rim is drawn back.
+        vertices
+            (V, 3) the piece's deformed vertices, mm; changed.
+
+        Returns
+        -------
+        NDArray[np.float32]
+            `vertices`.
+        """
+        _draw_back(vertices, self.height, self.retreat, front)
+        return vertices
+
+
+def torn_pieces(
+    organ: Organ,
+    station: float,
+    tension_side: NDArray[np.float64],
+    *,
+    edge_length: float,
+    seed: int = 1,
+) -> tuple[TornPiece, TornPiece]:
+    """Return the two pieces of an organ torn at a station.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    station
+        Arc length at which it tears, mm; moved inwards as far as a stump needs.
+    tension_side
+        (3,) direction from the axis to the side that tears first.
+    edge_length
+        Wanted length of the triangles' edges, mm.
+    seed
+        Chooses the rim's raggedness.
+
+    Returns
+    -------
+    tuple[TornPiece, TornPiece]
+        The piece at the organ's first end and the one at its last.
+
+    Raises
+    ------
+    ValueError
+        If the station is not on the organ.
+    """
+    if not 0.0 <= station <= organ.length:
+        raise ValueError(
+            f"station of a tear must lie from 0 to {organ.length:g} mm, got {station:g} mm"
+        )
+    radius = organ.mean_radius
+    shortest = min(SHORTEST_STUMP * radius, 0.25 * organ.length)
+    middle = float(np.clip(station, shortest, organ.length - shortest))
+    rim = middle + _ragged(
+        sides_of(organ, edge_length), min(RAGGEDNESS * radius, 0.6 * shortest), seed
+    )
+    reach = min(REACH * radius, middle, organ.length - middle)
+
+    ends = np.zeros(1), np.full(1, organ.length)
+    first = tube_skin(organ, ends[0], rim, edge_length=edge_length, reach=reach)
+    second = tube_skin(organ, rim, ends[1], edge_length=edge_length, reach=reach)
+    tangent = organ.axis_at(np.array([middle - 0.5 * shortest, middle + 0.5 * shortest]))
+    onwards = (tangent[1] - tangent[0]) / np.linalg.norm(tangent[1] - tangent[0])
+    return (
+        _piece(organ, first, middle, middle, -onwards, tension_side),
+        _piece(organ, second, middle, organ.length - middle, onwards, tension_side),
+    )
+
+
+def _piece(
+    organ: Organ,
+    skin: Skin,
+    middle: float,
+    length: float,
+    away: NDArray[np.float64],
+    tension_side: NDArray[np.float64],
+) -> TornPiece:
+    """Return the piece with each vertex's place across the section and its way back."""
+    offsets = (skin.vertices - organ.axis_at(skin.stations)) @ tension_side
+    height = (offsets.max() - offsets) / np.ptp(offsets)
+    fade = min(DRAWN_BACK * organ.mean_radius, length)
+    near = np.clip(1.0 - np.abs(skin.stations - middle) / fade, 0.0, 1.0) ** 2
+    gape = min(GAPE * organ.mean_radius, 0.3 * length)
+    return TornPiece(skin, height, gape * near[:, None] * away)
+
+
+def _ragged(sides: int, amplitude: float, seed: int) -> NDArray[np.float64]:
+    """Return a ring of (sides,) distances with zero mean, no larger than the amplitude."""
+    random = np.random.default_rng(seed)
+    orders = np.arange(2, 12)
+    phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
+    sizes = random.uniform(0.5, 1.0, orders.size) / np.sqrt(orders)
+    waves = np.cos(np.outer(ring_angles(sides), orders) + phases) @ sizes
+    waves -= waves.mean()
+    return amplitude * waves / np.abs(waves).max()
+
+
+@numba.njit(cache=True)
+def _draw_back(
+    vertices: NDArray[np.float32],
+    height: NDArray[np.float64],
+    retreat: NDArray[np.float64],
+    front: float,
+) -> None:
+    for v in range(vertices.shape[0]):
+        opened = min(max(front - height[v], 0.0), 1.0)
+        for i in range(3):
+            vertices[v, i] += opened * retreat[v, i]

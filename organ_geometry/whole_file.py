@@ -1,0 +1,62 @@
+"""Files that appear whole or not at all."""
+
+import os
+import tempfile
+from pathlib import Path
+
+__all__ = ["check_target", "write_whole"]
+
+
+def check_target(path: Path) -> None:
+    """Raise if no file can be written there: better before long work than after it.
+
+    Parameters
+    ----------
+    path
+        Where a file is to be written.
+
+    Raises
+    ------
+    ValueError
+        If the folder is not there, or the path is a folder.
+    """
+    if not path.parent.is_dir():
+        raise ValueError(f"cannot write {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ValueError(f"cannot write {path}: it is a folder; give the name of a file")
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name and move it into place.
+
+    Parameters
+    ----------
+    path
+        The file; one that exists is replaced.
+    content
+        What is to be in it.
+
+    Raises
+    ------
+    ValueError
+        If the folder is not there, or the path is a folder.
+    OSError
+        If it cannot be written; nothing is left behind.
+    """
+    check_target(path)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    beside = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        beside.chmod(0o666 & ~_umask())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """Return the process's mask of permissions, which can only be read by setting it."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
