@@ -88,7 +88,7 @@ def viewpoint(span: float, radius: float, aspect: float) -> Viewpoint:
     ValueError
         If a number is not positive.
     """
-    if not min(span, radius, aspect) > 0.0:
+    if not all(np.isfinite(number) and number > 0.0 for number in (span, radius, aspect)):
         raise ValueError(
             f"span, radius and aspect must be positive, got {span} mm, {radius} mm, {aspect}"
         )

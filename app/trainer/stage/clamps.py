@@ -13,6 +13,9 @@ from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
 from app.trainer.stage.solids import Solid, joined_solid, smooth_path, swept_solid
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
+MATT_STEEL = Finish(color=(150, 154, 160), roughness=0.45, metallic=0.25)
+"""Steel for a stage without an environment map, where metal has nothing to mirror."""
+
 INSULATION = Finish(color=(24, 26, 30), roughness=0.42, metallic=0.1, clearcoat=0.2)
 
 JAW_REACH = 0.5
@@ -57,7 +60,7 @@ def clamp_glb(
     """
     corners = max(10, round(20 * detail))
     parts = [
-        Part(_steel_solid(bite, corners), STEEL),
+        Part(_steel_solid(bite, corners), steel(detail)),
         Part(_shaft_solid(corners), INSULATION),
         Part(_cuff_solid(bite, corners), Finish(color=tissue, roughness=1.0)),
     ]
@@ -65,6 +68,22 @@ def clamp_glb(
     return binary_gltf(
         [Part(_placed(part.solid, radius, mirrored=mirrored), part.finish) for part in parts]
     )
+
+
+def steel(detail: float) -> Finish:
+    """Return the finish of steel at a level of detail.
+
+    Parameters
+    ----------
+    detail
+        1 for the full look, less for the plain one.
+
+    Returns
+    -------
+    Finish
+        Shining steel, or a matt one below 1.
+    """
+    return STEEL if detail >= 1.0 else MATT_STEEL
 
 
 def _steel_solid(bite: float, corners: int) -> Solid:

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from app.trainer.stage.clamps import INSULATION, STEEL
+from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.gltf_asset import Part, binary_gltf
 from app.trainer.stage.solids import swept_solid
 
@@ -54,15 +54,17 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     radii = np.interp(np.arange(len(path)), [0, 5], [0.82 * wire, wire])
 
     root = neck[-1]
-    ferrule = root + np.array([-0.6, 0.4, 2.6, 5.5])[:, None] * lean
+    taper = np.linspace(0.0, 1.0, 14)
+    swelling = taper * taper * (3.0 - 2.0 * taper)
+    ferrule = root + (7.0 * taper[:, None] - 1.0) * lean
     steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, _SHAFT_LENGTH, 6)])
     shaft = root + steps[:, None] * lean
     return binary_gltf(
         [
-            Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), STEEL),
+            Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), steel(detail)),
             Part(
-                swept_solid(ferrule, [wire, 1.15 * wire, 1.75, 1.85], corners=corners),
-                STEEL,
+                swept_solid(ferrule, wire + (1.85 - wire) * swelling, corners=corners),
+                steel(detail),
             ),
             Part(
                 swept_solid(shaft, [2.05, 2.2, 2.25, *[2.25] * 6], corners=corners),

@@ -35,17 +35,17 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
     full = look == "full"
     scene.set_up_direction("+z")
     scene.configure_default_lights(False)
-    scene.configure_environment_map("studio" if full else None, environment_intensity=0.38)
+    scene.configure_environment_map("studio" if full else None, environment_intensity=0.29)
     scene.set_background_image(np.full((8, 8, 3), _BACKGROUND, np.uint8), format="png")
 
     scale = span / _REFERENCE_SPAN
     center = np.array([0.5 * span, 0.0, 0.0])
-    lamp = np.array([-34.0, -34.0, 84.0]) * scale
+    lamp = np.array([-32.0, -30.0, 86.0]) * scale
     aim = -lamp / np.linalg.norm(lamp)
     scene.add_light_spot(
         "/stage/light/lamp",
         color=(255, 244, 232),
-        intensity=2.9,
+        intensity=2.5 if full else 2.7,
         decay=0.0,
         angle=0.56,
         penumbra=1.0,
@@ -60,7 +60,7 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
         position=_triple(center + np.array([42.0, 44.0, 46.0]) * scale),
     )
     scene.add_light_ambient(
-        "/stage/light/ambient", color=(255, 205, 190), intensity=0.15 if full else 0.6
+        "/stage/light/ambient", color=(255, 225, 215), intensity=0.12 if full else 1.3
     )
 
 

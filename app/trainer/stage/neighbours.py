@@ -10,12 +10,12 @@ import numpy as np
 from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
 from app.trainer.stage.solids import Solid, smooth_path, swept_solid, vertex_normals
 
-_LIVER = Finish(color=(104, 36, 27), roughness=0.42, clearcoat=0.5)
-_GALLBLADDER = Finish(color=(98, 112, 66), roughness=0.40, clearcoat=0.6)
+_LIVER = Finish(color=(86, 34, 26), roughness=0.5, clearcoat=0.35)
+_GALLBLADDER = Finish(color=(74, 78, 56), roughness=0.55, clearcoat=0.2)
 
 
 @cache
-def neighbours_glb(*, corners: int = 40) -> bytes:
+def neighbours_glb(*, corners: int = 30) -> bytes:
     """Return liver edge and gallbladder as one GLB file.
 
     Parameters
@@ -39,19 +39,19 @@ def neighbours_glb(*, corners: int = 40) -> bytes:
 def _liver(corners: int) -> Solid:
     """Return the liver's lower edge: a thick lip across the picture's top."""
     path = smooth_path(
-        [[-190, 66, 50], [-90, 60, 44], [-30, 60, 37], [20, 66, 41], [80, 74, 52], [190, 86, 66]],
+        [[-190, 70, 54], [-90, 64, 47], [-30, 63, 42], [20, 70, 47], [80, 78, 58], [190, 90, 72]],
         56,
     )
     return swept_solid(path, 34.0, 17.0, side=(0.0, 0.8, 0.6), corners=corners)
 
 
 def _gallbladder(corners: int) -> Solid:
-    """Return the gallbladder: a pear whose neck points to the duct."""
-    path = smooth_path([[-92, 50, 18], [-74, 40, 15], [-56, 30, 11], [-44, 23, 7]], 26)
+    """Return the gallbladder: its rounded fundus, beside the duct."""
+    path = smooth_path([[-130, 72, 34], [-104, 60, 28], [-80, 50, 21], [-61, 41, 14]], 26)
     along = np.linspace(0.0, 1.0, len(path))
     return swept_solid(
         path,
-        np.interp(along, [0.0, 0.3, 0.6, 0.85, 1.0], [14.0, 15.5, 12.0, 6.5, 4.0]),
+        np.interp(along, [0.0, 0.3, 0.6, 0.85, 1.0], [13.0, 14.5, 16.0, 16.5, 15.0]),
         corners=corners,
     )
 

@@ -44,13 +44,16 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     Returns
     -------
     NDArray[np.float64]
-        (V, 3); +z where a vertex has no face with an area.
+        (V, 3); +z where a vertex has no face with an area. Vertices at one place, as at the pole
+        of a rounded end, share their normal.
     """
+    shared = np.unique(vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     face_normals = np.cross(second - first, third - first)
     sums = np.zeros_like(vertices)
     for corner in range(3):
-        np.add.at(sums, faces[:, corner], face_normals)
+        np.add.at(sums, shared[faces[:, corner]], face_normals)
+    sums = sums[shared]
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     return np.where(lengths > 0.0, sums / np.maximum(lengths, 1e-300), (0.0, 0.0, 1.0))
 

@@ -53,7 +53,7 @@ class Stage:
         bite: float = 0.8,
         tissue: tuple[int, int, int] = (205, 140, 92),
     ) -> None:
-        if not min(span, radius) > 0.0:
+        if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
         self.span, self.radius, self.look = float(span), float(radius), look
         self._scene = scene
@@ -70,7 +70,7 @@ class Stage:
         scene.add_glb("/stage/tissue_bed", bed, scale=scale, position=floor, cast_shadow=False)
         scene.add_glb(
             "/stage/neighbours",
-            neighbours_glb(corners=40 if full else 16),
+            neighbours_glb() if full else neighbours_glb(corners=16),
             scale=scale,
             position=floor,
             cast_shadow=False,

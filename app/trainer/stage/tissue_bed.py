@@ -25,20 +25,20 @@ REFERENCE_SPAN = 50.8
 
 _HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
 _FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (86, 26, 23), (52, 14, 15), (120, 62, 54)
-_FAT, _FAT_DEEP = (164, 120, 70), (96, 46, 28)
+_FAT, _FAT_DEEP = (158, 116, 66), (92, 44, 28)
 _VEIN = (44, 12, 22)
 
 # Clusters of fat lobules, kept clear of the duct: middle x, y, reach x, y (mm), lobules.
 _CLUSTERS = (
-    (-30.0, 24.0, 11.0, 6.0, 24),
-    (-45.0, -12.0, 9.0, 6.0, 18),
-    (-20.0, -27.0, 10.0, 4.0, 16),
-    (14.0, 27.0, 12.0, 5.0, 24),
-    (38.0, 17.0, 8.0, 6.0, 18),
-    (33.0, -25.0, 12.0, 5.0, 20),
-    (58.0, -4.0, 8.0, 10.0, 18),
-    (-70.0, 30.0, 14.0, 14.0, 22),
-    (66.0, 44.0, 14.0, 12.0, 22),
+    (-33.0, 22.0, 13.0, 6.0, 70),
+    (-50.0, -6.0, 8.0, 8.0, 36),
+    (-33.0, -26.0, 9.0, 4.0, 30),
+    (15.0, 25.0, 13.0, 5.0, 64),
+    (40.0, 15.0, 8.0, 6.0, 40),
+    (39.0, -22.0, 9.0, 5.0, 40),
+    (60.0, -2.0, 8.0, 10.0, 36),
+    (-76.0, 30.0, 16.0, 14.0, 50),
+    (70.0, 44.0, 16.0, 12.0, 50),
 )
 # Veins: knots x, y (mm) and width (mm).
 _VEINS = (
@@ -50,7 +50,7 @@ _VEINS = (
 
 
 @cache
-def tissue_bed_glb(*, rows: int = 66, columns: int = 72, pixels: int = 896) -> bytes:
+def tissue_bed_glb(*, rows: int = 64, columns: int = 70, pixels: int = 896) -> bytes:
     """Return the bed as a GLB file.
 
     Parameters
@@ -71,7 +71,7 @@ def tissue_bed_glb(*, rows: int = 66, columns: int = 72, pixels: int = 896) -> b
     veins = _veins(x, y)
     coarse = smooth_noise(shape, cells=3.0, fall=2.0, seed=11)
     fine = smooth_noise(shape, cells=9.0, fall=1.5, seed=12)
-    relief = (2.6 * (coarse - 0.5) + 1.2 * (fine - 0.5) + 1.5 * lobules + 0.7 * veins).astype(
+    relief = (2.6 * (coarse - 0.5) + 1.2 * (fine - 0.5) + 1.7 * lobules + 0.7 * veins).astype(
         np.float32
     )
 
@@ -126,7 +126,7 @@ def _lobules(x: Image, y: Image) -> tuple[Image, Image]:
     for middle_x, middle_y, reach_x, reach_y, count in _CLUSTERS:
         for _ in range(count):
             offset = random.normal(0.0, 0.5, 2)
-            size = random.uniform(2.2, 4.6) * (1.0 - 0.25 * min(1.0, float(np.hypot(*offset))))
+            size = random.uniform(1.3, 3.2) * (1.0 - 0.25 * min(1.0, float(np.hypot(*offset))))
             stretch = random.uniform(0.75, 1.3)
             tint = random.uniform(0.0, 1.0)
             place = (middle_x + reach_x * offset[0], middle_y + reach_y * offset[1])
@@ -138,7 +138,7 @@ def _lobules(x: Image, y: Image) -> tuple[Image, Image]:
             squared = ((x[window] - place[0]) / (size * stretch)) ** 2 + (
                 (y[window] - place[1]) / size
             ) ** 2
-            dome = np.sqrt(np.clip(1.0 - squared, 0.0, 1.0)) * (0.55 + 0.1 * size)
+            dome = np.sqrt(np.clip(1.0 - squared, 0.0, 1.0)) * (0.5 + 0.14 * size)
             higher = dome > thickness[window]
             thickness[window] = np.where(higher, dome, thickness[window])
             shade[window] = np.where(higher, tint, shade[window])
@@ -174,9 +174,10 @@ def _bed_color(
     color = mixed_color(color, _FASCIA_PALE, 0.35 * smooth_step(fine, 0.5, 0.85))
     color = mixed_color(color, _VEIN, 0.7 * veins)
     fat = mixed_color(_FAT_DEEP, _FAT, smooth_step(lobules, 0.25, 0.85))
-    fat = mixed_color(fat, _FASCIA, 0.12 + 0.22 * grain)
+    fat = mixed_color(fat, _FASCIA, 0.10 + 0.35 * grain)
     color = mixed_color(color, fat, smooth_step(lobules, 0.06, 0.38))
     shade = 1.0 - 0.45 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
+    shade = shade * (1.0 - 0.75 * smooth_step(y, -36.0, -130.0))
     color = color * shade[..., None].astype(np.float32)
     # Out of focus: the farther from the duct's plane, the softer.
     pixels = x.shape[1]

@@ -1,0 +1,235 @@
+"""The stage: files of the expected size, a hook under the duct, a camera that shows the clamps."""
+
+import io
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import trimesh
+import viser
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.clamps import JAW_LENGTH, clamp_glb
+from app.trainer.stage.hook import hook_glb, hook_wxyz
+from app.trainer.stage.neighbours import neighbours_glb
+from app.trainer.stage.stage import Stage
+from app.trainer.stage.textures import smooth_noise
+from app.trainer.stage.tissue_bed import tissue_bed_glb
+
+RADII = (4.45, 2.7)
+TISSUE = (205, 140, 92)
+CLIENT_BYTES = 1_000_000  # what a browser downloads for the full look
+TOUCH = 0.5  # mm between the hook and the duct's underside
+PICTURE_MARGIN = 0.97  # of the picture's half width or height
+FLOAT32 = 1e-5  # GLB files hold single precision
+
+
+def loaded(glb: bytes) -> trimesh.Scene:
+    """The file as trimesh reads it back."""
+    scene = trimesh.load(io.BytesIO(glb), file_type="glb")
+    assert isinstance(scene, trimesh.Scene)
+    return scene
+
+
+def full_files(radius: float) -> dict[str, bytes]:
+    """Every file of the full look."""
+    return {
+        "bed": tissue_bed_glb(),
+        "neighbours": neighbours_glb(),
+        "first": clamp_glb("first", radius=radius, bite=0.8, tissue=TISSUE),
+        "second": clamp_glb("second", radius=radius, bite=0.8, tissue=TISSUE),
+        "hook": hook_glb(radius),
+    }
+
+
+@pytest.fixture
+def scene() -> Iterator[viser.SceneApi]:
+    """A scene without a browser."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server.scene
+    server.stop()
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_files_are_small_enough(radius: float) -> None:
+    assert sum(len(file) for file in full_files(radius).values()) < CLIENT_BYTES
+
+
+@pytest.mark.parametrize("name", ["bed", "neighbours", "first", "second", "hook"])
+def test_files_hold_unit_normals_that_agree_with_the_winding(name: str) -> None:
+    for mesh in loaded(full_files(4.45)[name]).geometry.values():
+        assert isinstance(mesh, trimesh.Trimesh)
+        assert "vertex_normals" in mesh._cache  # read from the file, not computed
+        normals = np.asarray(mesh.vertex_normals)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-4)
+        areas = mesh.area_faces
+        corner_normals = normals[mesh.faces].sum(axis=1)
+        agreement = np.einsum("ij,ij->i", corner_normals, mesh.face_normals)
+        assert areas[agreement < 0.0].sum() < 1e-3 * areas.sum()
+
+
+@pytest.mark.parametrize("name", ["first", "hook"])
+def test_instruments_are_closed_and_wound_outwards(name: str) -> None:
+    for mesh in loaded(full_files(4.45)[name]).geometry.values():
+        assert isinstance(mesh, trimesh.Trimesh)
+        # Rounded ends close in a pole of coinciding vertices: weld them to see a closed surface.
+        welded = trimesh.Trimesh(mesh.vertices, mesh.faces)
+        welded.update_faces(welded.nondegenerate_faces())
+        assert welded.is_watertight
+        assert welded.is_winding_consistent
+        assert welded.volume > 0.0
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_clamp_bites_the_end_from_above_and_below(radius: float) -> None:
+    bite = 0.8
+    steel, shaft, cuff = loaded(
+        clamp_glb("first", radius=radius, bite=bite, tissue=TISSUE)
+    ).geometry.values()
+    over_the_end = steel.vertices[steel.vertices[:, 0] > 0.0]
+    for up in (1.0, -1.0):
+        jaw = over_the_end[up * over_the_end[:, 2] > 0.0]
+        nearest = np.abs(jaw[:, 2]).min() / radius
+        assert bite - 0.15 < nearest <= bite
+        assert np.ptp(jaw[:, 1]) > 2.0 * radius
+    assert steel.bounds[1][0] < radius
+    assert shaft.bounds[0][0] < -100.0
+    assert cuff.bounds[0][0] > -JAW_LENGTH * radius
+    assert np.abs(cuff.bounds[:, 2]).max() <= radius
+
+
+def test_second_clamp_mirrors_the_first() -> None:
+    first, second = (
+        loaded(clamp_glb(end, radius=4.45, bite=0.8, tissue=TISSUE)).bounds
+        for end in ("first", "second")
+    )
+    assert first is not None
+    assert second is not None
+    np.testing.assert_allclose(-first[::-1, 0], second[:, 0], rtol=FLOAT32)
+    np.testing.assert_allclose(first[:, 1:], second[:, 1:], rtol=FLOAT32)
+
+
+def test_bed_lies_around_the_duct_and_below_it() -> None:
+    (bed,) = loaded(tissue_bed_glb()).geometry.values()
+    below = bed.vertices[(np.abs(bed.vertices[:, 0]) < 27) & (np.abs(bed.vertices[:, 1]) < 6)]
+    assert below[:, 2].min() > -8.0
+    assert below[:, 2].max() < 2.0
+    assert np.ptp(bed.vertices[:, 0]) > 200.0
+
+
+def test_plain_bed_is_light() -> None:
+    assert len(tissue_bed_glb(rows=28, columns=36, pixels=384)) < 90_000
+
+
+@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.0, -0.6, 0.8), (0.0, 1.0, 0.0)])
+def test_hook_lies_against_the_underside(
+    scene: viser.SceneApi, radius: float, direction: tuple[float, float, float]
+) -> None:
+    stage = Stage(scene, span=50.8, radius=radius, look="plain")
+    point = np.array([21.0, 0.5, 4.0])
+    stage.place_hook(point, direction)
+    frame = scene.get_handle_by_name("/stage/hook")
+    assert isinstance(frame, viser.FrameHandle)
+    wire = next(iter(loaded(hook_glb(radius, detail=0.5)).geometry.values()))
+    assert isinstance(wire, trimesh.Trimesh)
+    turn = np.asarray(trimesh.transformations.quaternion_matrix(frame.wxyz))[:3, :3]
+    placed = trimesh.Trimesh(wire.vertices @ turn.T + frame.position, wire.faces, process=False)
+    underside = point - radius * np.array(direction)
+    samples = trimesh.sample.sample_surface(placed, 20_000, seed=1)[0]
+    assert np.linalg.norm(np.asarray(samples) - underside, axis=1).min() < TOUCH
+    # Nothing of the bend cuts deep into the duct, and the tip shows on the viewer's side.
+    clearance = np.linalg.norm((wire.vertices)[:, 1:], axis=1).min()
+    assert clearance > radius - TOUCH
+    assert wire.vertices[:, 1].min() < -radius
+
+
+def test_hook_follows_a_local_radius(scene: viser.SceneApi) -> None:
+    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
+    stage.place_hook((20.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius=5.45)
+    frame = scene.get_handle_by_name("/stage/hook")
+    assert isinstance(frame, viser.FrameHandle)
+    np.testing.assert_allclose(frame.position, (20.0, 0.0, -1.0))
+
+
+@given(angle=st.floats(-math.pi, math.pi))
+def test_hook_turns_from_up_to_the_pull(angle: float) -> None:
+    direction = np.array([0.0, -math.sin(angle), math.cos(angle)])
+    turn = np.asarray(trimesh.transformations.quaternion_matrix(hook_wxyz(direction)))[:3, :3]
+    np.testing.assert_allclose(turn @ (0.0, 0.0, 1.0), direction, atol=1e-12)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, math.nan, 1.0), (0.0, 1.0)])
+def test_hook_refuses_a_pull_without_a_direction(direction: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match="direction must be"):
+        hook_wxyz(direction)
+
+
+@given(
+    span=st.floats(30.0, 110.0),
+    radius=st.sampled_from(RADII),
+    aspect=st.floats(0.46, 2.2),
+)
+@settings(deadline=None)
+def test_camera_shows_both_clamps_and_the_lifted_duct(
+    span: float, radius: float, aspect: float
+) -> None:
+    view = viewpoint(span, radius, aspect)
+    wanted = np.array(
+        [
+            [x, y, z]
+            for x in (-radius, 0.0, span, span + radius)
+            for y in (-radius, radius)
+            for z in (-1.4 * radius, 1.4 * radius)
+        ]
+        + [[0.5 * span, 0.0, 0.28 * span]]
+    )
+    seen = view.picture_points(wanted, aspect)
+    assert np.abs(seen).max() < PICTURE_MARGIN
+    # As large as it can be: something reaches almost to an edge.
+    assert np.abs(seen[:, 0]).max() > 0.75 or np.abs(seen[:, 1]).max() > 0.6
+    if aspect < 0.8:
+        assert view.picture_points(np.array([[0.5 * span, 0.0, 0.0]]), aspect)[0, 1] > 0.25
+
+
+@pytest.mark.parametrize("numbers", [(0.0, 4.45, 1.3), (50.8, -1.0, 1.3), (50.8, 4.45, math.nan)])
+def test_camera_refuses_impossible_numbers(numbers: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="must be positive"):
+        viewpoint(*numbers)
+
+
+@pytest.mark.parametrize("look", ["full", "plain"])
+def test_stage_adds_and_removes_its_nodes(scene: viser.SceneApi, look: str) -> None:
+    assert look in ("full", "plain")
+    names = ("tissue_bed", "neighbours", "clamps/first", "clamps/second", "hook/instrument")
+    for _ in range(2):  # a second stage can be built where the first was
+        stage = Stage(scene, span=50.8, radius=4.45, look="full" if look == "full" else "plain")
+        assert all(scene.get_handle_by_name(f"/stage/{name}") is not None for name in names)
+        stage.hide_hook()
+        stage.show_hook()
+        stage.remove()
+        stage.remove()
+        assert all(scene.get_handle_by_name(f"/stage/{name}") is None for name in names)
+
+
+def test_stage_refuses_impossible_numbers(scene: viser.SceneApi) -> None:
+    with pytest.raises(ValueError, match="span and radius"):
+        Stage(scene, span=0.0, radius=4.45)
+    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
+    with pytest.raises(ValueError, match="point must be"):
+        stage.place_hook((0.0, math.inf, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_files_are_built_once() -> None:
+    assert tissue_bed_glb() is tissue_bed_glb()
+    assert hook_glb(4.45) is hook_glb(4.45)
+
+
+def test_noise_is_the_same_every_time() -> None:
+    first, second = (smooth_noise((32, 48), cells=2.0, fall=2.0, seed=3) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert first.shape == (32, 48)
+    assert abs(float(first.mean()) - 0.5) < 0.02
