@@ -2,7 +2,10 @@
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,6 +224,55 @@ def test_stage_refuses_impossible_numbers(scene: viser.SceneApi) -> None:
     stage = Stage(scene, span=50.8, radius=4.45, look="plain")
     with pytest.raises(ValueError, match="point must be"):
         stage.place_hook((0.0, math.inf, 0.0), (0.0, 0.0, 1.0))
+
+
+class PretendedCamera:
+    """A browser's camera without a browser."""
+
+    def __init__(self, aspect: float) -> None:
+        self.aspect = aspect
+        self.position = self.look_at = self.up_direction = np.zeros(3)
+        self.fov = self.near = self.far = self.max_orbit_distance = 0.0
+        self.callbacks: list[Callable[[Any], None]] = []
+
+    def on_update(self, callback: Callable[[Any], None]) -> None:
+        self.callbacks.append(callback)
+
+    def update(self) -> None:
+        for callback in self.callbacks:
+            callback(self)
+
+
+def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
+    scene: viser.SceneApi, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("app.trainer.stage.stage.time.monotonic", lambda: now[0])
+    camera = PretendedCamera(1.6)
+    client: Any = SimpleNamespace(camera=camera, atomic=nullcontext)
+    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
+    stage.frame_camera(client)
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
+    camera.position = np.full(3, 3.0)  # the browser resets the camera after it connects
+    camera.update()
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
+    now[0] += 10.0
+    camera.aspect = 0.6  # the window is turned
+    camera.update()
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 0.6).position)
+    now[0] += 10.0
+    looked_from = np.array([0.0, -90.0, 40.0])
+    camera.position = looked_from
+    camera.update()
+    camera.aspect = 1.2
+    camera.update()
+    np.testing.assert_array_equal(camera.position, looked_from)
+    stage.frame_camera(client)
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
+    stage.remove()
+    camera.aspect = 2.0
+    camera.update()
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
 
 
 def test_files_are_built_once() -> None:

@@ -27,6 +27,7 @@ JAW_LENGTH = 2.7
 _SHAFT_LEAN = np.array([-0.93, 0.30, 0.20])
 _SHAFT_LENGTH = 60.0
 _RIBS = 5
+_ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
 
 
 @cache
@@ -115,6 +116,7 @@ def _steel_solid(bite: float, corners: int) -> Solid:
                 0.075,
                 side=(1.0, 0.0, 0.0),
                 corners=8,
+                cap_rings=2,
             )
             for x in np.linspace(JAW_REACH - 0.2, -0.4, _RIBS)
         )
@@ -144,14 +146,15 @@ def _shaft_solid(corners: int) -> Solid:
 
 
 def _cuff_solid(bite: float, corners: int) -> Solid:
-    """Return the tissue between the jaws: as round as the duct at its end, flat at the back."""
+    """Return the tissue between the jaws: as wide as the duct at its end, flat at the back."""
     x = np.linspace(0.22, -1.6, 12)
     path = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=-1)
+    flat, spread = min(bite, 0.97), 0.99 + 0.7 * max(0.0, _ROUND_BITE - bite)
     knots = [-1.6, -1.1, -0.35, 0.0, 0.22]
     return swept_solid(
         path,
-        np.interp(x, knots, [0.9, 1.08, 1.03, 0.99, 0.94]),
-        np.interp(x, knots, [0.12, 0.24, bite * 0.95, 0.96, 0.94]),
+        np.interp(x, knots, [0.9, 1.08, spread + 0.04, spread, spread - 0.05]),
+        np.interp(x, knots, [0.12, 0.24, 0.95 * flat, 0.98 * flat, 0.94 * flat]),
         corners=corners,
     )
 

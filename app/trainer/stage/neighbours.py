@@ -53,6 +53,7 @@ def _gallbladder(corners: int) -> Solid:
         path,
         np.interp(along, [0.0, 0.3, 0.6, 0.85, 1.0], [13.0, 14.5, 16.0, 16.5, 15.0]),
         corners=corners,
+        cap_rings=12,
     )
 
 

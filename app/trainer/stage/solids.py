@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_CAP_RINGS = 5
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
@@ -93,6 +91,7 @@ def swept_solid(
     side: Sequence[float] = (0.0, 1.0, 0.0),
     squareness: float = 0.0,
     corners: int = 20,
+    cap_rings: int = 5,
 ) -> Solid:
     """Return a bar with rounded ends whose section is swept along a path.
 
@@ -110,6 +109,8 @@ def swept_solid(
         0 for an ellipse, towards 1 for a box with rounded edges.
     corners
         Points around the section.
+    cap_rings
+        Sections in each rounded end.
 
     Returns
     -------
@@ -133,13 +134,13 @@ def swept_solid(
         sides[index] = carried
 
     # Rounded ends: the end sections repeated outwards, shrinking along a quarter of an ellipse.
-    angles = np.linspace(0.0, np.pi / 2.0, _CAP_RINGS + 1)[1:]
+    angles = np.linspace(0.0, np.pi / 2.0, cap_rings + 1)[1:]
     reach = [min(widths[end], heights[end]) * (1.0 - 0.5 * squareness) for end in (0, -1)]
     start = points[0] - tangents[0] * (reach[0] * np.sin(angles[::-1]))[:, None]
     stop = points[-1] + tangents[-1] * (reach[1] * np.sin(angles))[:, None]
     shrink = np.concatenate([np.cos(angles[::-1]), np.ones(len(points)), np.cos(angles)])
     points = np.concatenate([start, points, stop])
-    repeated = np.r_[np.zeros(_CAP_RINGS, int), np.arange(len(tangents)), np.full(_CAP_RINGS, -1)]
+    repeated = np.r_[np.zeros(cap_rings, int), np.arange(len(tangents)), np.full(cap_rings, -1)]
     tangents, sides = tangents[repeated], sides[repeated]
     widths, heights = widths[repeated] * shrink, heights[repeated] * shrink
 

@@ -33,7 +33,8 @@ class Stage:
     look
         'plain' for slow machines: no environment map or normal map, fewer triangles.
     bite
-        Distance from the axis to each jaw, in radii: where the duct's ends should be as flat.
+        Distance from the axis to each jaw, in radii. 0.8 suits a duct with round ends;
+        smaller suits one whose ends are drawn flattened to this share of their height.
     tissue
         sRGB colour of the tissue pinched in the clamps, 0 to 255.
 
@@ -60,6 +61,8 @@ class Stage:
         self._removed = False
         self._framed_aspect = 0.0
         self._framed_at = 0.0
+        self._looked_around = False
+        self._follows_camera = False
         full = look == "full"
         detail = 1.0 if full else 0.5
         scale = self.span / REFERENCE_SPAN
@@ -149,19 +152,26 @@ class Stage:
         A browser that is still laying out its page reports a size that changes a moment later,
         and resets the camera once after it connects. So the camera is framed again when the
         picture's shape changes, and for three seconds whenever it is not where it was put.
-        After that the user may look around freely.
+        Once the user has looked around after that, the camera is left alone.
         """
+        self._looked_around = False
         self._frame(client, client.camera.aspect)
+        if self._follows_camera:
+            return
+        self._follows_camera = True
 
         @client.camera.on_update
         def _(camera: viser.CameraHandle) -> None:
-            if self._removed:
+            if self._removed or self._looked_around:
                 return
             aspect = camera.aspect
             reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
             settling = time.monotonic() - self._framed_at < _SETTLING_TIME
-            if reshaped or (settling and not self._is_framed(camera)):
+            away = not self._is_framed(camera)
+            if reshaped or (settling and away):
                 self._frame(client, aspect, settles=reshaped)
+            elif away:
+                self._looked_around = True
 
     def remove(self) -> None:
         """Take everything off the scene, so that another stage can be built."""
