@@ -75,12 +75,37 @@ def _glb(parts: Mapping[str, Triangles]) -> bytes:
     scene = trimesh.Scene()
     for name, (vertices, faces) in parts.items():
         metres = (vertices.astype(np.float64) @ GLTF_FROM_MM.T).astype(np.float32)
-        mesh = trimesh.Trimesh(metres, faces, process=False)
+        mesh = trimesh.Trimesh(
+            metres, faces, vertex_normals=vertex_normals(metres, faces), process=False
+        )
         mesh.visual = TextureVisuals(material=TISSUE)
         scene.add_geometry(  # pyright: ignore[reportUnknownMemberType]
             mesh, node_name=name, geom_name=name
         )
     return bytes(export_glb(scene, include_normals=True))
+
+
+def vertex_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return unit normals of a mesh's vertices: the mean of their faces' by area.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) places.
+    faces
+        (F, 3) vertex numbers.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (V, 3) normals, outwards.
+    """
+    corners = vertices.astype(np.float64)[faces]
+    of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sums = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        np.add.at(sums, faces[:, corner], of_faces)
+    return sums / np.linalg.norm(sums, axis=1, keepdims=True)
 
 
 def _flat(parts: Mapping[str, Triangles], kind: str) -> bytes:

@@ -25,13 +25,16 @@ class Skin:
     vertices
         (V, 3) places at rest, mm.
     faces
-        (F, 3) vertex numbers, anticlockwise seen from outside.
+        (F, 3) vertex numbers, anticlockwise seen from outside; those of the outer wall come first.
+    outer_faces
+        How many faces the outer wall has; the others line the lumen and close the ends.
     stations
         (V,) arc length along the organ's axis that each vertex belongs to, mm.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
+    outer_faces: int
     stations: NDArray[np.float64]
 
     def __post_init__(self) -> None:
@@ -191,6 +194,7 @@ def tube_skin(
     return Skin(
         np.concatenate(vertices).astype(np.float32) + np.float32(0.0),
         np.ascontiguousarray(triangles, dtype=np.int32),
+        len(faces[0]),
         np.concatenate(rows),
     )
 

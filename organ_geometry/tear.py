@@ -110,48 +110,42 @@ def torn_pieces(
     radius = organ.mean_radius
     shortest = min(SHORTEST_STUMP * radius, 0.25 * organ.length)
     middle = float(np.clip(station, shortest, organ.length - shortest))
-    rim = middle + _ragged(
-        sides_of(organ, edge_length), min(RAGGEDNESS * radius, 0.6 * shortest), seed
-    )
+    raggedness = min(RAGGEDNESS * radius, 0.6 * shortest)
+    angles = ring_angles(sides_of(organ, edge_length))
+    rim = middle + raggedness * _ragged(angles, seed)
     reach = min(REACH * radius, middle, organ.length - middle)
 
     ends = np.zeros(1), np.full(1, organ.length)
-    first = tube_skin(organ, ends[0], rim, edge_length=edge_length, reach=reach)
-    second = tube_skin(organ, rim, ends[1], edge_length=edge_length, reach=reach)
-    tangent = organ.axis_at(np.array([middle - 0.5 * shortest, middle + 0.5 * shortest]))
-    onwards = (tangent[1] - tangent[0]) / np.linalg.norm(tangent[1] - tangent[0])
-    return (
-        _piece(organ, first, middle, middle, -onwards, tension_side),
-        _piece(organ, second, middle, organ.length - middle, onwards, tension_side),
+    skins = (
+        tube_skin(organ, ends[0], rim, edge_length=edge_length, reach=reach),
+        tube_skin(organ, rim, ends[1], edge_length=edge_length, reach=reach),
     )
+    section = np.full(angles.size, middle)
+    across = (organ.surface(section, angles) - organ.axis_at(section)) @ tension_side
+    neighbours = organ.axis_at(np.array([middle - 0.5 * shortest, middle + 0.5 * shortest]))
+    onwards = (neighbours[1] - neighbours[0]) / np.linalg.norm(neighbours[1] - neighbours[0])
+
+    def piece(skin: Skin, length: float, away: NDArray[np.float64]) -> TornPiece:
+        offsets = (skin.vertices - organ.axis_at(skin.stations)) @ tension_side
+        height = np.clip((across.max() - offsets) / np.ptp(across), 0.0, 1.0)
+        behind = np.maximum(np.abs(skin.stations - middle) - raggedness, 0.0)
+        fade = min(DRAWN_BACK * radius, length - raggedness)
+        near = np.clip(1.0 - behind / fade, 0.0, 1.0) ** 2
+        gape = min(GAPE * radius, 0.3 * length)
+        return TornPiece(skin, height, gape * near[:, None] * away)
+
+    return piece(skins[0], middle, -onwards), piece(skins[1], organ.length - middle, onwards)
 
 
-def _piece(
-    organ: Organ,
-    skin: Skin,
-    middle: float,
-    length: float,
-    away: NDArray[np.float64],
-    tension_side: NDArray[np.float64],
-) -> TornPiece:
-    """Return the piece with each vertex's place across the section and its way back."""
-    offsets = (skin.vertices - organ.axis_at(skin.stations)) @ tension_side
-    height = (offsets.max() - offsets) / np.ptp(offsets)
-    fade = min(DRAWN_BACK * organ.mean_radius, length)
-    near = np.clip(1.0 - np.abs(skin.stations - middle) / fade, 0.0, 1.0) ** 2
-    gape = min(GAPE * organ.mean_radius, 0.3 * length)
-    return TornPiece(skin, height, gape * near[:, None] * away)
-
-
-def _ragged(sides: int, amplitude: float, seed: int) -> NDArray[np.float64]:
-    """Return a ring of (sides,) distances with zero mean, no larger than the amplitude."""
+def _ragged(angles: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+    """Return a wavy number for each of a ring's angles, of zero mean and from -1 to 1."""
     random = np.random.default_rng(seed)
     orders = np.arange(2, 12)
     phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
     sizes = random.uniform(0.5, 1.0, orders.size) / np.sqrt(orders)
-    waves = np.cos(np.outer(ring_angles(sides), orders) + phases) @ sizes
+    waves = np.cos(np.outer(angles, orders) + phases) @ sizes
     waves -= waves.mean()
-    return amplitude * waves / np.abs(waves).max()
+    return waves / np.abs(waves).max()
 
 
 @numba.njit(cache=True)

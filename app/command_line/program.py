@@ -2,7 +2,6 @@
 
 import sys
 
-import click
 import typer
 
 from app.command_line import compress, export, solve, trainer
@@ -33,15 +32,12 @@ def main() -> None:
 
 def _status() -> int:
     try:
-        return int(program(standalone_mode=False) or 0)
-    except click.exceptions.NoArgsIsHelpError as error:
-        print(error.format_message())
-        return WRONG_INPUT
-    except click.ClickException as error:
-        return _say(error.format_message(), WRONG_INPUT)
+        return int(program(sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
+    except typer.TyperException as error:
+        return _say(f"{error.format_message().rstrip('.')}; --help says what is right", WRONG_INPUT)
     except (ValueError, OSError) as error:
         return _say(str(error), WRONG_INPUT)
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return _say("stopped", 130)
     except Exception as error:  # the last resort: one line instead of a traceback
         return _say(f"internal error, please report it: {type(error).__name__}: {error}", OUR_FAULT)

@@ -12,7 +12,7 @@ from app.simulation import tear_course
 from app.simulation.dissection import Dissection, default_preset
 from app.simulation.preset import Preset, preset_named, presets
 from organ_geometry.organ import Organ
-from organ_geometry.skin import BoundSkin, organ_skin
+from organ_geometry.skin import BoundSkin, Skin, organ_skin
 from organ_geometry.tear import TornPiece
 from physics import (
     BreakEvent,
@@ -56,14 +56,14 @@ class Surface:
     ----------
     name
         "skin" while the duct is whole, else "first_piece" or "second_piece".
-    faces
-        (F, 3) vertex numbers.
+    skin
+        The surface at rest.
     vertices
         (V, 3) places, mm; overwritten by each step.
     """
 
     name: str
-    faces: NDArray[np.int32]
+    skin: Skin
     vertices: NDArray[np.float32]
 
 
@@ -427,7 +427,7 @@ class Session:
 
     def _show_whole(self) -> None:
         rest = self._skin.skin
-        self._surfaces = (Surface("skin", rest.faces, rest.vertices.copy()),)
+        self._surfaces = (Surface("skin", rest, rest.vertices.copy()),)
         self._shape += 1
         self._stale = True
 
@@ -447,7 +447,7 @@ class Session:
             bound=(pieces[0].skin.bound_to(driving), pieces[1].skin.bound_to(driving)),
         )
         self._surfaces = tuple(
-            Surface(name, piece.skin.faces, piece.skin.vertices.copy())
+            Surface(name, piece.skin, piece.skin.vertices.copy())
             for name, piece in zip(("first_piece", "second_piece"), pieces, strict=True)
         )
         self._shape += 1

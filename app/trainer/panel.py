@@ -1,6 +1,8 @@
 """The panel: read-outs, sliders, choices and the force-deflection plot of one client."""
 
 import html
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
@@ -35,6 +37,9 @@ Drag the picture to look around, scroll to come nearer.
 normal stress + bending stress > threshold T. How the torn ends gape and swing
 is drawn, not computed.
 """
+
+
+_Input = viser.GuiSliderHandle[float] | viser.GuiDropdownHandle[str]
 
 
 class Panel:
@@ -121,13 +126,13 @@ class Panel:
             initial_value=round(session.grasp, 1),
             hint="Where the hook holds the duct, from the left clamp",
         )
-        low, high = (KPA_PER_MPA * end for end in session.threshold_range)
+        low, high, step, value = self._threshold_scale()
         self._threshold = gui.add_slider(
             "Threshold (kPa)",
             min=low,
             max=high,
-            step=_step(high),
-            initial_value=KPA_PER_MPA * session.threshold,
+            step=step,
+            initial_value=value,
             hint="Normal plus bending stress at which the duct tears",
         )
         self._titles = {preset.title: preset.name for preset in session.presets_offered()}
@@ -147,36 +152,30 @@ class Panel:
             "Reset", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
         )
 
-        @self._force.on_update
-        async def _(_: object) -> None:
-            session.set_force(_number(self._force.value))
-
-        @self._grasp.on_update
-        async def _(_: object) -> None:
-            session.set_grasp(_number(self._grasp.value))
-
-        @self._threshold.on_update
-        async def _(_: object) -> None:
-            session.set_threshold(_number(self._threshold.value) / KPA_PER_MPA)
-
-        @self._preset.on_update
-        async def _(_: object) -> None:
-            name = self._titles.get(self._preset.value)
-            if name is not None and name != session.dissection.preset.name:
-                session.choose_preset(name)
-                self._take_ranges()
-
-        @self._theory.on_update
-        async def _(_: object) -> None:
-            for name, label in THEORY_LABELS.items():
-                if label == self._theory.value and name != session.theory:
-                    session.choose_theory(name)
-                    self._take_ranges()
+        _on_input(self._force, lambda value: session.set_force(_number(value)))
+        _on_input(self._grasp, lambda value: session.set_grasp(_number(value)))
+        _on_input(
+            self._threshold, lambda value: session.set_threshold(_number(value) / KPA_PER_MPA)
+        )
+        _on_input(self._preset, self._choose_preset)
+        _on_input(self._theory, self._choose_theory)
 
         @reset.on_click
         async def _(_: object) -> None:
             session.reset()
             self._force.value = 0.0
+
+    def _choose_preset(self, title: object) -> None:
+        name = self._titles.get(str(title))
+        if name is not None and name != self._session.dissection.preset.name:
+            self._session.choose_preset(name)
+            self._take_ranges()
+
+    def _choose_theory(self, label: object) -> None:
+        for name, text in THEORY_LABELS.items():
+            if text == label and name != self._session.theory:
+                self._session.choose_theory(name)
+                self._take_ranges()
 
     def _take_ranges(self) -> None:
         """Bring the sliders' ranges and values in line with the session's."""
@@ -189,11 +188,18 @@ class Panel:
         low, high = session.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
         self._grasp.value = round(session.grasp, 1)
-        low, high = (KPA_PER_MPA * end for end in session.threshold_range)
-        self._threshold.min, self._threshold.max = low, high
-        self._threshold.step = _step(high)
-        self._threshold.value = KPA_PER_MPA * session.threshold
+        low, high, step, value = self._threshold_scale()
+        self._threshold.min, self._threshold.max, self._threshold.step = low, high, step
+        self._threshold.value = value
         self._about.content = self._model_text()
+
+    def _threshold_scale(self) -> tuple[float, float, float, float]:
+        """Return the threshold slider's ends, step and value, kPa, in round numbers."""
+        low, high = (KPA_PER_MPA * end for end in self._session.threshold_range)
+        step = _step(high)
+        value = KPA_PER_MPA * self._session.threshold
+        low, high, value = (round(step * round(end / step), 9) for end in (low, high, value))
+        return low, high, step, value
 
     def _add_plot(self) -> viser.GuiUplotHandle:
         nothing = np.zeros(2)
@@ -259,6 +265,15 @@ class Panel:
                 f"Confidence: {confidence}",
             )
         )
+
+
+def _on_input(handle: _Input, take: Callable[[object], None]) -> None:
+    """Call back with what the browser sets, in order; not with what we set ourselves."""
+
+    @handle.on_update
+    async def _(event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            take(handle.value)
 
 
 def _number(value: object) -> float:

@@ -1,19 +1,32 @@
 """The scene: the duct of one client between its clamps, and the hook that pulls it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import viser
+from numpy.typing import NDArray
 from viser import transforms
 
-from app.simulation.session import Phase, Reading, Session
+from app.simulation.session import Phase, Reading, Session, Surface
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import Stage
 
 __all__ = ["Scene"]
 
-TISSUE = (205, 140, 92)
-"""sRGB."""
+TISSUE = (192, 124, 80)
+INSIDE = (138, 48, 40)
+"""sRGB colours of the outer wall, and of the lumen and torn tissue."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """A mesh in the browser and the surface whose first vertices it shows."""
+
+    mesh: viser.MeshHandle
+    surface: Surface
+    vertices: int
 
 
 class Scene:
@@ -33,7 +46,7 @@ class Scene:
         self._client, self._session = client, session
         self._look: Look = look
         self._stage: Stage | None = None
-        self._meshes: list[viser.MeshHandle] = []
+        self._drawn: list[_Drawn] = []
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self.draw(session.reading())
@@ -50,8 +63,8 @@ class Scene:
             stage = self._set_stage()
             if self._session.shape != self._shape:
                 self._rebuild()
-            for mesh, surface in zip(self._meshes, self._session.surfaces, strict=True):
-                mesh.vertices = surface.vertices
+            for drawn in self._drawn:
+                drawn.mesh.vertices = drawn.surface.vertices[: drawn.vertices]
             lift = LIFT_AFTER_TEAR * stage.radius if reading.phase is Phase.TORN else 0.0
             stage.place_hook(np.add(reading.hook, (0.0, 0.0, lift)), (0.0, 0.0, 1.0))
 
@@ -86,20 +99,33 @@ class Scene:
 
     def _rebuild(self) -> None:
         """Show the session's surfaces instead of those shown so far."""
-        surfaces = self._session.surfaces
         self._shape = self._session.shape
-        for mesh in self._meshes:
-            mesh.remove()
-        full = self._look == "full"
-        self._meshes = [
-            self._client.scene.add_mesh_simple(
-                f"/organ/{surface.name}",
-                surface.vertices,
-                surface.faces.astype(np.uint32),
-                color=TISSUE,
-                side="double",
-                cast_shadow=full,
-                receive_shadow=full,
-            )
-            for surface in surfaces
-        ]
+        for drawn in self._drawn:
+            drawn.mesh.remove()
+        self._drawn = []
+        for surface in self._session.surfaces:
+            outer = surface.skin.outer_faces
+            faces = surface.skin.faces
+            self._draw_faces(surface, surface.name, faces[:outer], TISSUE)
+            # A mesh of its own: another colour, and a sharp edge along the torn rim.
+            self._draw_faces(surface, f"{surface.name}_inside", faces[outer:], INSIDE)
+
+    def _draw_faces(
+        self,
+        surface: Surface,
+        name: str,
+        faces: NDArray[np.int32],
+        color: tuple[int, int, int],
+    ) -> None:
+        used = int(faces.max()) + 1
+        mesh = self._client.scene.add_mesh_simple(
+            f"/organ/{name}",
+            surface.vertices[:used],
+            faces.astype(np.uint32),
+            color=color,
+            side="double",
+            # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._drawn.append(_Drawn(mesh, surface, used))

@@ -1,0 +1,86 @@
+"""Mesh files: what is written is what is read, whole or not at all."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from test_skin import tube
+
+from organ_geometry.mesh_file import SUFFIXES, vertex_normals, write_mesh
+from organ_geometry.skin import organ_skin
+from organ_geometry.tear import torn_pieces
+from organ_geometry.whole_file import write_whole
+
+
+def parts_of(torn: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    organ = tube(wall=1.0)
+    if not torn:
+        skin = organ_skin(organ, edge_length=1.0)
+        return {"organ": (skin.vertices, skin.faces)}
+    pieces = torn_pieces(organ, 25.4, np.array([0.0, 0.0, 1.0]), edge_length=1.0)
+    return {
+        name: (piece.open(2.0, piece.skin.vertices.copy()), piece.skin.faces)
+        for name, piece in zip(("first_piece", "second_piece"), pieces, strict=True)
+    }
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("torn", [False, True])
+def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, torn: bool) -> None:
+    parts = parts_of(torn)
+    path = tmp_path / f"duct{suffix}"
+    write_mesh(parts, path)
+    loaded = trimesh.load_mesh(path, process=False) if suffix != ".stl" else trimesh.load_mesh(path)
+    vertices = np.concatenate([vertices for vertices, _ in parts.values()])
+    if suffix == ".glb":  # metres, y up
+        vertices = 1e-3 * vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    assert loaded.is_watertight
+    assert loaded.is_winding_consistent
+    assert loaded.bounds == pytest.approx(
+        np.stack([vertices.min(axis=0), vertices.max(axis=0)]), rel=1e-5, abs=1e-6
+    )
+    expected = sum(trimesh.Trimesh(*part, process=False).volume for part in parts.values())
+    scale = 1e-9 if suffix == ".glb" else 1.0
+    assert loaded.volume == pytest.approx(scale * expected, rel=1e-4)
+    assert len(loaded.split(only_watertight=True)) == len(parts)
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_glb_keeps_the_pieces_apart_and_shaded(tmp_path: Path) -> None:
+    path = tmp_path / "duct.glb"
+    write_mesh(parts_of(torn=True), path)
+    scene = trimesh.load_scene(path)
+    assert set(scene.geometry) == {"first_piece", "second_piece"}
+    content = path.read_bytes()
+    assert b'"NORMAL"' in content  # without normals viewers shade flat
+
+
+def test_normals_of_a_sphere_point_outwards() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    normals = vertex_normals(sphere.vertices.astype(np.float32), sphere.faces.astype(np.int32))
+    # Facets of 1/16 of the radius: normals off by less than 1 %.
+    assert np.abs(normals - sphere.vertices).max() < 1e-2
+
+
+@pytest.mark.parametrize("name", ["duct", "duct.blend", "duct.STLX"])
+def test_unknown_kinds_are_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match=r"\.stl, \.ply, \.obj, \.glb"):
+        write_mesh(parts_of(torn=False), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="there is no folder"):
+        write_mesh(parts_of(torn=False), tmp_path / "nowhere" / "duct.stl")
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "duct.organ"
+    write_whole(path, b"old")
+    with pytest.raises(TypeError):
+        write_whole(path, "not bytes")  # pyright: ignore[reportArgumentType]
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+    with pytest.raises(ValueError, match="it is a folder"):
+        write_whole(tmp_path, b"")
