@@ -28,6 +28,8 @@ RANGE_SHARE = 0.995
 # Fewer points than this on a half leave seven coefficients badly determined.
 _ENOUGH_POINTS = 2 * COEFFICIENTS
 _RESAMPLED_POINTS = 128
+# Share of the width by which points of an upright end may differ in x: rounding.
+_UPRIGHT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -305,11 +307,31 @@ def _split(
     chord_lengths = np.maximum(np.linalg.norm(chords, axis=1), np.finfo(np.float64).tiny)
     weights = np.abs(chords[:, 0]) / chord_lengths * np.sqrt(lengths)
 
-    left, right = int(boundary[:, 0].argmin()), int(boundary[:, 0].argmax())
-    total = len(boundary)
-    onward = np.arange(left, left + (right - left) % total + 1) % total
-    back = np.arange(right, right + (left - right) % total + 1) % total
-    return [(boundary[half], weights[half]) for half in (onward, back)]
+    left, right = _extreme_run(-boundary[:, 0]), _extreme_run(boundary[:, 0])
+    return [
+        (boundary[half], weights[half])
+        for half in (
+            _cyclic_range(left[1], right[0], len(boundary)),
+            _cyclic_range(right[1], left[0], len(boundary)),
+        )
+    ]
+
+
+def _extreme_run(values: NDArray[np.float64]) -> tuple[int, int]:
+    """Return the first and last point of the upright piece at the largest value."""
+    # Points of an upright end belong to neither half, only its two ends do.
+    extreme = values >= values.max() - _UPRIGHT * np.ptp(values)
+    total = len(values)
+    first = last = int(values.argmax())
+    while extreme[(first - 1) % total]:
+        first = (first - 1) % total
+    while extreme[(last + 1) % total]:
+        last = (last + 1) % total
+    return first, last
+
+
+def _cyclic_range(first: int, last: int, total: int) -> NDArray[np.intp]:
+    return np.arange(first, first + (last - first) % total + 1) % total
 
 
 def _fit_half(
