@@ -199,10 +199,13 @@ def build_organ(
     lumen = np.array([curves.as_row() for curves in hollow]) if len(hollow) == len(traced) else None
     if tolerance_mm is None:
         tolerance_mm = _suitable_tolerance(traced, stack)
-    keys = key_sections(outer, lumen, tolerance_mm)
+    axis = np.array([section.centroid for section in traced])
+    stations = np.zeros(len(axis))
+    np.cumsum(np.linalg.norm(np.diff(axis, axis=0), axis=1), out=stations[1:])
+    keys = key_sections(outer, lumen, tolerance_mm, stations=stations)
     organ = stored_organ(
         Organ(
-            axis=np.array([section.centroid for section in traced]),
+            axis=axis,
             frames=stack.frames[[section.index for section in traced]],
             keys=keys,
             outer=outer[keys],
