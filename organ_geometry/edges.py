@@ -24,11 +24,16 @@ CLEAR_WALL = 3.0
 SMALLEST_SMOOTHING_PX = 0.5
 FINE_SMOOTHING_PX = 0.75
 
+# In noise alone, the largest speck stands out by up to 1.7 / sigma times the noise of a pixel.
+CLEAR_CONTRAST = 2.0
 SMALLEST_ORGAN_PX = 12.0
+# Grey levels are whole numbers; what is left of less than this is rounding of the blur.
+SMALLEST_CONTRAST = 1e-2
 SMALLEST_LUMEN_SHARE = 0.05
 # A lumen differs from its wall by at least this share of what the wall differs from outside.
 LUMEN_CONTRAST = 0.3
 
+_GREY_TYPES = frozenset({np.dtype(np.uint8), np.dtype(np.uint16)})
 _MARGIN = 8
 _RING_GAP = 3
 _RING_WIDTH = 5
@@ -174,9 +179,10 @@ class _Regions:
 def _as_grey(image: GreyImage) -> _Image:
     """Return an image as 32 bit grey levels, checked."""
     grey = np.asarray(image)
-    if grey.ndim != 2 or grey.size == 0 or grey.dtype.kind not in "uif":
+    if grey.ndim != 2 or grey.size == 0 or grey.dtype not in _GREY_TYPES:
         raise ValueError(
-            f"image must be (H, W) grey levels, not {grey.dtype} of shape {grey.shape}"
+            f"image must be (H, W) grey levels of 8 or 16 bit, "
+            f"not {grey.dtype} of shape {grey.shape}"
         )
     return grey.astype(np.float32)
 
@@ -199,7 +205,7 @@ def _mask(where: NDArray[np.bool_]) -> _Mask:
 def _otsu(values: _Image) -> float:
     """Return the level that best splits the values into two classes (Otsu)."""
     low, high = float(values.min()), float(values.max())
-    if not high > low:
+    if high - low < SMALLEST_CONTRAST:
         return high
     scaled = ((values - low) * (255.0 / (high - low))).astype(np.uint8)
     level, _ = cv2.threshold(scaled, 0.0, 255.0, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
@@ -247,16 +253,17 @@ def _find_regions(bright: _Image, sigma: float) -> _Regions:
     if outline is None:
         raise NoEdgeFound("nothing stands out from the image's background")
     filled = _fill(outline, bright.shape)
-    outside, noise = _background(bright, filled)
+    outside = _level_around(bright, filled)
 
     wall_top = float(np.quantile(smoothed[filled > 0], 0.9))
     seed = _hole(smoothed, filled, wall_top - LUMEN_CONTRAST * (wall_top - outside))
     solid = filled if seed is None else cv2.bitwise_and(filled, cv2.bitwise_not(seed))
     organ = _inner_level(bright, np.asarray(solid, dtype=np.uint8))
-    if not organ - outside > noise:
+    noise = _noise(bright, smoothed)
+    if not organ - outside > CLEAR_CONTRAST / sigma * noise:
         raise NoEdgeFound(
-            f"what stands out differs by {organ - outside:.3g} grey levels, "
-            f"no more than the noise of {noise:.3g}"
+            f"what stands out from the background differs by {organ - outside:.3g} grey levels, "
+            f"not clearly more than the noise of {noise:.3g}"
         )
     outer_level = 0.5 * (organ + outside)
     outline = _main_outline(_mask(smoothed > outer_level))
@@ -272,13 +279,18 @@ def _find_regions(bright: _Image, sigma: float) -> _Regions:
     return _Regions(filled, outer_level, seed, lumen_level)
 
 
-def _background(bright: _Image, filled: _Mask) -> tuple[float, float]:
-    """Return the level around the organ and the standard deviation of its noise."""
+def _level_around(bright: _Image, filled: _Mask) -> float:
+    """Return the background's level in a ring around a region, clear of its blurred rim."""
     near = _grown(filled, _RING_GAP)
     ring = (_grown(near, _RING_WIDTH) > 0) & (near == 0)
-    values = bright[ring]
-    level = float(np.median(values))
-    return level, _MAD_TO_DEVIATION * float(np.median(np.abs(values - level)))
+    return float(np.median(bright[ring]))
+
+
+def _noise(bright: _Image, smoothed: _Image) -> float:
+    """Return the standard deviation of the noise of single pixels, outside of the margin."""
+    inner = slice(_MARGIN, -_MARGIN)
+    rest = np.abs(bright[inner, inner] - smoothed[inner, inner])
+    return _MAD_TO_DEVIATION * float(np.median(rest))
 
 
 def _inner_level(bright: _Image, region: _Mask) -> float:
