@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -264,23 +265,35 @@ def _natural_key(name: str) -> tuple[list[str | int], str]:
 def _page_count(file: Path) -> int:
     """Return the number of pages of a TIFF file."""
     try:
-        count = cv2.imcount(str(file), _READ_GREY)
+        with _quiet_decoders():
+            count = cv2.imcount(str(file), _READ_GREY)
     except cv2.error:
         count = 0
     if count < 1:
-        raise ImageStackError(f"{file} cannot be read as a TIFF image")
+        raise ImageStackError(f"{file.name} cannot be read as an image (in {file.parent})")
     return count
+
+
+@contextmanager
+def _quiet_decoders() -> Generator[None]:
+    """Keep OpenCV's own lines about a broken file off the error stream: one error tells it."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
 
 
 def _read_grey(file: Path, page: int | None, name: str) -> GreyImage:
     """Return one image as 8 or 16 bit grey."""
     try:
-        if page is None:
-            data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
-            image = cv2.imdecode(data, _READ_GREY)
-        else:
-            _, pages = cv2.imreadmulti(str(file), start=page, count=1, flags=_READ_GREY)
-            image = pages[0] if pages else None
+        with _quiet_decoders():
+            if page is None:
+                data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
+                image = cv2.imdecode(data, _READ_GREY)
+            else:
+                _, pages = cv2.imreadmulti(str(file), start=page, count=1, flags=_READ_GREY)
+                image = pages[0] if pages else None
     except (OSError, cv2.error):
         image = None
     if image is None:
