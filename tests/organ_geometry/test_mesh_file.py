@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from test_skin import tube
+from tubes import tube
 
 from organ_geometry.mesh_file import SUFFIXES, vertex_normals, write_mesh
 from organ_geometry.skin import organ_skin

@@ -2,44 +2,12 @@
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tubes import LENGTH, mesh_of, tube
 
 from organ_geometry.driving_points import DrivingPoints, driving_points
-from organ_geometry.half_curves import fit_half_curves
-from organ_geometry.organ import Organ
-from organ_geometry.skin import Skin, _blend, organ_skin
-
-LENGTH = 50.8
-RADIUS = 4.445
-SECTIONS = 128
-
-
-def tube(*, wall: float | None = None, left_handed: bool = False, sag: float = 0.0) -> Organ:
-    """A round organ along x: solid or with a wall, straight or sagging, either handedness."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    calibre = np.array([1.0, 0.9, 1.0])
-    outer = np.stack([fit_half_curves(RADIUS * part * circle).as_row() for part in calibre])
-    lumen = None
-    if wall is not None:
-        lumen = np.stack(
-            [fit_half_curves((RADIUS * part - wall) * circle).as_row() for part in calibre]
-        )
-    axis = np.zeros((SECTIONS, 3))
-    axis[:, 0] = np.linspace(0.0, LENGTH, SECTIONS)
-    axis[:, 1] = -sag * np.sin(np.pi * axis[:, 0] / LENGTH)
-    x_dir = [0.0, 1.0, 0.0] if left_handed else [0.0, -1.0, 0.0]
-    frame = np.array([x_dir, [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]).T
-    frames = np.broadcast_to(frame, (SECTIONS, 3, 3))
-    return Organ(axis, frames, np.array([0, 60, SECTIONS - 1]), outer, lumen)
-
-
-def mesh_of(skin: Skin, vertices: np.ndarray | None = None) -> trimesh.Trimesh:
-    return trimesh.Trimesh(
-        skin.vertices if vertices is None else vertices, skin.faces, process=False
-    )
+from organ_geometry.skin import _blend, organ_skin
 
 
 def bend(points: DrivingPoints, height: float) -> np.ndarray:

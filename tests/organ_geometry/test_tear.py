@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from test_skin import LENGTH, RADIUS, mesh_of, tube
+from tubes import LENGTH, RADIUS, mesh_of, tube
 
 from organ_geometry.skin import organ_skin
 from organ_geometry.tear import _draw_back, torn_pieces

@@ -1,0 +1,102 @@
+"""Dissections: which beam stands for an organ, and where it is clamped and pulled."""
+
+import math
+
+import numpy as np
+import pytest
+from simulated import phantom
+from tubes import LENGTH, RADIUS, tube
+
+from app.simulation.dissection import Dissection, default_preset, organ_beam
+from app.simulation.preset import preset_named, presets
+from organ_geometry.organ import Organ
+from physics import Cubic
+
+
+def shortened(organ: Organ, factor: float) -> Organ:
+    return Organ(
+        organ.axis * [factor, 1.0, 1.0], organ.frames, organ.keys, organ.outer, organ.lumen
+    )
+
+
+def test_presets_ship_with_source_and_confidence() -> None:
+    assert next(iter(presets())) == "thesis-bile-duct"
+    assert {"thesis-bile-duct", "thesis-rubber", "thesis-thin-rubber"} < set(presets())
+    assert sum(not preset.name.startswith("thesis") for preset in presets().values()) >= 2
+    for preset in presets().values():
+        assert preset.source
+        assert preset.confidence_note
+
+
+def test_thesis_preset_solves_its_own_round_bar_whatever_the_organ_looks_like() -> None:
+    for organ in (phantom(), tube(wall=1.0), shortened(tube(), 2.0)):
+        beam = Dissection.of(organ, preset_named("thesis-bile-duct")).beam
+        assert beam.span == 50.8
+        assert beam.area == pytest.approx(math.pi * 8.89**2 / 4.0)
+        assert beam.second_moment == pytest.approx(math.pi * 8.89**4 / 64.0)
+
+
+def test_organ_preset_takes_the_weakest_section_of_the_organ() -> None:
+    """`tube` is 4.445 mm in radius at its ends and a tenth less in the middle, with a 1 mm wall."""
+    outer, inner = 0.9 * RADIUS, 0.9 * RADIUS - 1.0
+    beam = Dissection.of(tube(wall=1.0), preset_named("porcine-gallbladder")).beam
+    # Two degree-6 curves leave 0.5 % of a circle's area aside, a wall's is a difference of two.
+    assert beam.span == pytest.approx(LENGTH)
+    assert beam.area == pytest.approx(math.pi * (outer**2 - inner**2), rel=0.02)
+    assert beam.second_moment == pytest.approx(math.pi / 4 * (outer**4 - inner**4), rel=0.02)
+    assert beam.fibre_distance == pytest.approx(outer, rel=0.01)
+    assert beam.modulus == 9.03
+
+
+def test_long_organ_is_clamped_in_its_middle_and_stays_at_rest_outside() -> None:
+    organ = shortened(tube(), 2.0)
+    dissection = Dissection.of(organ, preset_named("thesis-bile-duct"))
+    assert dissection.clamps == pytest.approx((25.4, 76.2))
+    pulled = Cubic().under_force(dissection.beam, 25.4, 3.0, dissection.beam_stations)
+    transforms = dissection.move(pulled, dissection.rest_transforms())
+    outside = (dissection.driving.stations <= 25.4) | (dissection.driving.stations >= 76.2)
+    assert outside.sum() > 10
+    assert not transforms[outside].any()
+    assert np.abs(transforms[~outside]).max(axis=(1, 2)).min() > 0.0
+
+
+def test_short_organ_is_refused_by_a_span_it_cannot_hold_and_gets_another_default() -> None:
+    organ = shortened(tube(wall=1.0), 0.5)
+    with pytest.raises(ValueError, match=r"clamps 50\.8 mm of duct and this organ is 25\.4 mm"):
+        Dissection.of(organ, preset_named("thesis-bile-duct"))
+    assert default_preset(organ).name == "porcine-bile-duct"
+    assert default_preset(tube()).name == "thesis-bile-duct"
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.5])
+def test_frame_is_right_handed_along_the_clamps_and_up_the_images(turn: float) -> None:
+    organ = tube(wall=1.0)
+    rotation = np.array(
+        [
+            [math.cos(turn), -math.sin(turn), 0.0],
+            [math.sin(turn), math.cos(turn), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    ) @ np.array(
+        [
+            [1.0, 0.0, 0.0],
+            [0.0, math.cos(turn), -math.sin(turn)],
+            [0.0, math.sin(turn), math.cos(turn)],
+        ]
+    )
+    turned = Organ(
+        organ.axis @ rotation.T + [10.0, -20.0, 1000.0],
+        rotation @ organ.frames,
+        organ.keys,
+        organ.outer,
+        organ.lumen,
+    )
+    frame = Dissection.of(turned, preset_named("porcine-bile-duct")).frame
+    assert frame.T @ frame == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+    assert frame[:, 0] == pytest.approx(rotation[:, 0], abs=1e-12)
+    assert frame[:, 2] == pytest.approx(rotation[:, 2], abs=1e-12)
+    # A turned organ is the same beam.
+    still = organ_beam(organ, preset_named("porcine-bile-duct"))
+    moved = organ_beam(turned, preset_named("porcine-bile-duct"))
+    assert moved.second_moment == pytest.approx(still.second_moment, rel=1e-9)

@@ -1,0 +1,261 @@
+"""Sessions: they bend by what the beam says, tear where and when it says, and start anew."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulated import SECONDS, phantom, pull, settle, tear
+
+from app.simulation.preset import preset_named, presets
+from app.simulation.session import Phase, Session
+from physics import Cubic, TautString, calibrated_threshold
+
+BREAK = 0.8 * 4.4482216152605
+"""The thesis's P = 0.4 lbf on each half, N."""
+
+
+@pytest.fixture
+def session() -> Session:
+    return Session(phantom(), vertices=1200)
+
+
+def closed(session: Session) -> list[trimesh.Trimesh]:
+    meshes = [
+        trimesh.Trimesh(surface.vertices, surface.skin.faces, process=False)
+        for surface in session.surfaces
+    ]
+    assert all(mesh.is_watertight and mesh.is_winding_consistent for mesh in meshes)
+    return meshes
+
+
+def test_starts_at_rest_with_the_organ_to_the_bit(session: Session) -> None:
+    settle(session)
+    surface = session.surfaces[0]
+    assert surface.vertices.tobytes() == surface.skin.vertices.tobytes()
+    reading = session.reading()
+    assert (reading.phase, reading.force, reading.deflection) == (Phase.INTACT, 0.0, 0.0)
+    assert reading.check.distance_to_break == 1.0
+
+
+@pytest.mark.parametrize("name", ["cubic", "string"])
+@pytest.mark.parametrize("grasp", [12.0, 25.4, 33.0])
+def test_bends_by_what_the_beam_says(name: str, grasp: float) -> None:
+    session = Session(phantom(), vertices=10000)
+    session.choose_theory(name)
+    session.set_grasp(grasp)
+    pull(session, 1.5)
+    theory = {"cubic": Cubic(), "string": TautString()}[name]
+    expected = theory.deflection(session.dissection.beam, grasp, 1.5)
+    reading = session.reading()
+    assert reading.force == 1.5
+    assert reading.deflection == pytest.approx(expected, rel=1e-12)
+    assert reading.hook[2] == pytest.approx(expected, abs=0.1)  # the axis's own unevenness
+    # The skin's ring at the grasp has moved by as much, along the pull and no other way.
+    surface = session.surfaces[0]
+    away = np.abs(surface.skin.stations - session.dissection.clamps[0] - grasp)
+    moved = (surface.vertices - surface.skin.vertices)[away < away.min() + 1e-6].mean(axis=0)
+    frame = session.dissection.frame
+    assert moved @ frame[:, 2] == pytest.approx(expected, rel=0.03)  # half a ring off the grasp
+    assert moved @ frame[:, 1] == pytest.approx(0.0, abs=1e-5)
+    closed(session)
+
+
+def test_default_duct_bears_the_force_below_the_thesis_s_break_and_tears_at_it() -> None:
+    session = Session(phantom(), vertices=1200)
+    pull(session, 3.55)
+    assert session.reading().phase is Phase.INTACT
+    assert session.reading().check.distance_to_break == pytest.approx(0.0, abs=0.005)
+    pull(session, 3.56)
+    reading = session.reading()
+    assert reading.phase is Phase.TORN
+    assert reading.breaks_at is not None
+    assert reading.breaks_at.force == pytest.approx(BREAK, rel=1e-5)
+    assert reading.check.station == pytest.approx(25.4)
+    assert reading.check.tension_side == 1
+
+
+def test_a_jump_past_the_break_tears_at_the_break_not_at_the_jump(session: Session) -> None:
+    pull(session, session.force_limit)
+    event = session.reading().breaks_at
+    assert event is not None
+    assert event.force == pytest.approx(BREAK, rel=1e-5)
+
+
+def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
+    session: Session,
+) -> None:
+    session.set_force(session.force_limit)
+    while session.reading().phase is Phase.INTACT:
+        session.step(SECONDS)
+    assert [surface.name for surface in session.surfaces] == ["first_piece", "second_piece"]
+    up = session.dissection.frame[:, 2]
+    along = session.dissection.frame[:, 0]
+    gaps: list[tuple[float, float]] = []
+    while session.reading().phase is Phase.TEARING:
+        assert session.reading().force == pytest.approx(BREAK, rel=1e-5)  # still pulled
+        first, second = session.surfaces
+        rim = first.skin.stations > first.skin.stations.max() - 1.5
+        other = second.skin.stations < second.skin.stations.min() + 1.5
+        gap = []
+        for upper in (True, False):
+            ends = []
+            for surface, near in ((first, rim), (second, other)):
+                height = surface.vertices[near] @ up
+                level = (
+                    height > np.quantile(height, 0.9)
+                    if upper
+                    else height < np.quantile(height, 0.1)
+                )
+                ends.append((surface.vertices[near][level] @ along).mean())
+            gap.append(ends[1] - ends[0])
+        gaps.append((gap[0], gap[1]))
+        closed(session)
+        session.step(SECONDS)
+    opened = np.array(gaps) - gaps[0]
+    assert (opened[len(opened) // 2 :, 0] > opened[len(opened) // 2 :, 1]).all()
+    assert np.all(np.diff(opened[:, 0]) > 0.0)
+    assert session.reading().phase is Phase.TORN
+    assert session.reading().force == 0.0
+
+    swung = []
+    while session.step(SECONDS):
+        closed(session)
+        swung.append((session.surfaces[0].vertices @ up).max())
+    assert np.argmin(swung) < len(swung) - 5  # it swings past rest and comes back
+    meshes = closed(session)
+    assert meshes[0].bounds[1, 0] < meshes[1].bounds[0, 0]
+    for surface in session.surfaces:  # across the axis nothing is left of the pull
+        assert (surface.vertices - surface.skin.vertices) @ up == pytest.approx(0.0, abs=0.05)
+
+
+def test_only_reset_brings_a_torn_duct_back(session: Session) -> None:
+    tear(session)
+    shape = session.shape
+    session.set_force(1.0)
+    session.set_grasp(10.0)
+    session.set_threshold(1.0)
+    session.choose_theory("string")
+    settle(session)
+    assert session.reading().phase is Phase.TORN
+    assert session.theory == "cubic"
+    assert session.shape == shape
+    session.reset()
+    settle(session)
+    assert session.reading().phase is Phase.INTACT
+    assert session.reading().breaks_at is not None
+    surface = session.surfaces[0]
+    assert surface.vertices.tobytes() == surface.skin.vertices.tobytes()
+    pull(session, 2.0)
+    assert session.reading().phase is Phase.INTACT
+
+
+def test_lowered_threshold_tears_a_pulled_duct_at_the_force_it_is_under(session: Session) -> None:
+    pull(session, 3.0)
+    session.set_threshold(0.5 * session.threshold)
+    settle(session)
+    event = session.reading().breaks_at
+    assert session.reading().phase is Phase.TORN
+    assert event is not None
+    assert event.force == 3.0
+
+
+def test_off_centre_pull_tears_at_the_near_clamp(session: Session) -> None:
+    session.set_grasp(10.0)
+    tear(session)
+    assert session.reading().check.station == 0.0
+    first, second = closed(session)
+    assert first.volume < 0.2 * second.volume  # a stump in the clamp
+
+
+@given(
+    st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["force", "grasp", "threshold"])
+)
+@settings(deadline=None, max_examples=60)
+def test_any_number_from_a_browser_is_clamped_or_ignored(value: float, name: str) -> None:
+    session = Session(phantom(), vertices=300)
+    getattr(session, f"set_{name}")(value)
+    settle(session)
+    reading = session.reading()
+    assert 0.0 <= reading.force <= session.force_limit
+    assert session.grasp_range[0] <= session.grasp <= session.grasp_range[1]
+    assert session.threshold_range[0] <= session.threshold <= session.threshold_range[1]
+    assert all(np.isfinite(surface.vertices).all() for surface in session.surfaces)
+    if not math.isfinite(value):
+        assert (reading.force, session.grasp) == (0.0, 25.4)
+
+
+@pytest.mark.parametrize("name", list(presets()))
+@pytest.mark.parametrize("theory", ["cubic", "string"])
+def test_every_preset_can_be_pulled_to_its_break(name: str, theory: str) -> None:
+    session = Session(phantom(), preset_named(name), vertices=600)
+    session.choose_theory(theory)
+    event = session.reading().breaks_at
+    assert event is not None
+    assert event.force < session.force_limit
+    tear(session)
+    torn = session.reading().breaks_at
+    assert torn is not None
+    assert torn.force == pytest.approx(event.force, rel=1e-9)
+
+
+def test_each_theory_has_its_own_threshold_for_the_same_break(session: Session) -> None:
+    beam = session.dissection.beam
+    cubic = session.threshold
+    session.choose_theory("string")
+    assert session.threshold == pytest.approx(
+        calibrated_threshold(TautString(), beam, 25.4, BREAK), rel=1e-6
+    )
+    assert session.threshold != pytest.approx(cubic, rel=0.1)
+    tear(session)
+    event = session.reading().breaks_at
+    assert event is not None
+    assert event.force == pytest.approx(BREAK, rel=1e-5)
+
+
+def test_unknown_choices_change_nothing(session: Session) -> None:
+    pull(session, 1.0)
+    before = session.reading()
+    with pytest.raises(ValueError, match="unknown preset"):
+        session.choose_preset("no such duct")
+    with pytest.raises(ValueError, match="unknown theory"):
+        session.choose_theory("no such theory")
+    assert session.reading() == before
+
+
+def test_curve_is_the_theory_s_and_passes_the_break(session: Session) -> None:
+    deflections, forces = session.curve()
+    expected = [Cubic().force(session.dissection.beam, 25.4, d) for d in deflections]
+    assert forces == pytest.approx(expected)
+    event = session.reading().breaks_at
+    assert event is not None
+    assert deflections[0] == 0.0
+    assert deflections[-1] > event.deflection
+
+
+def test_steps_of_any_length_lead_to_the_same_rest() -> None:
+    readings = []
+    for seconds in (1 / 240, 1 / 30, 0.1):
+        session = Session(phantom(), vertices=300)
+        session.set_force(2.0)
+        while session.step(seconds):
+            pass
+        readings.append(session.reading())
+    assert readings[0] == readings[1] == readings[2]
+
+
+def test_idle_steps_say_so_and_change_nothing(session: Session) -> None:
+    pull(session, 1.0)
+    vertices = session.surfaces[0].vertices.copy()
+    assert not session.step(SECONDS)
+    assert np.array_equal(session.surfaces[0].vertices, vertices)
+
+
+def test_sessions_do_not_share_state() -> None:
+    one, other = Session(phantom(), vertices=300), Session(phantom(), vertices=300)
+    tear(one)
+    settle(other)
+    assert other.reading().phase is Phase.INTACT
+    assert other.reading().force == 0.0
