@@ -39,6 +39,9 @@ _LARGEST = np.dtype("u1")
 _KEY = np.dtype("<u2")
 # Steps of 2^-15 leave 1/2 exact, so that frames along the axes of space stay exact.
 _STEPS_PER_UNIT = 32768.0
+# Components nearer than this count as equally large, and the first of them is left out; far above
+# rounding and far below a step.
+_TIE = 2.0**-20
 
 
 class OrganFileError(ValueError):
@@ -251,7 +254,7 @@ def _unpacked_content(packed: bytes, length: int) -> _Content:
     try:
         if zstandard.get_frame_parameters(packed).content_size != length:
             raise OrganFileError("damaged: the content's size does not fit")
-        content = zstandard.ZstdDecompressor(max_window_size=2**27).decompress(packed)
+        content = zstandard.ZstdDecompressor().decompress(packed)
         return msgspec.msgpack.decode(content, type=_Content)
     except (zstandard.ZstdError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise OrganFileError(f"damaged: {error}") from error
@@ -328,28 +331,24 @@ def _rotation_steps(
     frames: NDArray[np.float64], left_handed: bool
 ) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
     """Return (F, 3) stored quaternion components and (F,) which is left out, the largest."""
-    # Where two components are equally large, rounding may change which one is left out; coding what
-    # was decoded until it stays makes storing an organ twice the same as storing it once.
-    steps, largest = _nearest_steps(frames, left_handed)
-    for _ in range(8):
-        again, largest_again = _nearest_steps(_frames(steps, largest, left_handed), left_handed)
-        if (again == steps).all() and (largest_again == largest).all():
-            break
-        steps, largest = again, largest_again
-    return steps, largest
-
-
-def _nearest_steps(
-    frames: NDArray[np.float64], left_handed: bool
-) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
     quaternions = _quaternions(frames * _mirror(left_handed))
-    largest = np.abs(quaternions).argmax(axis=1)
-    every = np.arange(len(frames))
-    quaternions *= np.where(quaternions[every, largest] < 0.0, -1.0, 1.0)[:, np.newaxis]
+    sizes = np.abs(quaternions)
+    largest = (sizes >= sizes.max(axis=1, keepdims=True) - _TIE).argmax(axis=1)
+    left_out = quaternions[np.arange(len(frames)), largest]
+    quaternions = quaternions * np.where(left_out < 0.0, -1.0, 1.0)[:, np.newaxis]
     rest = quaternions[_others(largest)].reshape(len(frames), 3)
     limit = math.floor(math.sqrt(0.5) * _STEPS_PER_UNIT)
     steps = np.clip(np.round(rest * _STEPS_PER_UNIT), -limit, limit)
-    return steps.astype(_STEP), largest.astype(_LARGEST)
+    # Rounding must not make another component the one to leave out, or storing an organ twice would
+    # not be the same as storing it once: a rival gives way by a step.
+    earlier = np.arange(3) < largest[:, np.newaxis]
+    margin = np.where(earlier, -2.0 * _TIE, 0.5 * _TIE)
+    while True:
+        remainder = np.sqrt(1.0 - np.einsum("fi,fi->f", steps, steps) / _STEPS_PER_UNIT**2)
+        rivals = np.abs(steps) / _STEPS_PER_UNIT > remainder[:, np.newaxis] + margin
+        if not rivals.any():
+            return steps.astype(_STEP), largest.astype(_LARGEST)
+        steps = np.where(rivals, steps - np.sign(steps), steps)
 
 
 def _others(largest: NDArray[Any]) -> NDArray[np.bool_]:

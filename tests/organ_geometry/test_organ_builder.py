@@ -147,6 +147,18 @@ def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteSta
     assert built.max_error_mm >= built.sections[1].rms_mm
 
 
+def test_the_report_counts_the_rounding_of_the_axis(cover: Cover, write_stack: WriteStack) -> None:
+    # A million mm away, float32 is good to 0.03 mm, a third of a pixel here.
+    far = {"first_slice_origin_mm": [0.0, 1e6 + 0.02, 0.0]}
+    images = [disc(cover, 30.0)] * 2
+    built = build_organ(read_image_stack(write_stack(images, SPACING | far)))
+    rounding = np.abs(built.organ.axis[0, 1] - far["first_slice_origin_mm"][1])
+    assert rounding > 0.01
+    # A shift d of a circle moves its boundary by d / sqrt(2) RMS.
+    expected = math.hypot(built.sections[0].fit_rms_mm, rounding / math.sqrt(2.0))
+    assert built.sections[0].rms_mm == pytest.approx(expected, rel=0.05)
+
+
 def test_tolerance_zero_keeps_all_and_a_huge_one_two(cover: Cover, write_stack: WriteStack) -> None:
     stack = read_image_stack(
         write_stack([disc(cover, radius) for radius in (30.0, 31.0, 29.0, 30.0)], SPACING)
