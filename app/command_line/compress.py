@@ -53,18 +53,21 @@ def compress(
     from organ_geometry.whole_file import check_target
 
     check_target(output)
+    side = _polarity(polarity)
+    console = Console(stderr=True)
     images = read_image_stack(stack, pixel_size=_pair(pixel_size), slice_spacing=slice_spacing)
     with Progress(
         TextColumn("Finding edges"),
         BarColumn(),
         MofNCompleteColumn(),
-        console=Console(stderr=True),
+        console=console,
         transient=True,
+        disable=not console.is_terminal,
     ) as bar:
         task = bar.add_task("edges", total=len(images))
         built = build_organ(
             images,
-            polarity=_polarity(polarity),
+            polarity=side,
             tolerance_mm=tolerance_mm,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )

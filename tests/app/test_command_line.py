@@ -1,0 +1,353 @@
+"""The command line as its users run it: a process, its output, its files and its exit status."""
+
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from program import refused, run
+from thesis_tables import INCH, LBF, TABLE_6_3
+
+from assets import BILE_DUCT_PHANTOM
+from organ_geometry.organ_file import read_organ
+
+KEYS = {
+    "theory",
+    "force_N",
+    "deflection_mm",
+    "normal_stress_MPa",
+    "bending_stress_MPa",
+    "distance_to_break",
+    "breaks_at_N",
+}
+ROUND = ("--span", 50.8, "--diameter", 8.89, "--modulus", 0.310264, "--poisson", 0.3)
+
+
+@pytest.fixture(scope="module")
+def duct(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped phantom, compressed."""
+    path = tmp_path_factory.mktemp("organ") / "duct.organ"
+    done = run("compress", BILE_DUCT_PHANTOM, "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def solved(*arguments: object) -> dict[str, float]:
+    done = run("solve", *arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def test_solve_the_thesis_s_duct_at_its_break() -> None:
+    found = solved("--preset", "thesis-bile-duct", "--force", 3.56)
+    assert set(found) == KEYS
+    assert found["theory"] == "cubic"
+    assert found["force_N"] == 3.56
+    assert found["breaks_at_N"] == pytest.approx(0.8 * LBF, rel=1e-6)
+    assert found["distance_to_break"] == pytest.approx(0.0, abs=5e-4)
+    assert found["distance_to_break"] < 0.0
+    # P = 0.4 lbf is 3.5586 N: 12.8013 mm in the table, and 0.0014 N more here.
+    assert found["deflection_mm"] == pytest.approx(0.503987995 * INCH, rel=3e-4)
+
+
+def test_solve_any_round_beam_by_force_and_by_deflection() -> None:
+    force, calculated, _ = TABLE_6_3.rows[10]
+    found = solved(*ROUND, "--force", 2.0 * force * LBF)
+    assert found["deflection_mm"] == pytest.approx(float(calculated) * INCH, rel=2e-6)
+    assert found["distance_to_break"] is None
+    assert found["breaks_at_N"] is None
+    back = solved(*ROUND, "--deflection", found["deflection_mm"], "--threshold", 0.2)
+    assert back["force_N"] == pytest.approx(found["force_N"], rel=1e-12)
+    assert 0.0 < back["distance_to_break"] < 1.0
+    assert back["breaks_at_N"] > back["force_N"]
+
+
+def test_solve_options_reach_the_theory() -> None:
+    string = solved(*ROUND, "--force", 3.0, "--theory", "string")
+    assert string["theory"] == "string"
+    assert string["bending_stress_MPa"] == 0.0
+    stiffer = solved(*ROUND, "--force", 3.0, "--q", 1.0)
+    near_clamp = solved(*ROUND, "--force", 3.0, "--grasp", 10.0)
+    middle = solved(*ROUND, "--force", 3.0)
+    assert stiffer["deflection_mm"] < middle["deflection_mm"]
+    assert near_clamp["deflection_mm"] < middle["deflection_mm"]
+    assert near_clamp["bending_stress_MPa"] > middle["bending_stress_MPa"]
+
+
+def test_solve_a_tissue_preset_on_the_shipped_organ_and_on_a_given_one(duct: Path) -> None:
+    shipped = solved("--preset", "porcine-gallbladder", "--force", 1.0)
+    given = solved("--preset", "porcine-gallbladder", "--organ", duct, "--force", 1.0)
+    assert given == shipped
+
+
+def test_solve_in_words() -> None:
+    done = run("solve", "--preset", "thesis-bile-duct", "--force", 3.6)
+    assert done.returncode == 0
+    for words in ("deflection", "mm", "kPa", "it breaks", "side of the pull"):
+        assert words in done.stdout
+
+
+def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
+    path = tmp_path / "duct.organ"
+    done = run("compress", BILE_DUCT_PHANTOM, "-o", path, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["sections_in"] == found["sections_found"] == len(found["sections"]) == 128
+    kept = [section["name"] for section in found["sections"] if section["kept"]]
+    assert len(kept) == found["sections_kept"] < 64
+    assert found["bytes_out"] == path.stat().st_size
+    assert found["bytes_in"] == sum(file.stat().st_size for file in BILE_DUCT_PHANTOM.glob("*.png"))
+    assert found["hollow"] is True
+    assert found["length_mm"] == pytest.approx(50.8, abs=0.05)
+    assert found["rms_error_px"] == pytest.approx(found["rms_error_mm"] / 0.125)
+    assert found["rms_error_mm"] < found["tolerance_mm"]
+    organ = read_organ(path)
+    assert len(organ.keys) == found["sections_kept"]
+
+
+def test_compress_report_lists_every_section(tmp_path: Path) -> None:
+    done = run("compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--sections")
+    assert done.returncode == 0
+    assert sum(line.startswith("section_") for line in done.stdout.splitlines()) == 128
+    assert "RMS px" in done.stdout
+    assert "mm" in done.stdout
+
+
+def test_a_tighter_tolerance_keeps_more_sections(tmp_path: Path) -> None:
+    kept: list[int] = []
+    for tolerance in (0.06, 0.3):
+        done = run(
+            "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ",
+            "--tolerance-mm", tolerance, "--json",
+        )  # fmt: skip
+        kept.append(json.loads(done.stdout)["sections_kept"])
+    assert kept[0] > kept[1]
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
+def test_export_is_closed_and_has_the_volume_of_the_organ(
+    duct: Path, tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"duct{suffix}"
+    done = run("export", duct, "-o", path, "--force", 0.0)
+    assert done.returncode == 0, done.stderr
+    mesh = trimesh.load_mesh(path)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    organ = read_organ(duct)
+    stations = np.linspace(0.0, organ.length, 1001)
+    volume = np.trapezoid(organ.section_properties(stations).area, stations)
+    scale = 1e-9 if suffix == ".glb" else 1.0
+    assert mesh.volume == pytest.approx(scale * volume, rel=0.01)  # half-millimetre facets
+
+
+def test_export_bends_by_what_solve_says(duct: Path, tmp_path: Path) -> None:
+    tops: list[float] = []
+    for force in (0.0, 2.0):
+        path = tmp_path / f"duct_{force}.stl"
+        done = run("export", duct, "--force", force, "-o", path)
+        assert done.returncode == 0, done.stderr
+        mesh = trimesh.load_mesh(path)
+        assert mesh.is_watertight
+        middle = np.abs(mesh.vertices[:, 0] - 25.4) < 0.5
+        tops.append(float(mesh.vertices[middle][:, 2].max()))
+    deflection = solved("--preset", "thesis-bile-duct", "--force", 2.0)["deflection_mm"]
+    assert tops[1] - tops[0] == pytest.approx(deflection, abs=0.05)
+
+
+def test_export_torn_is_two_closed_pieces(duct: Path, tmp_path: Path) -> None:
+    path = tmp_path / "torn.ply"
+    done = run("export", duct, "--torn", "-o", path, "--json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["force_N"] == pytest.approx(0.8 * LBF, rel=1e-6)
+    mesh = trimesh.load_mesh(path, process=False)
+    pieces = mesh.split(only_watertight=True)
+    assert len(pieces) == 2
+    assert len(mesh.vertices) == facts["vertices"]
+
+
+def test_the_real_duct_goes_through_the_same_commands(data_dir: Path, tmp_path: Path) -> None:
+    organ = tmp_path / "duct.organ"
+    done = run("compress", data_dir / "bile_duct_perpendicular" / "masks", "-o", organ, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["sections_in"] == found["sections_found"] == 128
+    assert found["sections_kept"] < 64
+    assert found["rms_error_px"] < 1.0
+    for options in (("--force", 2.0), ("--torn",), ("--preset", "porcine-bile-duct", "--torn")):
+        mesh_path = tmp_path / "duct.stl"
+        done = run("export", organ, *options, "-o", mesh_path)
+        assert done.returncode == 0, done.stderr
+        mesh = trimesh.load_mesh(mesh_path)
+        assert mesh.is_watertight
+        assert mesh.is_winding_consistent
+    given = solved("--preset", "porcine-bile-duct", "--organ", organ, "--force", 0.01)
+    assert given["deflection_mm"] > 0.0
+
+
+def test_help_of_every_command_has_an_example() -> None:
+    for name in ("trainer", "compress", "export", "solve"):
+        done = run(name, "--help")
+        assert done.returncode == 0
+        assert f"bluntdissect {name}" in done.stdout
+        assert "Example" in done.stdout
+    assert "not a medical device" in " ".join(run("--help").stdout.split())
+
+
+# Wrong input: one line that says what, where and what would be right, exit 2, no file.
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--preset", "nothing", "--force", 1), "unknown preset 'nothing'; there are: thesis-bile"),
+        (("--preset", "thesis-bile-duct", "--force", "nan"), "force must be a finite number of N"),
+        (("--preset", "thesis-bile-duct", "--force", "inf"), "force must be a finite number of N"),
+        (("--preset", "thesis-bile-duct", "--force", "much"), "--force"),
+        (("--preset", "thesis-bile-duct"), "either --force (N) or --deflection (mm)"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--deflection", 1), "either --force"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--span", 9), "leave out --span"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--grasp", 60), "below 50.8 mm"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--theory", "x"), "cubic, string"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--q", -1), "q must be 0 or above"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--threshold", 0), "threshold must be"),
+        (("--force", 1), "--span, --diameter and --modulus"),
+        ((*ROUND[:-4], "--modulus", -1, "--force", 1), "modulus must be above 0 MPa"),
+        (("--span", 0, *ROUND[2:], "--force", 1), "span must be above 0 mm"),
+        (("--nonsense",), "--nonsense"),
+    ],
+)
+def test_solve_refuses(arguments: tuple[object, ...], words: str) -> None:
+    assert words in refused(("solve", *arguments))
+
+
+def stack(folder: Path, *images: np.ndarray, spacing: bool = True) -> Path:
+    folder.mkdir()
+    for index, image in enumerate(images):
+        cv2.imwrite(str(folder / f"slice_{index}.png"), image)
+    if spacing:
+        (folder / "spacing.json").write_text(
+            '{"pixel_spacing_mm": [0.1, 0.1], "slice_spacing_mm": 1}'
+        )
+    return folder
+
+
+def disc(size: int = 64) -> np.ndarray:
+    return cv2.circle(np.zeros((size, size), np.uint8), (size // 2, size // 2), size // 4, 255, -1)
+
+
+EMPTY = np.zeros((64, 64), np.uint8)
+
+
+def test_compress_leaves_out_sections_without_an_edge_and_names_them(tmp_path: Path) -> None:
+    folder = stack(tmp_path / "stack", disc(), EMPTY, disc(), disc())
+    done = run("compress", folder, "-o", tmp_path / "duct.organ")
+    assert done.returncode == 0, done.stderr
+    assert "slice_1.png" in done.stdout
+    assert "4 in, 3 found" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("images", "spacing", "options", "words"),
+    [
+        ([], True, (), "no images"),
+        ([disc(), disc(48)], True, (), "slice_1.png"),
+        ([EMPTY, EMPTY, disc()], True, (), "slice_0.png"),
+        ([disc(), disc()], False, (), "--pixel-size"),
+        ([disc(), disc()], False, ("--pixel-size", 0.1), "--slice-spacing"),
+        ([disc(), disc()], False, ("--pixel-size", 0, "--slice-spacing", 1), "above 0"),
+        ([disc(), disc()], False, ("--pixel-size", 0.1, "--slice-spacing", "nan"), "slice"),
+        ([disc(), disc()], False, ("--pixel-size", "a,b", "--slice-spacing", 1), "--pixel-size"),
+        ([disc(), disc()], True, ("--polarity", "blue"), "auto, bright or dark"),
+        ([disc(), disc()], True, ("--tolerance-mm", -1), "tolerance"),
+    ],
+)
+def test_compress_refuses(
+    tmp_path: Path,
+    images: list[np.ndarray],
+    spacing: bool,
+    options: tuple[object, ...],
+    words: str,
+) -> None:
+    folder = stack(tmp_path / "stack", *images, spacing=spacing)
+    output = tmp_path / "duct.organ"
+    assert words in refused(("compress", folder, "-o", output, *options))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["stack"]
+
+
+def test_compress_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    assert "nowhere" in refused(("compress", tmp_path / "nowhere", "-o", tmp_path / "duct.organ"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_compress_refuses_a_target_before_it_works(tmp_path: Path) -> None:
+    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "nowhere" / "duct.organ"))
+    assert "there is no folder" in line
+
+
+def test_failed_compress_keeps_the_file_that_was_there(tmp_path: Path) -> None:
+    output = tmp_path / "duct.organ"
+    output.write_bytes(b"precious")
+    refused(("compress", stack(tmp_path / "stack", EMPTY, EMPTY), "-o", output))
+    assert output.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--force", 4.0), "past the break of thesis-bile-duct at 3.559 N"),
+        (("--force", "inf"), "force must be a finite number of N"),
+        (("--force", 1.0, "--torn"), "breaks at 3.559 N"),
+        (("--preset", "nothing"), "unknown preset 'nothing'"),
+        (("--grasp", 0.0), "grasp must lie between the clamps"),
+        (("--edge-length", 0.0), "edge_length must be above 0 mm"),
+        (("--edge-length", 1e-6), "2,000,000"),
+    ],
+)
+def test_export_refuses(
+    duct: Path, tmp_path: Path, options: tuple[object, ...], words: str
+) -> None:
+    assert words in refused(("export", duct, "-o", tmp_path / "duct.stl", *options))
+    assert not list(tmp_path.iterdir())
+
+
+def test_export_refuses_foreign_and_truncated_organs(duct: Path, tmp_path: Path) -> None:
+    whole = duct.read_bytes()
+    output = tmp_path / "out" / "duct.stl"
+    output.parent.mkdir()
+    for name, content in (
+        ("foreign", b"PK\x03\x04 not an organ"),
+        ("empty", b""),
+        ("truncated", whole[: len(whole) // 2]),
+        ("damaged", whole[:-3] + bytes([whole[-3] ^ 255]) + whole[-2:]),
+    ):
+        organ = tmp_path / f"{name}.organ"
+        organ.write_bytes(content)
+        assert f"{name}.organ" in refused(("export", organ, "-o", output))
+    assert "missing.organ" in refused(("export", tmp_path / "missing.organ", "-o", output))
+    assert not list(output.parent.iterdir())
+
+
+def test_export_refuses_unknown_kinds_and_missing_folders(duct: Path, tmp_path: Path) -> None:
+    assert ".stl, .ply, .obj, .glb" in refused(("export", duct, "-o", tmp_path / "duct.fbx"))
+    assert "no folder" in refused(("export", duct, "-o", tmp_path / "no" / "duct.stl"))
+
+
+def test_organ_too_short_for_the_thesis_s_span_says_so(tmp_path: Path) -> None:
+    folder = tmp_path / "short"
+    folder.mkdir()
+    for index in range(40):
+        shutil.copy(BILE_DUCT_PHANTOM / f"section_{index:03d}.png", folder)
+    organ = tmp_path / "short.organ"
+    sizes = ("--pixel-size", 0.125, "--slice-spacing", 0.4)
+    assert run("compress", folder, "-o", organ, *sizes).returncode == 0
+    output = tmp_path / "duct.stl"
+    line = refused(("export", organ, "-o", output, "--preset", "thesis-bile-duct"))
+    assert "50.8 mm" in line
+    done = run("export", organ, "-o", output, "--json")
+    assert json.loads(done.stdout)["preset"] == "porcine-bile-duct"
