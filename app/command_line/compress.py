@@ -69,6 +69,7 @@ def compress(
             images,
             polarity=side,
             tolerance_mm=tolerance_mm,
+            name=output.stem,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     write_organ(built.organ, output)

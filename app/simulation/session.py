@@ -159,6 +159,11 @@ class Session:
         return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
 
     @property
+    def force_wanted(self) -> float:
+        """Force that the pull grows or falls to, N."""
+        return self._force_wanted
+
+    @property
     def force_limit(self) -> float:
         """Largest force the grasper gives, N."""
         return self._force_limit

@@ -101,8 +101,9 @@ class Panel:
         self._readout.content = readout_html(reading)
         self._draw_curve(reading)
         if (reading.phase is Phase.INTACT) != (self._shown.phase is Phase.INTACT):
+            # Hidden, not disabled: viser leaves a disabled slider's number field open to typing.
             for handle in (self._force, self._grasp, self._threshold, self._preset, self._theory):
-                handle.disabled = reading.phase is not Phase.INTACT
+                handle.visible = reading.phase is Phase.INTACT
         if reading.phase is Phase.TORN and self._shown.phase is not Phase.TORN:
             self._force.value = 0.0
         self._shown = reading
@@ -180,11 +181,9 @@ class Panel:
     def _take_ranges(self) -> None:
         """Bring the sliders' ranges and values in line with the session's."""
         session = self._session
-        force = min(_number(self._force.value), session.force_limit)
         self._force.max = session.force_limit
         self._force.step = _step(session.force_limit)
-        self._force.value = force if self._shown.phase is Phase.INTACT else 0.0
-        session.set_force(self._force.value)
+        self._force.value = session.force_wanted
         low, high = session.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
         self._grasp.value = round(session.grasp, 1)

@@ -1,0 +1,137 @@
+"""A real browser for tests: the system's Chromium, headless, driven through its pages."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+SWITCHES = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+PATIENCE = 60_000
+"""ms: software rendering on two busy cores."""
+
+
+def chromium() -> Path:
+    """The system's Chromium; without one the test skips, or fails where one is required."""
+    named = os.environ.get("CHROMIUM")
+    names = [named] if named else ["chromium", "chromium-browser", "google-chrome"]
+    for name in names:
+        found = shutil.which(name)
+        if found:
+            return Path(found)
+    reason = f"no browser found ({', '.join(names)}): install chromium, or set CHROMIUM to one"
+    if os.environ.get("REQUIRE_BROWSER") == "1":
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+@contextmanager
+def running_browser() -> Iterator[Browser]:
+    """A headless Chromium for as long as the context lasts."""
+    executable = chromium()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=executable, headless=True, args=SWITCHES
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def trainer_page(
+    browser: Browser, address: str, *, width: int = 1280, height: int = 800
+) -> Iterator["TrainerPage"]:
+    """A tab of its own on the trainer, with the duct in it; fails on any error in the page."""
+    context = browser.new_context(viewport={"width": width, "height": height})
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE)
+    errors: list[str] = []
+    requests: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    try:
+        page.goto(f"{address}/?fixedDpr=1")
+        trainer = TrainerPage(page)
+        trainer.wait_for_node("skin")
+        yield trainer
+        assert not errors, errors
+        elsewhere = [
+            url for url in requests if not url.startswith((address, "data:", "blob:", "ws:"))
+        ]
+        assert not elsewhere, elsewhere
+    finally:
+        context.close()
+
+
+class TrainerPage:
+    """What a trainee sees and can touch in one tab."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.readout = page.get_by_test_id("readout")
+
+    def wait_for_node(self, name: str) -> None:
+        """Wait until a part of the organ is in the scene."""
+        self.page.wait_for_function(
+            "name => window.__viserMutable?.nodeRefFromName?.['/organ/' + name]", arg=name
+        )
+
+    def nodes(self) -> set[str]:
+        """Names of the parts of the organ in the scene."""
+        names = self.page.evaluate(
+            "() => Object.entries(window.__viserMutable.nodeRefFromName)"
+            ".filter(([name, node]) => name.startsWith('/organ/') && node)"
+            ".map(([name]) => name.slice(7))"
+        )
+        return set(names)
+
+    def vertices(self, name: str) -> np.ndarray:
+        """(V, 3) vertices of a part of the organ as the page draws them, mm."""
+        flat = self.page.evaluate(
+            """name => {
+                let mesh = null;
+                window.__viserMutable.nodeRefFromName['/organ/' + name].traverse(node => {
+                    if (!mesh && node.isMesh) mesh = node;
+                });
+                return Array.from(mesh.geometry.attributes.position.array);
+            }""",
+            name,
+        )
+        return np.array(flat).reshape(-1, 3)
+
+    def slide(self, label: str, value: float) -> None:
+        """Type a value into a slider's number field."""
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+        )
+        field = row.locator("input:not([type=hidden])")
+        field.fill(str(value))
+        field.press("Enter")
+
+    def figure(self, name: str) -> float:
+        """A figure of the read-out, by its data attribute."""
+        return float(self.readout.get_attribute(f"data-{name}") or "nan")
+
+    def wait_for_phase(self, phase: str) -> None:
+        """Wait until the read-out shows a phase."""
+        self.page.locator(f"[data-testid=readout][data-phase={phase}]").wait_for()
+
+    def wait_for_force(self, force: float) -> None:
+        """Wait until the read-out shows a force, N."""
+        self.page.locator(f"[data-testid=readout][data-force-n='{force:.6g}']").wait_for()

@@ -1,0 +1,302 @@
+"""The trainer in a real browser, and as a process."""
+
+import re
+import signal
+import socket
+import subprocess
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from browser import TrainerPage, running_browser, trainer_page
+from playwright.sync_api import Browser, expect
+from program import command, refused
+from simulated import phantom
+
+from app.simulation.session import Phase, Session
+from app.trainer.server import AddressTakenError, Trainer
+from organ_geometry.organ_file import write_organ
+from physics import Beam, Cubic, TautString
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+SINGLE_PRECISION = 2e-5
+"""mm: what vertices of some 50 mm lose on their way to the page."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def trainer() -> Iterator[Trainer]:
+    running = Trainer(phantom(), port=0, look="plain")
+    yield running
+    running.stop()
+
+
+def newest(trainer: Trainer) -> Session:
+    """The session of the client that came last, once it is there."""
+    sessions = trainer.sessions
+    return sessions[max(sessions)]
+
+
+def rise(tab: TrainerPage, at_rest: np.ndarray) -> float:
+    """How far the top of the duct's middle has risen in the page, mm."""
+    middle = np.abs(at_rest[:, 0] - 25.4) < 0.6
+    now = tab.vertices("skin")
+    return float((now[middle, 2] - at_rest[middle, 2]).max())
+
+
+def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        assert tab.figure("distance-to-break") == 1.0
+        at_rest = tab.vertices("skin")
+
+        tab.slide("Force F (N)", 2.0)
+        tab.wait_for_force(2.0)
+        expected = Cubic().deflection(DUCT, 25.4, 2.0)
+        assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
+        # The ring next to the grasp is a quarter of a millimetre off it at most.
+        assert rise(tab, at_rest) == pytest.approx(expected, rel=5e-3)
+        drawn = newest(trainer).surfaces[0].vertices[: len(at_rest)]
+        assert tab.vertices("skin") == pytest.approx(drawn, abs=SINGLE_PRECISION)
+        assert tab.figure("distance-to-break") == pytest.approx(
+            newest(trainer).reading().check.distance_to_break, abs=1e-5
+        )
+
+        tab.slide("Force F (N)", 3.7)
+        tab.wait_for_phase("torn")
+        tab.wait_for_node("first_piece")
+        tab.wait_for_node("second_piece")
+        expect(tab.page.get_by_text("The duct is torn")).to_be_visible()
+        expect(tab.page.get_by_text(re.compile(r"25\.4 mm from the left clamp"))).to_be_visible()
+        assert "skin" not in tab.nodes()
+        assert tab.figure("force-n") == 0.0
+        assert tab.figure("breaks-at-n") == pytest.approx(3.55858, rel=1e-5)
+        expect(tab.page.get_by_role("button", name="Reset")).to_be_enabled()
+        expect(tab.page.get_by_role("textbox").filter(visible=True)).to_have_count(0)
+        gap = _gap_when_settled(tab)
+        assert gap > 2.0  # mm between the two pieces
+
+        tab.page.get_by_role("button", name="Reset").click()
+        tab.wait_for_phase("intact")
+        tab.wait_for_node("skin")
+        assert not tab.nodes() & {"first_piece", "second_piece"}
+        assert tab.vertices("skin") == pytest.approx(at_rest, abs=0.0)
+        assert tab.figure("force-n") == 0.0
+        tab.slide("Force F (N)", 1.0)
+        tab.wait_for_force(1.0)
+
+
+def _gap_when_settled(tab: TrainerPage) -> float:
+    """Distance between the pieces along the duct once they have stopped swinging, mm."""
+    last = None
+    for _ in range(60):
+        first, second = tab.vertices("first_piece"), tab.vertices("second_piece")
+        if last is not None and np.array_equal(last, first):
+            return float(second[:, 0].min() - first[:, 0].max())
+        last = first
+        time.sleep(0.5)
+    raise AssertionError("the pieces have not come to rest in 30 s")
+
+
+def test_two_tabs_are_two_ducts(browser: Browser, trainer: Trainer) -> None:
+    with (
+        trainer_page(browser, trainer.address) as one,
+        trainer_page(browser, trainer.address) as other,
+    ):
+        one.slide("Force F (N)", 2.5)
+        one.wait_for_force(2.5)
+        other.slide("Force F (N)", 1.0)
+        other.wait_for_force(1.0)
+        assert one.figure("force-n") == 2.5
+        assert one.figure("deflection-mm") > other.figure("deflection-mm")
+
+
+def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        session = newest(trainer)
+        tab.slide("Grasp (mm)", 12.0)
+        tab.slide("Force F (N)", 1.0)
+        tab.wait_for_force(1.0)
+        expected = Cubic().deflection(DUCT, 12.0, 1.0)
+        assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
+
+        tab.slide("Threshold (kPa)", 300.0)
+        tab.page.locator("[data-testid=readout][data-threshold-kpa='300']").wait_for()
+        assert session.threshold == pytest.approx(0.3)
+
+        _choose(tab, "Theory", "String (very large deflection)")
+        tab.page.locator("[data-testid=readout][data-bending-stress-kpa='0']").wait_for()
+        expected = TautString().deflection(DUCT, 12.0, 1.0)
+        assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
+
+        _choose(tab, "Duct", "Porcine gallbladder wall, pulled fast")
+        tab.wait_for_force(0.0)
+        assert session.dissection.preset.name == "porcine-gallbladder"
+        tab.slide("Force F (N)", 5.0)
+        tab.wait_for_force(5.0)
+
+
+def _choose(tab: TrainerPage, label: str, option: str) -> None:
+    row = tab.page.get_by_text(label, exact=True).locator(
+        "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+    )
+    row.locator("input:not([type=hidden])").click()
+    tab.page.get_by_role("option", name=option).click()
+
+
+def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer: Trainer) -> None:
+    """Sent as the page's own message, past the slider's limits: clamped, or no number at all."""
+    with trainer_page(browser, trainer.address) as tab:
+        session = newest(trainer)
+        tab.page.evaluate(
+            "() => { const viewer = window.__viserMutable; const send = viewer.sendMessage;"
+            " viewer.sendMessage = message => {"
+            "  if (message.type === 'GuiUpdateMessage') window.__update = message;"
+            "  send(message); }; }"
+        )
+        tab.slide("Threshold (kPa)", 420.0)  # so that all the force can be borne
+        tab.slide("Force F (N)", 1.0)
+        tab.wait_for_force(1.0)
+        message = "{...window.__update, updates: {value: %s}}"
+        for value, force in (
+            ("1e9", session.force_limit),
+            ("NaN", session.force_limit),
+            ("-5", 0.0),
+            ("Infinity", 0.0),
+            ("'text'", 0.0),
+            ("null", 0.0),
+        ):
+            # Two messages in order: when the second has come, the first has been answered.
+            tab.page.evaluate(
+                f"() => {{ const send = window.__viserMutable.sendMessage;"
+                f" const update = {message % value}; send(update); window.__update = update; }}"
+            )
+            _wait_until(lambda wanted=force: session.reading().force == wanted)
+            assert session.reading().phase is Phase.INTACT
+        tab.slide("Force F (N)", 1.5)
+        tab.wait_for_force(1.5)
+
+
+def _wait_until(condition: Callable[[], bool], *, seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it has not come true in time"
+        time.sleep(0.05)
+
+
+def test_duct_is_seen(browser: Browser, trainer: Trainer) -> None:
+    """The picture shows tissue where the duct is, and higher once it is pulled."""
+    with trainer_page(browser, trainer.address) as tab:
+        heights: list[float] = []
+        for force in (0.0, 3.0):
+            tab.slide("Force F (N)", force)
+            tab.wait_for_force(force)
+            tab.page.wait_for_timeout(2000)
+            picture = cv2.imdecode(np.frombuffer(tab.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+            assert picture is not None
+            strip = picture[60:, 400:520].astype(int)
+            blue, green, red = strip[..., 0], strip[..., 1], strip[..., 2]
+            tissue = (red > 110) & (green > 0.5 * red) & (blue < 0.8 * green)
+            assert tissue.mean() > 0.03
+            heights.append(float(np.nonzero(tissue)[0].mean()))
+        assert heights[1] < heights[0] - 20.0  # px, upwards
+
+
+def test_disclaimer_is_seen(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        disclaimer = tab.page.get_by_test_id("disclaimer")
+        expect(disclaimer).to_be_visible()
+        expect(disclaimer).to_have_text("Not clinically validated, not a medical device.")
+
+
+def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        tab.slide("Force F (N)", 2.0)
+        tab.wait_for_force(2.0)
+        tab.page.wait_for_timeout(500)
+        deflections, theory, pulled, level = tab.page.evaluate(
+            "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
+            ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
+        )
+        reached = [x for x, y in zip(deflections, pulled, strict=True) if y is not None]
+        assert reached[-1] == pytest.approx(Cubic().deflection(DUCT, 25.4, 2.0), rel=1e-4)
+        assert theory == pytest.approx(
+            [Cubic().force(DUCT, 25.4, x) for x in deflections], abs=2e-3
+        )
+        assert level == pytest.approx([3.558577] * len(level), rel=1e-5)
+
+
+# The process.
+
+
+@contextmanager
+def started(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A trainer's process and the address that it prints."""
+    with subprocess.Popen(
+        command("trainer", *arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            found = re.search(r"http://\S+", line)
+            assert found is not None, line
+            yield process, found.group()
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_prints_the_address_that_answers_and_ends_cleanly(number: signal.Signals) -> None:
+    with started("--port", 0, "--look", "plain") as (process, address):
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address, timeout=10) as answer:
+            assert answer.status == 200
+            assert b"<html" in answer.read().lower()
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert errors == ""
+
+
+def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) -> None:
+    organ = tmp_path / "duct.organ"
+    write_organ(phantom(), organ)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with started("--port", port, "--organ", organ, "--look", "plain") as (_, address):
+        assert address == f"http://127.0.0.1:{port}"
+        line = refused(("trainer", "--port", port, "--organ", organ))
+        assert str(port) in line
+        assert "in use" in line
+        with urllib.request.urlopen(address, timeout=10) as answer:  # undisturbed
+            assert answer.status == 200
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--organ", "nowhere.organ"), "nowhere.organ"),
+        (("--port", 70000), "--port must be from 0 to 65535"),
+        (("--look", "shiny"), "full or plain"),
+        (("--host", "no.such.host.invalid", "--port", 0), "no.such.host.invalid"),
+    ],
+)
+def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
+    assert words in refused(("trainer", *arguments))
+
+
+def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:
+    with pytest.raises(AddressTakenError, match=str(trainer.port)):
+        Trainer(phantom(), port=trainer.port, look="plain")
