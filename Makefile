@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer test check lint types layers format clean
+.PHONY: help trainer test check bench screenshots lint types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -17,6 +17,12 @@ test: $(VENV)/.tests  ## run all tests
 	@$(BIN)/python -m pytest $(ARGS)
 
 check: lint types layers  ## lint, types and import layers
+
+bench: $(VENV)/.tests  ## measure what things cost on this machine
+	@$(BIN)/python -m benchmarks.trainer
+
+screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
+	@$(BIN)/python tests/app/screenshots.py docs/images
 
 lint: $(VENV)/.tests
 	@$(BIN)/ruff check .

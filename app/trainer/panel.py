@@ -79,7 +79,7 @@ class Panel:
             self._add_inputs()
             self._plot = self._add_plot()
         with tabs.add_tab("Model", viser.Icon.ADJUSTMENTS):
-            self._about = gui.add_markdown(self._model_text())
+            self._about = gui.add_html(self._model_html())
         with tabs.add_tab("Help", viser.Icon.HELP):
             gui.add_markdown(HELP)
         gui.add_html(
@@ -190,7 +190,7 @@ class Panel:
         low, high, step, value = self._threshold_scale()
         self._threshold.min, self._threshold.max, self._threshold.step = low, high, step
         self._threshold.value = value
-        self._about.content = self._model_text()
+        self._about.content = self._model_html()
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
         """Return the threshold slider's ends, step and value, kPa, in round numbers."""
@@ -243,26 +243,27 @@ class Panel:
         level = np.full_like(grid, event.force if event else np.nan)
         self._plot.data = (grid, theory, pulled, level)
 
-    def _model_text(self) -> str:
+    def _model_html(self) -> str:
         session = self._session
         preset, beam = session.dissection.preset, session.dissection.beam
         own = isinstance(preset.beam, OrganBeam)
         section = "the organ's weakest section" if own else "a full round bar"
         geometry = (
-            f"Beam: {beam.span:.1f} mm between the clamps, {section}: area {beam.area:.1f} mm², "
+            f"{beam.span:.1f} mm between the clamps, {section}: area {beam.area:.1f} mm², "
             f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "
             f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
             f"Poisson's ratio {beam.poisson_ratio:g}."
         )
-        confidence = f"**{preset.confidence}**. {html.escape(preset.confidence_note)}"
-        return "\n\n".join(
-            (
-                f"**{html.escape(preset.title)}**",
-                html.escape(preset.description),
-                geometry,
-                f"Source: {html.escape(preset.source)}",
-                f"Confidence: {confidence}",
-            )
+        paragraphs = (
+            (preset.title, preset.description),
+            ("Beam", geometry),
+            ("Source", preset.source),
+            (f"Confidence: {preset.confidence}", preset.confidence_note),
+        )
+        return "".join(
+            f"<div style='padding:6px 14px;font-size:13px'><b>{html.escape(heading)}</b>"
+            f"<div style='opacity:.85;margin-top:2px'>{html.escape(text)}</div></div>"
+            for heading, text in paragraphs
         )
 
 

@@ -1,0 +1,114 @@
+"""Every command, figure and link of the README is true."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+from program import run
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text()
+
+
+def blocks(text: str, kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def commands(text: str, program: str) -> list[list[str]]:
+    lines = "\n".join(blocks(text, "sh")).splitlines()
+    split = [shlex.split(line, comments=True) for line in lines]
+    return [words[1:] for words in split if words and words[0] == program]
+
+
+def test_every_command_is_tested_here() -> None:
+    lines = [
+        line
+        for text in (README, CONTRIBUTING)
+        for block in blocks(text, "sh")
+        for line in block.splitlines()
+        if line
+    ]
+    programs = {shlex.split(line)[0] for line in lines}
+    assert programs == {"make", "bluntdissect"}
+    assert len(commands(README, "bluntdissect")) >= 5
+    assert ["trainer"] in commands(README, "make")
+    assert ["test"] in commands(README, "make")
+
+
+@pytest.mark.parametrize("words", commands(README, "make") + commands(CONTRIBUTING, "make"))
+def test_make_knows_its_targets(words: list[str]) -> None:
+    done = subprocess.run(
+        ["make", "--dry-run", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    said = ""
+    for words in commands(README, "bluntdissect"):
+        done = run(*words)
+        assert done.returncode == 0, (words, done.stderr)
+        said += done.stdout
+    assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}
+    for line in "".join(blocks(README, "text")).splitlines():
+        assert line in said
+
+
+def test_python_example_gives_its_figures() -> None:
+    (example,) = blocks(README, "python")
+    names: dict[str, object] = {}
+    exec(example, names)
+    deflection, event = names["deflection"], names["event"]
+    assert isinstance(deflection, float)
+    assert f"{deflection:.2f} mm" in example
+    assert f"at {event.force:.3f} N" in example  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(
+    "document", sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").glob("*.md"))
+)
+def test_links_and_pictures_are_there(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", document.read_text()):
+        assert (document.parent / target).exists(), target
+
+
+def test_make_trainer_answers_and_ends() -> None:
+    """The README's first command, with a free port; in the environment that make has made."""
+    if not (ROOT / ".venv" / ".runs").exists():
+        pytest.skip("these tests do not run in the environment that `make test` makes")
+    with subprocess.Popen(
+        ["make", "trainer", "ARGS=--port 0 --look plain"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        start_new_session=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            found = None
+            while found is None:
+                line = process.stdout.readline()
+                assert line, "make trainer has ended without an address"
+                found = re.search(r"http://127\.0\.0\.1:\d+", line)
+            with urllib.request.urlopen(found.group(), timeout=10) as answer:
+                assert answer.status == 200
+        finally:
+            # What Ctrl+C in a terminal does: the whole group gets the signal.
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait(timeout=30)
+    time.sleep(0.1)
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(found.group(), timeout=2)
