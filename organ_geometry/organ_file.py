@@ -8,7 +8,6 @@ quaternion without its largest component, in steps of 2^-15.
 """
 
 import math
-import os
 import struct
 import zlib
 from pathlib import Path
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.half_curves import ROW_SIZE
 from organ_geometry.organ import Organ
+from organ_geometry.whole_file import write_whole
 
 MAGIC = b"\x89organ\r\n"
 VERSION = 1
@@ -84,19 +84,12 @@ def write_organ(organ: Organ, path: Path) -> int:
     Raises
     ------
     OrganFileError
-        If the organ is too large to store or the file cannot be written.
+        If the organ is too large to store.
+    ValueError
+        If the file cannot be written.
     """
-    target = Path(path)
     data = organ_bytes(organ)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        try:
-            beside.write_bytes(data)
-            beside.replace(target)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise OrganFileError(f"cannot write {target}: {error.strerror or error}") from error
+    write_whole(Path(path), data)
     return len(data)
 
 

@@ -39,20 +39,22 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises
     ------
     ValueError
-        If the folder is not there, or the path is a folder.
-    OSError
-        If it cannot be written; nothing is left behind.
+        If it cannot be written, with the reason; nothing is left behind.
     """
     check_target(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    beside = Path(name)
+    beside: Path | None = None
     try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        beside = Path(name)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         beside.chmod(0o666 & ~_umask())
         beside.replace(path)
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        beside.unlink(missing_ok=True)
+        if beside is not None:
+            beside.unlink(missing_ok=True)
 
 
 def _umask() -> int:

@@ -10,7 +10,6 @@ from tubes import tube
 from organ_geometry.mesh_file import SUFFIXES, vertex_normals, write_mesh
 from organ_geometry.skin import organ_skin
 from organ_geometry.tear import torn_pieces
-from organ_geometry.whole_file import write_whole
 
 
 def parts_of(torn: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -73,14 +72,3 @@ def test_unknown_kinds_are_named(tmp_path: Path, name: str) -> None:
 def test_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="there is no folder"):
         write_mesh(parts_of(torn=False), tmp_path / "nowhere" / "duct.stl")
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "duct.organ"
-    write_whole(path, b"old")
-    with pytest.raises(TypeError):
-        write_whole(path, "not bytes")  # pyright: ignore[reportArgumentType]
-    assert path.read_bytes() == b"old"
-    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    with pytest.raises(ValueError, match="it is a folder"):
-        write_whole(tmp_path, b"")

@@ -152,30 +152,6 @@ def test_frames_along_the_axes_of_space_stay_exact(make_tube: Tube, mirrored: bo
     np.testing.assert_array_equal(stored_organ(stacked).frames, stacked.frames)
 
 
-def test_a_file_is_written_complete_or_not_at_all(
-    tmp_path: Path, make_tube: Tube, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "duct.organ"
-    write_organ(make_tube([1.0, 1.0]), path)
-    before = path.read_bytes()
-
-    def full(self: Path, data: bytes) -> int:
-        with self.open("wb") as file:
-            file.write(data[:10])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OrganFileError, match=r"cannot write .*duct.organ: No space left"):
-        write_organ(make_tube([2.0, 2.0]), path)
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["duct.organ"]
-
-
-def test_no_folder_to_write_to(tmp_path: Path, make_tube: Tube) -> None:
-    with pytest.raises(OrganFileError, match=r"cannot write .*duct.organ: No such file"):
-        write_organ(make_tube([1.0, 1.0]), tmp_path / "nowhere" / "duct.organ")
-
-
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(OrganFileError, match=r"cannot read .*duct.organ: No such file"):
         read_organ(tmp_path / "duct.organ")

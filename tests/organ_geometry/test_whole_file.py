@@ -1,0 +1,41 @@
+"""Files appear whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from organ_geometry.whole_file import write_whole
+
+
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "duct.organ"
+    write_whole(path, b"old")
+
+    def full(handle: int, mode: str) -> object:
+        os.close(handle)
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdopen", full)
+        with pytest.raises(ValueError, match=r"cannot write .*duct\.organ: No space left"):
+            write_whole(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_targets_that_cannot_be_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="there is no folder"):
+        write_whole(tmp_path / "nowhere" / "duct.organ", b"")
+    with pytest.raises(ValueError, match="it is a folder"):
+        write_whole(tmp_path, b"")
+    assert not list(tmp_path.iterdir())
+
+
+def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
+    plain, whole = tmp_path / "plain", tmp_path / "whole"
+    plain.write_bytes(b"")
+    write_whole(whole, b"")
+    assert whole.stat().st_mode == plain.stat().st_mode
