@@ -356,7 +356,7 @@ class Session:
             )
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the chosen theory's force-deflection curve, from rest past the break.
+        """Return the chosen theory's force-deflection curve, past the break and past this pull.
 
         Parameters
         ----------
@@ -373,7 +373,7 @@ class Session:
             last = (
                 self._breaks_at.deflection if self._breaks_at else BOUNDLESS_DEFLECTION * beam.span
             )
-            deflections = np.linspace(0.0, 1.15 * last, count)
+            deflections = np.linspace(0.0, 1.15 * max(last, self._deepest), count)
             nowhere = np.empty(0)
             forces = [
                 theory.under_deflection(beam, grasp, float(d), nowhere).force for d in deflections

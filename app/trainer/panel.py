@@ -232,7 +232,7 @@ class Panel:
             session.grasp,
             event.force if event else None,
         )
-        if key != self._curve_key:
+        if key != self._curve_key or reading.deepest > self._curve[0][-1]:
             self._curve_key = key
             self._curve: tuple[NDArray[np.float64], NDArray[np.float64]] = session.curve()
         deflections, forces = self._curve

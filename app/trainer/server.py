@@ -11,6 +11,7 @@ import viser
 
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
+from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from organ_geometry.organ import Organ
 
@@ -63,6 +64,13 @@ class Trainer:
         self._stopping = threading.Event()
         _warm(organ)
         self._server = _serve(host, port)
+        # Where "reset view" leads; each client's own camera is set when its scene is drawn.
+        overview = viewpoint(organ.length, organ.mean_radius, 1.3)
+        camera = self._server.initial_camera
+        camera.position = tuple(overview.position)
+        camera.look_at = tuple(overview.look_at)
+        camera.up = tuple(overview.up)
+        camera.fov = overview.fov
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)

@@ -233,6 +233,11 @@ def test_curve_is_the_theory_s_and_passes_the_break(session: Session) -> None:
     assert event is not None
     assert deflections[0] == 0.0
     assert deflections[-1] > event.deflection
+    session.set_threshold(session.threshold_range[1])
+    pull(session, session.force_limit)
+    deepest = session.reading().deepest
+    session.set_threshold(0.6 * session.threshold)  # the break is now far behind
+    assert session.curve()[0][-1] > deepest
 
 
 def test_steps_of_any_length_lead_to_the_same_rest() -> None:
