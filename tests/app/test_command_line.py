@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 from program import refused, run
-from thesis_tables import INCH, LBF, TABLE_6_3
 
+from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from thesis_tables import LBF, PSI
 
+from app.validation.thesis_tables import LBF, PSI
 from physics import (
     THEORIES,
     Beam,

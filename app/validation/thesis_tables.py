@@ -1,6 +1,10 @@
-"""Tables 6.1, 6.2 and 6.3 of the thesis: force P on one half, lbf, and deflection, inch."""
+"""Tables 6.1, 6.2 and 6.3 of the thesis: its own deflections and ANSYS's, under P on one half."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from physics import Beam
+
+__all__ = ["INCH", "LBF", "PSI", "TABLES", "TABLE_6_1", "TABLE_6_2", "TABLE_6_3", "Row", "Table"]
 
 INCH = 25.4
 """mm."""
@@ -9,23 +13,71 @@ LBF = 4.4482216152605
 PSI = LBF / INCH**2
 """MPa."""
 
+Row = tuple[float, str, float]
+"""P, lbf; deflection 'calculated' by the thesis, inch, as printed; deflection by ANSYS, inch.
 
-@dataclass(frozen=True)
+What was calculated stays text, so that it can be seen how many digits were published."""
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
-    """One table: half span and diameter, inch; modulus, psi; rows of P, 'calculated' and ANSYS.
+    """One table.
 
-    The 'calculated' figures stay text, so that a test can count the digits that were published.
+    Attributes
+    ----------
+    number
+        Its number.
+    title
+        What it is about.
+    theory
+        Theory that the thesis calculated with: cubic (q = 0.5) or string.
+    half_span, diameter
+        L and d, inch.
+    modulus
+        E, psi.
+    rows
+        The rows but the one at rest.
+    rounded_area, rounded_second_moment
+        Section that reproduces every digit of what was calculated, in^2 and in^4, where the
+        thesis rounded it; None where it took the exact one.
     """
 
     number: str
+    title: str
+    theory: str
     half_span: float
     diameter: float
     modulus: float
-    rows: tuple[tuple[float, str, float], ...]
+    rows: tuple[Row, ...]
+    rounded_area: float | None = None
+    rounded_second_moment: float | None = None
+
+    @property
+    def beam(self) -> Beam:
+        """The table's beam, in mm, N and MPa."""
+        return Beam.round(
+            span=2.0 * self.half_span * INCH,
+            diameter=self.diameter * INCH,
+            modulus=self.modulus * PSI,
+            poisson_ratio=0.3,
+        )
+
+    @property
+    def rounded_beam(self) -> Beam:
+        """The beam with the section that the thesis rounded."""
+        beam = self.beam
+        area, moment = self.rounded_area, self.rounded_second_moment
+        return replace(
+            beam,
+            area=beam.area if area is None else area * INCH**2,
+            second_moment=beam.second_moment if moment is None else moment * INCH**4,
+        )
 
 
 TABLE_6_1 = Table(
     "6.1",
+    "Rubber, d = 0.4 inch",
+    "cubic",
     1.0,
     0.4,
     1500.0,
@@ -47,9 +99,12 @@ TABLE_6_1 = Table(
         (15, "0.428058269", 0.391),
         (20, "0.502895775", 0.461),
     ),
+    rounded_second_moment=0.001256,
 )
 TABLE_6_2 = Table(
     "6.2",
+    "Thin rubber, d = 0.1 inch",
+    "string",
     1.0,
     0.1,
     1500.0,
@@ -63,6 +118,8 @@ TABLE_6_2 = Table(
 )
 TABLE_6_3 = Table(
     "6.3",
+    "Bile duct, d = 0.35 inch",
+    "cubic",
     1.0,
     0.35,
     45.0,
@@ -109,4 +166,8 @@ TABLE_6_3 = Table(
         (2, "1.00852701", 1.0492),
         (2.5, "1.098002171", 1.1889),
     ),
+    rounded_area=0.09621127,
+    rounded_second_moment=0.000736617566,
 )
+
+TABLES = (TABLE_6_1, TABLE_6_2, TABLE_6_3)
