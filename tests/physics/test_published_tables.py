@@ -6,7 +6,7 @@ from app.validation.thesis_tables import INCH, LBF, TABLE_6_1, TABLE_6_2, TABLE_
 from physics import Cubic, TautString
 
 LAST_DIGIT = 0.6e-9
-"""Half a unit of the ninth decimal, and a tenth of a unit for the inputs the thesis rounded, inch."""
+"""Inch: half a unit of the ninth decimal, and a tenth of one for the inputs that were rounded."""
 
 
 def calculated_by(table: Table) -> Cubic | TautString:
