@@ -158,6 +158,8 @@ class TautString:
             moment=np.zeros_like(at),
             normal_stress=normal_stress,
             bending_stress=np.zeros_like(at),
+            shear_force=np.zeros_like(at),
+            strain_energy=0.5 * beam.modulus * beam.area * strain**2 * beam.span,
         )
 
 

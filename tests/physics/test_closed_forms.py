@@ -78,6 +78,23 @@ def test_cubic_axis_moment_and_slope_belong_together(
 
 @settings(deadline=None)
 @given(beams, fractions, deflections)
+def test_cubic_shear_and_energy_are_those_of_its_shape(
+    beam: Beam, fraction: float, relative: float
+) -> None:
+    """Shear is the slope of the moment and jumps by k1 delta; energy by (5.18) and stretching."""
+    grasp, deflection = fraction * beam.span, relative * beam.span
+    x = np.array([0.0, grasp, np.nextafter(grasp, np.inf), beam.span])
+    pulled = Cubic().under_deflection(beam, grasp, deflection, x)
+    slopes = np.diff(pulled.moment)[[0, 2]] / [grasp, beam.span - grasp]
+    assert pulled.shear_force == pytest.approx(np.repeat(slopes, 2), rel=1e-9)
+    k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
+    assert pulled.shear_force[2] - pulled.shear_force[1] == pytest.approx(k1 * deflection, rel=1e-9)
+    energy = 0.5 * k1 * deflection**2 + 0.25 * k3 * deflection**4
+    assert pulled.strain_energy == pytest.approx(energy, rel=1e-9)
+
+
+@settings(deadline=None)
+@given(beams, fractions, deflections)
 def test_string_force_is_the_slope_of_its_energy(
     beam: Beam, fraction: float, relative: float
 ) -> None:
@@ -92,6 +109,11 @@ def test_string_force_is_the_slope_of_its_energy(
         np.vectorize(lambda d: TautString().force(beam, grasp, d)), 0.5 * deflection, deflection
     )
     stored = energy(deflection) - energy(0.5 * deflection)
+    at = np.array([grasp])
+    pulled = TautString().under_deflection(beam, grasp, deflection, at)
+    assert not pulled.shear_force.any()
+    scale = 1e-12 * beam.modulus * beam.area * beam.span
+    assert pulled.strain_energy == pytest.approx(energy(deflection), rel=1e-6, abs=scale)
     # The energy as written cancels where l_a + l_b is nearly the span.
     assert work == pytest.approx(stored, rel=1e-6, abs=1e-12 * beam.modulus * beam.area * beam.span)
 
