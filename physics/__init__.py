@@ -2,7 +2,8 @@
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.equilibrium import Equilibrium
+from physics.equilibrium import Equilibrium, NoEquilibriumFound
+from physics.fem import Fem
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
@@ -20,6 +21,8 @@ __all__ = [
     "BreakEvent",
     "Cubic",
     "Equilibrium",
+    "Fem",
+    "NoEquilibriumFound",
     "RuptureCheck",
     "TautString",
     "Theory",

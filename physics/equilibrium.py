@@ -5,7 +5,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Equilibrium"]
+__all__ = ["Equilibrium", "NoEquilibriumFound"]
+
+
+class NoEquilibriumFound(ValueError):  # noqa: N818
+    """A load under which a theory finds no equilibrium: it ends before the beam does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from theory_limits import CHAINS, ROUND_TRIP, SYMMETRY, within_reach
 
 from physics import THEORIES, Beam, Cubic, TautString, Theory, theory_named
 
@@ -121,12 +122,13 @@ def test_string_force_is_the_slope_of_its_energy(
 @settings(deadline=None)
 @given(beams, fractions, deflections, st.sampled_from(sorted(THEORIES)))
 def test_force_and_back(beam: Beam, fraction: float, relative: float, name: str) -> None:
+    assume(within_reach(name, beam, relative))
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
     at = np.array([grasp])
     force = theory.under_deflection(beam, grasp, there, at).force
     back = theory.under_force(beam, grasp, force, at)
-    assert back.deflection == pytest.approx(there, rel=ROUNDING)
-    assert back.across[0] == pytest.approx(there, rel=ROUNDING)
+    assert back.deflection == pytest.approx(there, rel=ROUND_TRIP[name])
+    assert back.across[0] == pytest.approx(there, rel=ROUND_TRIP[name])
 
 
 @settings(deadline=None)
@@ -134,19 +136,23 @@ def test_force_and_back(beam: Beam, fraction: float, relative: float, name: str)
 def test_mirrored_and_reversed_pulls(
     beam: Beam, fraction: float, relative: float, name: str
 ) -> None:
+    assume(within_reach(name, beam, relative))
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
+    rel = SYMMETRY[name]
     x = np.linspace(0.0, beam.span, 17)
     pulled = theory.under_deflection(beam, grasp, there, x)
     mirror = theory.under_deflection(
         beam, beam.span - grasp, there, np.clip(beam.span - x, 0, None)
     )
     pushed = theory.under_deflection(beam, grasp, -there, x)
-    assert mirror.force == pytest.approx(pulled.force, rel=1e-9)
+    assert mirror.force == pytest.approx(pulled.force, rel=rel)
     assert pushed.force == -pulled.force
-    assert mirror.across == pytest.approx(pulled.across, rel=1e-9, abs=1e-9 * there)
-    assert pushed.across == pytest.approx(-pulled.across, rel=1e-9, abs=1e-9 * there)
-    assert mirror.rotation == pytest.approx(-pulled.rotation, rel=1e-9, abs=1e-9)
-    assert mirror.total_stress == pytest.approx(pulled.total_stress, rel=1e-6)
+    assert mirror.across == pytest.approx(pulled.across, rel=rel, abs=rel * there)
+    assert pushed.across == pytest.approx(-pulled.across, rel=rel, abs=rel * there)
+    assert mirror.rotation == pytest.approx(-pulled.rotation, rel=rel, abs=rel)
+    assert mirror.total_stress == pytest.approx(
+        pulled.total_stress, rel=1e3 * rel, abs=rel * pulled.total_stress.max()
+    )
 
 
 @pytest.mark.parametrize("name", sorted(THEORIES))
@@ -154,7 +160,10 @@ def test_mirrored_and_reversed_pulls(
 def test_axis_starts_and_ends_at_the_clamps_and_passes_the_grasp(name: str, grasp: float) -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
     pulled = theory_named(name).under_force(beam, grasp, 3.0, np.array([0.0, grasp, 50.8]))
-    assert pulled.along == pytest.approx([0.0, grasp, 50.8], abs=0.0)
+    # A chain of elements or masses slides along the line between the clamps; the others cannot.
+    slide = 0.01 * 50.8 if name in CHAINS and grasp != 25.4 else 0.0
+    assert pulled.along == pytest.approx([0.0, grasp, 50.8], rel=0.0, abs=slide)
+    assert pulled.along[[0, 2]] == pytest.approx([0.0, 50.8], abs=0.0)
     assert pulled.across == pytest.approx([0.0, pulled.deflection, 0.0], abs=1e-12)
     assert pulled.rotation[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
 
