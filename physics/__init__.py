@@ -4,6 +4,8 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibriumFound
 from physics.fem import Fem
+from physics.mass_spring import MassSpring
+from physics.mass_spring_chain import MassSpringChain
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
@@ -22,6 +24,8 @@ __all__ = [
     "Cubic",
     "Equilibrium",
     "Fem",
+    "MassSpring",
+    "MassSpringChain",
     "NoEquilibriumFound",
     "RuptureCheck",
     "TautString",

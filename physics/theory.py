@@ -10,6 +10,7 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
 from physics.fem import Fem
+from physics.mass_spring import MassSpring
 from physics.taut_string import TautString
 
 __all__ = ["THEORIES", "Theory", "theory_named"]
@@ -39,7 +40,12 @@ class Theory(Protocol):
         ...
 
 
-THEORIES: dict[str, Callable[[], Theory]] = {"cubic": Cubic, "string": TautString, "fem": Fem}
+THEORIES: dict[str, Callable[[], Theory]] = {
+    "cubic": Cubic,
+    "string": TautString,
+    "fem": Fem,
+    "mass-spring": MassSpring,
+}
 """The theories by name, each with its own defaults."""
 
 

@@ -22,6 +22,7 @@ THEORY_LABELS = {
     "cubic": "Cubic beam (Rayleigh)",
     "string": "String (very large deflection)",
     "fem": "Finite elements (the thesis's reference)",
+    "mass-spring": "Mass-spring chain, settled",
 }
 AXIS_COLOUR = "#c9ccd1"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
