@@ -6,6 +6,7 @@ from physics.equilibrium import Equilibrium, NoEquilibriumFound
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.mass_spring_chain import MassSpringChain
+from physics.rayleigh import BentBeam, RayleighBeam, Support
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
@@ -20,6 +21,7 @@ from physics.theory import THEORIES, Theory, theory_named
 __all__ = [
     "THEORIES",
     "Beam",
+    "BentBeam",
     "BreakEvent",
     "Cubic",
     "Equilibrium",
@@ -27,7 +29,9 @@ __all__ = [
     "MassSpring",
     "MassSpringChain",
     "NoEquilibriumFound",
+    "RayleighBeam",
     "RuptureCheck",
+    "Support",
     "TautString",
     "Theory",
     "break_event",
