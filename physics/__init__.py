@@ -4,6 +4,7 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibriumFound
 from physics.fem import Fem
+from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.mass_spring import MassSpring
 from physics.mass_spring_chain import MassSpringChain
 from physics.rayleigh import BentBeam, RayleighBeam, Support
@@ -19,6 +20,7 @@ from physics.taut_string import TautString
 from physics.theory import THEORIES, Theory, theory_named
 
 __all__ = [
+    "FITTED_Q",
     "THEORIES",
     "Beam",
     "BentBeam",
@@ -26,6 +28,7 @@ __all__ = [
     "Cubic",
     "Equilibrium",
     "Fem",
+    "FittedQ",
     "MassSpring",
     "MassSpringChain",
     "NoEquilibriumFound",
@@ -38,5 +41,6 @@ __all__ = [
     "calibrated_threshold",
     "check_rupture",
     "critical_stations",
+    "fitted_to",
     "theory_named",
 ]

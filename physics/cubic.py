@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
+from physics.fitted_q import FITTED_Q
 from physics.quantity import finite, stations_on
 
 __all__ = ["Cubic"]
@@ -29,22 +30,26 @@ class Cubic:
     ----------
     q
         The thesis's factor for the work of the axial force (5.9): 1 fits small deflections,
-        0.4 to 0.5 large ones.
+        0.4 to 0.5 large ones. 'fitted' is the law of `physics.fitted_q`, which runs from the one
+        to the other as the deflection grows.
 
     Raises
     ------
     ValueError
-        If q is negative or not finite.
+        If q is negative, not finite or another word.
     """
 
-    q: float = 0.5
+    q: float | Literal["fitted"] = 0.5
     name: ClassVar[str] = "cubic"
 
     def __post_init__(self) -> None:
-        if finite(self.q, "q", "(no unit)") < 0.0:
+        if isinstance(self.q, str):
+            if self.q != "fitted":
+                raise ValueError(f"q must be a number or 'fitted', got {self.q!r}")
+        elif finite(self.q, "q", "(no unit)") < 0.0:
             raise ValueError(f"q must be 0 or above, got {self.q}")
 
-    def stiffness(self, beam: Beam, grasp: float) -> tuple[float, float]:
+    def stiffness(self, beam: Beam, grasp: float, deflection: float = 0.0) -> tuple[float, float]:
         """Return k1, N/mm, and k3, N/mm^3, of F = k1 delta + k3 delta^3.
 
         Parameters
@@ -53,6 +58,8 @@ class Cubic:
             The beam.
         grasp
             Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm; of no influence unless q is fitted.
 
         Returns
         -------
@@ -60,13 +67,45 @@ class Cubic:
             k1 from bending, k3 from stretching.
         """
         a, b = beam.grasped_at(grasp)
+        q = FITTED_Q.at(beam, grasp, deflection)[0] if isinstance(self.q, str) else self.q
         ratio = beam.span / (a * b)
         bending = 3.0 * beam.modulus * beam.second_moment * ratio**3
-        stretching = 0.045 * self.q * beam.area * beam.modulus * beam.span * ratio**4
+        stretching = 0.045 * q * beam.area * beam.modulus * beam.span * ratio**4
         return bending, stretching
+
+    def implied_q(self, beam: Beam, grasp: float, force: float, deflection: float) -> float:
+        """Return the q with which the cubic has a deflection under a force.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+        deflection
+            Displacement of the grasp along the pull, mm, not 0.
+
+        Returns
+        -------
+        float
+            q, no unit; below zero where the force is less than bending alone takes.
+
+        Raises
+        ------
+        ValueError
+            If the deflection is zero.
+        """
+        if finite(deflection, "deflection", "mm") == 0.0:
+            raise ValueError("deflection must not be 0 mm: there every q is right")
+        k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
+        return (finite(force, "force", "N") - k1 * deflection) / (k3 * deflection**3)
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
         """Return the deflection under a force: the one real root of the cubic, by sinh.
+
+        With q fitted it is no cubic, but still grows with the force and has one root.
 
         Parameters
         ----------
@@ -84,6 +123,8 @@ class Cubic:
         """
         k1, k3 = self.stiffness(beam, grasp)
         force = finite(force, "force", "N")
+        if isinstance(self.q, str):
+            return self._deflection_by_law(beam, grasp, force)
         scale = math.sqrt(3.0 * k3 / k1)
         argument = 1.5 * force / k1 * scale
         if abs(argument) < 1e-8:
@@ -107,9 +148,26 @@ class Cubic:
         float
             Force, N.
         """
-        k1, k3 = self.stiffness(beam, grasp)
         deflection = finite(deflection, "deflection", "mm")
+        k1, k3 = self.stiffness(beam, grasp, deflection)
         return (k1 + k3 * deflection**2) * deflection
+
+    def _deflection_by_law(self, beam: Beam, grasp: float, force: float) -> float:
+        """Newton's method on ln F over ln delta, whose slope stays between about 1 and 3."""
+        pull = abs(force)
+        if pull == 0.0:
+            return 0.0
+        delta = Cubic(q=0.5).deflection(beam, grasp, pull)
+        for _ in range(100):
+            k1, k3 = self.stiffness(beam, grasp, delta)
+            stretching = k3 * delta**2
+            power = FITTED_Q.at(beam, grasp, delta)[1]
+            slope = 1.0 + (2.0 + power) * stretching / (k1 + stretching)
+            step = math.log(pull / ((k1 + stretching) * delta)) / slope
+            delta *= math.exp(step)
+            if abs(step) <= 2e-16:
+                break
+        return math.copysign(delta, force)
 
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]

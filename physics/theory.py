@@ -1,7 +1,7 @@
 """The one way to call a theory of a pulled beam, whichever it is."""
 
 from collections.abc import Callable
-from typing import ClassVar, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ THEORIES: dict[str, Callable[[], Theory]] = {
 """The theories by name, each with its own defaults."""
 
 
-def theory_named(name: str, *, q: float | None = None) -> Theory:
+def theory_named(name: str, *, q: float | Literal["fitted"] | None = None) -> Theory:
     """Return the theory of that name.
 
     Parameters
@@ -57,7 +57,7 @@ def theory_named(name: str, *, q: float | None = None) -> Theory:
     name
         One of `THEORIES`.
     q
-        Factor of the axial coupling, for the cubic only; its default when None.
+        Factor of the axial coupling, or 'fitted', for the cubic only; its default when None.
 
     Returns
     -------
