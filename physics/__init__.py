@@ -2,7 +2,7 @@
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.equilibrium import Equilibrium, NoEquilibriumFound
+from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.mass_spring import MassSpring
@@ -31,7 +31,7 @@ __all__ = [
     "FittedQ",
     "MassSpring",
     "MassSpringChain",
-    "NoEquilibriumFound",
+    "NoEquilibrium",
     "RayleighBeam",
     "RuptureCheck",
     "Support",

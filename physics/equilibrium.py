@@ -5,10 +5,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Equilibrium", "NoEquilibriumFound"]
+__all__ = ["Equilibrium", "NoEquilibrium"]
 
 
-class NoEquilibriumFound(ValueError):  # noqa: N818
+class NoEquilibrium(ValueError):  # noqa: N818 - named for what happened, not as a fault
     """A load under which a theory finds no equilibrium: it ends before the beam does."""
 
 
@@ -43,9 +43,9 @@ class Equilibrium:
     bending_stress
         (N,) largest bending stress of the section, at its outermost fibre, MPa, never below zero.
     shear_force
-        (N,) derivatives of the moment along the axis, N; at a jump, that of the first side.
+        (N,) internal transverse force, N, of the sign that makes it the derivative of `moment`.
     strain_energy
-        Energy stored in the whole beam by bending and stretching, N mm.
+        Energy stored in the whole beam, N mm.
     """
 
     theory: str

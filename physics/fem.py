@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.corotational import LAST_OF_HALF, LAST_OF_SPAN, element_state, pull_from_rest
-from physics.equilibrium import Equilibrium, NoEquilibriumFound
+from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import finite, stations_on
 
 __all__ = ["Fem"]
@@ -158,7 +158,7 @@ class Fem:
         )
         if math.isnan(share):
             kind, unit = ("force", "N") if by_force else ("deflection", "mm")
-            raise NoEquilibriumFound(
+            raise NoEquilibrium(
                 f"{kind} must be one at which the elements can balance, got {load:g} {unit}: "
                 f"the beam of {beam.span:g} mm grasped at {a:g} mm crushes an element before it"
             )

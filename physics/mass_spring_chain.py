@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.equilibrium import Equilibrium, NoEquilibriumFound
+from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import finite, positive, stations_on
 from physics.spring_chain import euler, leapfrog, runge_kutta, settle, spring_forces
 
@@ -337,7 +337,7 @@ class MassSpringChain:
 
         Raises
         ------
-        NoEquilibriumFound
+        NoEquilibrium
             If it does not come to rest.
         """
         if self._goal is not None:
@@ -356,7 +356,7 @@ class MassSpringChain:
             self._velocity,
         )
         if steps < 0:
-            raise NoEquilibriumFound(
+            raise NoEquilibrium(
                 f"the chain must settle in {MOST_STEPS} steps, but is still moving under "
                 f"{self._pull:g} N at {self.deflection:g} mm"
             )

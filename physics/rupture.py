@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
-from physics.equilibrium import Equilibrium, NoEquilibriumFound
+from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import positive
 from physics.theory import Theory
 
@@ -203,7 +203,7 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
     def reaches(deflection: float) -> bool:
         try:
             pulled = theory.under_deflection(beam, grasp, deflection, stations)
-        except NoEquilibriumFound:
+        except NoEquilibrium:
             return True
         return float(pulled.total_stress.max()) >= threshold
 
@@ -216,6 +216,6 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
         low, high = (low, middle) if reaches(middle) else (middle, high)
     try:
         pulled = theory.under_deflection(beam, grasp, high, stations)
-    except NoEquilibriumFound:
+    except NoEquilibrium:
         return None
     return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))
