@@ -2,7 +2,12 @@
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.equilibrium import Equilibrium
+from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.fem import Fem
+from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
+from physics.mass_spring import MassSpring
+from physics.mass_spring_chain import MassSpringChain
+from physics.rayleigh import BentBeam, RayleighBeam, Support
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
@@ -15,17 +20,27 @@ from physics.taut_string import TautString
 from physics.theory import THEORIES, Theory, theory_named
 
 __all__ = [
+    "FITTED_Q",
     "THEORIES",
     "Beam",
+    "BentBeam",
     "BreakEvent",
     "Cubic",
     "Equilibrium",
+    "Fem",
+    "FittedQ",
+    "MassSpring",
+    "MassSpringChain",
+    "NoEquilibrium",
+    "RayleighBeam",
     "RuptureCheck",
+    "Support",
     "TautString",
     "Theory",
     "break_event",
     "calibrated_threshold",
     "check_rupture",
     "critical_stations",
+    "fitted_to",
     "theory_named",
 ]

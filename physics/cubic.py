@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
+from physics.fitted_q import FITTED_Q
 from physics.quantity import finite, stations_on
 
 __all__ = ["Cubic"]
@@ -29,22 +30,26 @@ class Cubic:
     ----------
     q
         The thesis's factor for the work of the axial force (5.9): 1 fits small deflections,
-        0.4 to 0.5 large ones.
+        0.4 to 0.5 large ones. 'fitted' is the law of `physics.fitted_q`, which runs from the one
+        to the other as the deflection grows.
 
     Raises
     ------
     ValueError
-        If q is negative or not finite.
+        If q is negative, not finite or another word.
     """
 
-    q: float = 0.5
+    q: float | Literal["fitted"] = 0.5
     name: ClassVar[str] = "cubic"
 
     def __post_init__(self) -> None:
-        if finite(self.q, "q", "(no unit)") < 0.0:
+        if isinstance(self.q, str):
+            if self.q != "fitted":
+                raise ValueError(f"q must be a number or 'fitted', got {self.q!r}")
+        elif finite(self.q, "q", "(no unit)") < 0.0:
             raise ValueError(f"q must be 0 or above, got {self.q}")
 
-    def stiffness(self, beam: Beam, grasp: float) -> tuple[float, float]:
+    def stiffness(self, beam: Beam, grasp: float, deflection: float = 0.0) -> tuple[float, float]:
         """Return k1, N/mm, and k3, N/mm^3, of F = k1 delta + k3 delta^3.
 
         Parameters
@@ -53,6 +58,8 @@ class Cubic:
             The beam.
         grasp
             Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm; of no influence unless q is fitted.
 
         Returns
         -------
@@ -60,13 +67,45 @@ class Cubic:
             k1 from bending, k3 from stretching.
         """
         a, b = beam.grasped_at(grasp)
+        q = FITTED_Q.at(beam, grasp, deflection)[0] if isinstance(self.q, str) else self.q
         ratio = beam.span / (a * b)
         bending = 3.0 * beam.modulus * beam.second_moment * ratio**3
-        stretching = 0.045 * self.q * beam.area * beam.modulus * beam.span * ratio**4
+        stretching = 0.045 * q * beam.area * beam.modulus * beam.span * ratio**4
         return bending, stretching
+
+    def implied_q(self, beam: Beam, grasp: float, force: float, deflection: float) -> float:
+        """Return the q with which the cubic has a deflection under a force.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+        deflection
+            Displacement of the grasp along the pull, mm, not 0.
+
+        Returns
+        -------
+        float
+            q, no unit; below zero where the force is less than bending alone takes.
+
+        Raises
+        ------
+        ValueError
+            If the deflection is zero.
+        """
+        if finite(deflection, "deflection", "mm") == 0.0:
+            raise ValueError("deflection must not be 0 mm: there every q is right")
+        k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
+        return (finite(force, "force", "N") - k1 * deflection) / (k3 * deflection**3)
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
         """Return the deflection under a force: the one real root of the cubic, by sinh.
+
+        With q fitted it is no cubic, but still grows with the force and has one root.
 
         Parameters
         ----------
@@ -84,6 +123,8 @@ class Cubic:
         """
         k1, k3 = self.stiffness(beam, grasp)
         force = finite(force, "force", "N")
+        if isinstance(self.q, str):
+            return self._deflection_by_law(beam, grasp, force)
         scale = math.sqrt(3.0 * k3 / k1)
         argument = 1.5 * force / k1 * scale
         if abs(argument) < 1e-8:
@@ -107,9 +148,26 @@ class Cubic:
         float
             Force, N.
         """
-        k1, k3 = self.stiffness(beam, grasp)
         deflection = finite(deflection, "deflection", "mm")
+        k1, k3 = self.stiffness(beam, grasp, deflection)
         return (k1 + k3 * deflection**2) * deflection
+
+    def _deflection_by_law(self, beam: Beam, grasp: float, force: float) -> float:
+        """Newton's method on ln F over ln delta, whose slope stays between about 1 and 3."""
+        pull = abs(force)
+        if pull == 0.0:
+            return 0.0
+        delta = Cubic(q=0.5).deflection(beam, grasp, pull)
+        for _ in range(100):
+            k1, k3 = self.stiffness(beam, grasp, delta)
+            stretching = k3 * delta**2
+            power = FITTED_Q.at(beam, grasp, delta)[1]
+            slope = 1.0 + (2.0 + power) * stretching / (k1 + stretching)
+            step = math.log(pull / ((k1 + stretching) * delta)) / slope
+            delta *= math.exp(step)
+            if abs(step) <= 2e-16:
+                break
+        return math.copysign(delta, force)
 
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
@@ -176,9 +234,13 @@ class Cubic:
         across = unit * x**2 * (3.0 * near * span - (3.0 * near + far) * x)
         slope = unit * x * (6.0 * near * span - 3.0 * (3.0 * near + far) * x)
         curvature = unit * (6.0 * near * span - 6.0 * (3.0 * near + far) * x)
+        third = -6.0 * unit * (3.0 * near + far) * np.where(first, 1.0, -1.0)
         strain = 3.0 * deflection**2 * span**2 / (20.0 * a**2 * b**2)  # (5.15), (5.26)
         normal_stress = np.full_like(at, beam.modulus * strain)  # (5.27)
-        moment = beam.modulus * beam.second_moment * curvature
+        stiffness = beam.modulus * beam.second_moment
+        moment = stiffness * curvature
+        bending_energy = 1.5 * stiffness * deflection**2 * (span / (a * b)) ** 3  # (5.20)
+        stretching_energy = 0.5 * beam.modulus * beam.area * strain**2 * span
         return Equilibrium(
             theory=self.name,
             grasp=a,
@@ -192,4 +254,6 @@ class Cubic:
             moment=moment,
             normal_stress=normal_stress,
             bending_stress=np.abs(moment) * beam.fibre_distance / beam.second_moment,  # (5.28)
+            shear_force=stiffness * third,
+            strain_energy=bending_energy + stretching_energy,
         )

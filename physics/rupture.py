@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
-from physics.equilibrium import Equilibrium
+from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import positive
 from physics.theory import Theory
 
@@ -194,13 +194,17 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
     Returns
     -------
     BreakEvent | None
-        The load; None if the beam bears deflections of a thousand spans.
+        The load; None if the beam bears deflections of a thousand spans, or all that its theory
+        can follow.
     """
     positive(threshold, "threshold", "MPa")
     stations = critical_stations(beam, grasp)
 
     def reaches(deflection: float) -> bool:
-        pulled = theory.under_deflection(beam, grasp, deflection, stations)
+        try:
+            pulled = theory.under_deflection(beam, grasp, deflection, stations)
+        except NoEquilibrium:
+            return True
         return float(pulled.total_stress.max()) >= threshold
 
     low, high = 0.0, 1e-3 * beam.span
@@ -210,5 +214,8 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
             return None
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (low, middle) if reaches(middle) else (middle, high)
-    pulled = theory.under_deflection(beam, grasp, high, stations)
+    try:
+        pulled = theory.under_deflection(beam, grasp, high, stations)
+    except NoEquilibrium:
+        return None
     return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

@@ -1,7 +1,7 @@
 """The one way to call a theory of a pulled beam, whichever it is."""
 
 from collections.abc import Callable
-from typing import ClassVar, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
+from physics.fem import Fem
+from physics.mass_spring import MassSpring
 from physics.taut_string import TautString
 
 __all__ = ["THEORIES", "Theory", "theory_named"]
@@ -38,11 +40,16 @@ class Theory(Protocol):
         ...
 
 
-THEORIES: dict[str, Callable[[], Theory]] = {"cubic": Cubic, "string": TautString}
+THEORIES: dict[str, Callable[[], Theory]] = {
+    "cubic": Cubic,
+    "string": TautString,
+    "fem": Fem,
+    "mass-spring": MassSpring,
+}
 """The theories by name, each with its own defaults."""
 
 
-def theory_named(name: str, *, q: float | None = None) -> Theory:
+def theory_named(name: str, *, q: float | Literal["fitted"] | None = None) -> Theory:
     """Return the theory of that name.
 
     Parameters
@@ -50,7 +57,7 @@ def theory_named(name: str, *, q: float | None = None) -> Theory:
     name
         One of `THEORIES`.
     q
-        Factor of the axial coupling, for the cubic only; its default when None.
+        Factor of the axial coupling, or 'fitted', for the cubic only; its default when None.
 
     Returns
     -------

@@ -26,7 +26,7 @@ def solve(
     ] = None,
     force: Annotated[float | None, typer.Option(help="The grasper's whole force, N.")] = None,
     deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
-    theory: Annotated[str, typer.Option(help="cubic or string.")] = "cubic",
+    theory: Annotated[str, typer.Option(help="cubic, string, fem or mass-spring.")] = "cubic",
     q: Annotated[
         float | None, typer.Option(help="Axial coupling of the cubic theory; 0.5 if not given.")
     ] = None,

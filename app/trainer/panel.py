@@ -20,7 +20,12 @@ DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 330
 """px."""
 BRAND = (38, 166, 154)
-THEORY_LABELS = {"cubic": "Cubic beam (Rayleigh)", "string": "String (very large deflection)"}
+THEORY_LABELS = {
+    "cubic": "Cubic beam (Rayleigh)",
+    "string": "String (very large deflection)",
+    "fem": "Finite elements (the thesis's reference)",
+    "mass-spring": "Mass-spring chain, settled",
+}
 AXIS_COLOUR = "#c9ccd1"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from theory_limits import CHAINS, ROUND_TRIP, SYMMETRY, TESTED, within_reach
 
-from physics import THEORIES, Beam, Cubic, TautString, Theory, theory_named
+from physics import Beam, Cubic, TautString, Theory, theory_named
 
 ROUNDING = 1e-12
 """Relative: some hundred operations in double precision."""
@@ -78,6 +79,23 @@ def test_cubic_axis_moment_and_slope_belong_together(
 
 @settings(deadline=None)
 @given(beams, fractions, deflections)
+def test_cubic_shear_and_energy_are_those_of_its_shape(
+    beam: Beam, fraction: float, relative: float
+) -> None:
+    """Shear is the slope of the moment and jumps by k1 delta; energy by (5.18) and stretching."""
+    grasp, deflection = fraction * beam.span, relative * beam.span
+    x = np.array([0.0, grasp, np.nextafter(grasp, np.inf), beam.span])
+    pulled = Cubic().under_deflection(beam, grasp, deflection, x)
+    slopes = np.diff(pulled.moment)[[0, 2]] / [grasp, beam.span - grasp]
+    assert pulled.shear_force == pytest.approx(np.repeat(slopes, 2), rel=1e-9)
+    k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
+    assert pulled.shear_force[2] - pulled.shear_force[1] == pytest.approx(k1 * deflection, rel=1e-9)
+    energy = 0.5 * k1 * deflection**2 + 0.25 * k3 * deflection**4
+    assert pulled.strain_energy == pytest.approx(energy, rel=1e-9)
+
+
+@settings(deadline=None)
+@given(beams, fractions, deflections)
 def test_string_force_is_the_slope_of_its_energy(
     beam: Beam, fraction: float, relative: float
 ) -> None:
@@ -92,47 +110,60 @@ def test_string_force_is_the_slope_of_its_energy(
         np.vectorize(lambda d: TautString().force(beam, grasp, d)), 0.5 * deflection, deflection
     )
     stored = energy(deflection) - energy(0.5 * deflection)
+    at = np.array([grasp])
+    pulled = TautString().under_deflection(beam, grasp, deflection, at)
+    assert not pulled.shear_force.any()
+    scale = 1e-12 * beam.modulus * beam.area * beam.span
+    assert pulled.strain_energy == pytest.approx(energy(deflection), rel=1e-6, abs=scale)
     # The energy as written cancels where l_a + l_b is nearly the span.
     assert work == pytest.approx(stored, rel=1e-6, abs=1e-12 * beam.modulus * beam.area * beam.span)
 
 
 @settings(deadline=None)
-@given(beams, fractions, deflections, st.sampled_from(sorted(THEORIES)))
+@given(beams, fractions, deflections, st.sampled_from(TESTED))
 def test_force_and_back(beam: Beam, fraction: float, relative: float, name: str) -> None:
+    assume(within_reach(name, beam, relative))
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
     at = np.array([grasp])
     force = theory.under_deflection(beam, grasp, there, at).force
     back = theory.under_force(beam, grasp, force, at)
-    assert back.deflection == pytest.approx(there, rel=ROUNDING)
-    assert back.across[0] == pytest.approx(there, rel=ROUNDING)
+    assert back.deflection == pytest.approx(there, rel=ROUND_TRIP[name])
+    assert back.across[0] == pytest.approx(there, rel=ROUND_TRIP[name])
 
 
 @settings(deadline=None)
-@given(beams, fractions, deflections, st.sampled_from(sorted(THEORIES)))
+@given(beams, fractions, deflections, st.sampled_from(TESTED))
 def test_mirrored_and_reversed_pulls(
     beam: Beam, fraction: float, relative: float, name: str
 ) -> None:
+    assume(within_reach(name, beam, relative))
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
+    rel = SYMMETRY[name]
     x = np.linspace(0.0, beam.span, 17)
     pulled = theory.under_deflection(beam, grasp, there, x)
     mirror = theory.under_deflection(
         beam, beam.span - grasp, there, np.clip(beam.span - x, 0, None)
     )
     pushed = theory.under_deflection(beam, grasp, -there, x)
-    assert mirror.force == pytest.approx(pulled.force, rel=1e-9)
+    assert mirror.force == pytest.approx(pulled.force, rel=rel)
     assert pushed.force == -pulled.force
-    assert mirror.across == pytest.approx(pulled.across, rel=1e-9, abs=1e-9 * there)
-    assert pushed.across == pytest.approx(-pulled.across, rel=1e-9, abs=1e-9 * there)
-    assert mirror.rotation == pytest.approx(-pulled.rotation, rel=1e-9, abs=1e-9)
-    assert mirror.total_stress == pytest.approx(pulled.total_stress, rel=1e-6)
+    assert mirror.across == pytest.approx(pulled.across, rel=rel, abs=rel * there)
+    assert pushed.across == pytest.approx(-pulled.across, rel=rel, abs=rel * there)
+    assert mirror.rotation == pytest.approx(-pulled.rotation, rel=rel, abs=rel)
+    assert mirror.total_stress == pytest.approx(
+        pulled.total_stress, rel=1e3 * rel, abs=rel * pulled.total_stress.max()
+    )
 
 
-@pytest.mark.parametrize("name", sorted(THEORIES))
+@pytest.mark.parametrize("name", TESTED)
 @pytest.mark.parametrize("grasp", [7.0, 25.4, 40.0])
 def test_axis_starts_and_ends_at_the_clamps_and_passes_the_grasp(name: str, grasp: float) -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
     pulled = theory_named(name).under_force(beam, grasp, 3.0, np.array([0.0, grasp, 50.8]))
-    assert pulled.along == pytest.approx([0.0, grasp, 50.8], abs=0.0)
+    # A chain of elements or masses slides along the line between the clamps; the others cannot.
+    slide = 0.01 * 50.8 if name in CHAINS and grasp != 25.4 else 0.0
+    assert pulled.along == pytest.approx([0.0, grasp, 50.8], rel=0.0, abs=slide)
+    assert pulled.along[[0, 2]] == pytest.approx([0.0, 50.8], abs=0.0)
     assert pulled.across == pytest.approx([0.0, pulled.deflection, 0.0], abs=1e-12)
     assert pulled.rotation[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
 
@@ -157,7 +188,7 @@ def test_cubic_is_the_linear_clamped_beam_at_small_load() -> None:
 
 def test_force_of_nothing_bends_nothing() -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
-    for name in THEORIES:
+    for name in TESTED:
         rest: Theory = theory_named(name)
         pulled = rest.under_force(beam, 20.0, 0.0, np.linspace(0.0, 50.8, 9))
         assert not pulled.across.any()
