@@ -44,8 +44,8 @@ def check_mesh_path(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(
-            f"{path}: {path.suffix or 'no suffix'} is no kind of mesh that can be written; "
-            f"end the name in {', '.join(SUFFIXES)}"
+            f"cannot write {path}: its name must end in the kind of mesh, one of "
+            f"{', '.join(SUFFIXES)}"
         )
     check_target(path)
 

@@ -217,11 +217,15 @@ def sides_of(organ: Organ, edge_length: float) -> int:
     Raises
     ------
     ValueError
-        If the edge length is not above zero.
+        If the edge length is not above zero or larger than the organ's radius.
     """
-    if not edge_length > 0.0:
-        raise ValueError(f"edge_length must be above 0 mm, got {edge_length} mm")
-    return max(12, round(2.0 * np.pi * organ.mean_radius / edge_length))
+    radius = organ.mean_radius
+    if not 0.0 < edge_length <= radius:
+        raise ValueError(
+            f"edge_length must be above 0 mm and at most the organ's mean radius, "
+            f"{radius:.3g} mm, got {edge_length:g} mm"
+        )
+    return max(12, round(2.0 * np.pi * radius / edge_length))
 
 
 def ring_angles(sides: int) -> NDArray[np.float64]:

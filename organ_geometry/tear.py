@@ -19,7 +19,7 @@ RAGGEDNESS = 0.16
 """Largest distance of the rim from its mean station, in mean radii."""
 REACH = 1.0
 """Along how much of the axis the rings adapt to the ragged rim, in mean radii."""
-SHORTEST_STUMP = 0.45
+SHORTEST_STUMP = 0.8
 """Least length of a piece, in mean radii: a duct that tears at a clamp leaves a stump in it."""
 GAPE = 0.55
 """How far a rim draws back along the axis once it is free, in mean radii."""

@@ -18,12 +18,14 @@ def check_target(path: Path) -> None:
     Raises
     ------
     ValueError
-        If the folder is not there, or the path is a folder.
+        If the folder is not there, or the path is a folder, a device or a pipe.
     """
     if not path.parent.is_dir():
         raise ValueError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise ValueError(f"cannot write {path}: it is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise ValueError(f"cannot write {path}: it is a device or a pipe; give the name of a file")
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -42,6 +44,7 @@ def write_whole(path: Path, content: bytes) -> None:
         If it cannot be written, with the reason; nothing is left behind.
     """
     check_target(path)
+    path = path.resolve()  # a link stays one: what it points to is replaced
     beside: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)

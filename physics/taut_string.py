@@ -139,10 +139,13 @@ class TautString:
         at = stations_on(beam.span, stations)
         a, b = beam.grasped_at(grasp)
         first, second = math.atan2(deflection, a), -math.atan2(deflection, b)
-        rotation = np.where(at < a, first, second)
-        # A section stands still in its clamp and halves the kink at the grasp.
-        rotation[at == a] = 0.5 * (first + second)
-        rotation[(at == 0.0) | (at == beam.span)] = 0.0
+        # The lines have kinks, sections that follow them would cut through each other: they turn
+        # over one fibre distance, from standing still in the clamp and halving the kink at the
+        # grasp. No stress or force follows from it.
+        from_clamp = np.minimum(at, beam.span - at) / beam.fibre_distance
+        from_grasp = np.abs(at - a) / beam.fibre_distance
+        side, halved = np.where(at < a, first, second), 0.5 * (first + second)
+        rotation = _eased(from_clamp) * (halved + _eased(from_grasp) * (side - halved))
         stretch = _stretch(a, b, deflection)
         strain = stretch / beam.span
         normal_stress = np.full_like(at, beam.modulus * strain)
@@ -162,6 +165,12 @@ class TautString:
             shear_force=np.zeros_like(at),
             strain_energy=0.5 * beam.modulus * beam.area * strain * stretch,
         )
+
+
+def _eased(part: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 0 to 1, level at both ends, while the part grows from 0 to 1 and beyond."""
+    held: NDArray[np.float64] = np.minimum(part, 1.0)
+    return held * held * (3.0 - 2.0 * held)
 
 
 def _stretch(a: float, b: float, delta: float) -> float:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import organ_from
+from app.command_line.load import PRESET_NAMES, organ_from
 
 __all__ = ["export"]
 
@@ -26,10 +26,14 @@ def export(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="The duct's material and beam; thesis-bile-duct where the organ is long enough."
+            help=f"The duct's material and beam: {PRESET_NAMES}.",
+            show_default="the first where the organ is long enough for it, else porcine-bile-duct",
         ),
     ] = None,
     theory: Annotated[str, typer.Option(help="cubic or string.")] = "cubic",
+    q: Annotated[
+        float | None, typer.Option(help="Axial coupling of the cubic theory; 0.5 if not given.")
+    ] = None,
     torn: Annotated[
         bool, typer.Option("--torn", help="The two pieces after the duct has torn.")
     ] = False,
@@ -48,7 +52,7 @@ def export(
     from physics import theory_named
 
     check_mesh_path(output)
-    chosen = theory_named(theory)
+    chosen = theory_named(theory, q=q)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
     at = 0.5 * dissection.beam.span if grasp is None else grasp

@@ -7,7 +7,13 @@ if TYPE_CHECKING:
     from organ_geometry.organ import Organ
     from physics import Beam, Equilibrium, Theory
 
-__all__ = ["equilibrium", "organ_from", "shipped_organ"]
+PRESET_NAMES = (
+    "thesis-bile-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, porcine-gallbladder "
+    "or human-ureter"
+)
+"""For the help, which must not wait until the presets are read; a test compares."""
+
+__all__ = ["PRESET_NAMES", "equilibrium", "organ_from", "shipped_organ"]
 
 
 def organ_from(path: Path | None) -> "Organ":

@@ -1,6 +1,7 @@
 """The program `bluntdissect`: its commands, and how it says what went wrong."""
 
 import sys
+from typing import Annotated
 
 import typer
 
@@ -12,13 +13,30 @@ WRONG_INPUT, OUR_FAULT = 2, 1
 
 program = typer.Typer(
     name="bluntdissect",
-    help="Blunt dissection of a tubular organ, solved as a beam. "
-    "Not clinically validated, not a medical device.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@program.callback()
+def versions(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)
+    ] = False,
+) -> None:
+    """Blunt dissection of a tubular organ, solved as a beam.
+
+    Not clinically validated, not a medical device.
+    """
+    if version:
+        from importlib.metadata import version as installed
+
+        print(f"bluntdissect {installed('bluntdissect')}")
+        raise typer.Exit
+
+
 program.command("trainer")(trainer.trainer)
 program.command("compress")(compress.compress)
 program.command("export")(export.export)

@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import equilibrium, organ_from
+from app.command_line.load import PRESET_NAMES, equilibrium, organ_from
 
 __all__ = ["solve"]
 
 
 def solve(
-    preset: Annotated[str | None, typer.Option(help="A duct that ships with the trainer.")] = None,
+    preset: Annotated[str | None, typer.Option(help=f"A duct: {PRESET_NAMES}.")] = None,
     organ: Annotated[
         Path | None,
         typer.Option(help="Organ whose own sections such a preset takes; the shipped one if none."),
@@ -20,7 +20,9 @@ def solve(
     span: Annotated[float | None, typer.Option(help="Round beam: mm between the clamps.")] = None,
     diameter: Annotated[float | None, typer.Option(help="Round beam: diameter, mm.")] = None,
     modulus: Annotated[float | None, typer.Option(help="Round beam: Young's modulus, MPa.")] = None,
-    poisson: Annotated[float, typer.Option(help="Round beam: Poisson's ratio.")] = 0.3,
+    poisson: Annotated[
+        float | None, typer.Option(help="Round beam: Poisson's ratio; 0.3 if not given.")
+    ] = None,
     grasp: Annotated[
         float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
     ] = None,
@@ -47,7 +49,12 @@ def solve(
     from physics.quantity import positive
 
     chosen = theory_named(theory, q=q)
-    round_beam = {"--span": span, "--diameter": diameter, "--modulus": modulus}
+    round_beam = {
+        "--span": span,
+        "--diameter": diameter,
+        "--modulus": modulus,
+        "--poisson": poisson,
+    }
     given = [name for name, value in round_beam.items() if value is not None]
     if preset is not None:
         if given:
@@ -65,7 +72,12 @@ def solve(
             raise ValueError("give a --preset, or --span, --diameter and --modulus of a round beam")
         if organ is not None:
             raise ValueError("--organ goes with a --preset that takes the organ's own sections")
-        beam = Beam.round(span=span, diameter=diameter, modulus=modulus, poisson_ratio=poisson)
+        beam = Beam.round(
+            span=span,
+            diameter=diameter,
+            modulus=modulus,
+            poisson_ratio=0.3 if poisson is None else poisson,
+        )
         limit = threshold
     if limit is not None:
         positive(limit, "threshold", "MPa")

@@ -1,5 +1,6 @@
 """Snapshots: an organ pulled or torn, as closed surfaces that stand where the organ stands."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,7 +118,9 @@ def torn_snapshot(
     event = _event(dissection, theory, grasp)
     if event is None:
         raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
-    if force is not None and not abs(force) >= event.force:
+    if force is not None and not math.isfinite(force):
+        raise ValueError(f"force must be a finite number of N, got {force}")
+    if force is not None and abs(force) < event.force:
         raise ValueError(
             f"force of {force:g} N does not tear {dissection.preset.name}, it breaks at "
             f"{event.force:.4g} N; give that or more, or no force"

@@ -32,6 +32,7 @@ class ClientView:
         self._scene = Scene(client, session, look)
         self._panel = Panel(client.gui, session)
         self._phase = Phase.INTACT
+        self._notice: viser.NotificationHandle | None = None
         self._panel_due = 0.0
         self._panel_stale = False
 
@@ -54,16 +55,19 @@ class ClientView:
             self._panel_due = PANEL_SECONDS
             self._panel_stale = False
             if reading.phase is Phase.TORN and self._phase is not Phase.TORN:
-                self._notify(reading)
+                self._notice = self._tear_notice(reading)
+            if reading.phase is Phase.INTACT and self._notice is not None:
+                self._notice.remove()
+                self._notice = None
             self._phase = reading.phase
 
-    def _notify(self, reading: Reading) -> None:
+    def _tear_notice(self, reading: Reading) -> viser.NotificationHandle:
+        """Show what has torn, where and at which force."""
         check, event = reading.check, reading.breaks_at
         place = f"{check.station:.1f} mm from the left clamp"
         force = f" at F = {event.force:.2f} N" if event else ""
-        self._client.add_notification(
+        return self._client.add_notification(
             "The duct is torn",
             f"It tore {place}{force}. Press Reset for a new one.",
             color="red",
-            auto_close_seconds=20.0,
         )

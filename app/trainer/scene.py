@@ -61,6 +61,7 @@ class Scene:
         """
         with self._client.atomic():
             stage = self._set_stage()
+            stage.set_lift(self._lift(stage, reading), self._client)
             if self._session.shape != self._shape:
                 self._rebuild()
             for drawn in self._drawn:
@@ -71,6 +72,18 @@ class Scene:
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
         self._set_stage().frame_camera(self._client)
+
+    def _lift(self, stage: Stage, reading: Reading) -> float:
+        """Return how high the picture must show the duct: its arch at rest and the break above."""
+        dissection = self._session.dissection
+        first, last = dissection.clamps
+        axis = dissection.organ.axis_at(np.linspace(first, last, 41)) - dissection.axis_point(0.0)
+        arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))
+        event = reading.breaks_at
+        pulled = max(reading.deepest, 0.0 if event is None else event.deflection)
+        tenth = 0.1 * stage.span
+        # In steps, so that the camera moves with the choice of a duct, not with every figure.
+        return max(3.0, np.ceil((arch + 1.1 * pulled) / tenth)) * tenth
 
     def _set_stage(self) -> Stage:
         """Return the stage for the session's clamps, setting it anew when they have moved."""

@@ -97,7 +97,8 @@ class Trainer:
         """Stop the clock and the server."""
         self._stopping.set()
         self._clock.join(timeout=5.0)
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
 
     def _connect(self, client: viser.ClientHandle) -> None:
         view = ClientView(client, Session(self._organ), self._look)
@@ -141,7 +142,12 @@ def _serve(host: str, port: int) -> viser.ViserServer:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((host, port))
     except OSError as error:
-        raise _taken(host, port, error.strerror or str(error)) from error
+        reason = (error.strerror or str(error)).lower()
+        if isinstance(error, socket.gaierror):
+            raise AddressTakenError(
+                f"cannot serve {host}: {reason}; give --host an address of this machine"
+            ) from error
+        raise _taken(host, port, reason) from error
     # viser prints an address of its own, whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -153,8 +159,7 @@ def _serve(host: str, port: int) -> viser.ViserServer:
 
 def _taken(host: str, port: int, why: str) -> AddressTakenError:
     return AddressTakenError(
-        f"cannot serve {host} port {port}: {why.lower()}; choose another with --port, "
-        "or 0 for a free one"
+        f"cannot serve {host} port {port}: {why}; choose another with --port, or 0 for a free one"
     )
 
 

@@ -1,5 +1,6 @@
 """The command line as its users run it: a process, its output, its files and its exit status."""
 
+import importlib.metadata
 import json
 import shutil
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 import trimesh
 from program import refused, run
 
+from app.command_line.load import PRESET_NAMES
+from app.simulation.preset import presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ
@@ -190,6 +193,16 @@ def test_the_real_duct_goes_through_the_same_commands(data_dir: Path, tmp_path: 
     assert given["deflection_mm"] > 0.0
 
 
+def test_version_is_the_installed_one() -> None:
+    done = run("--version")
+    assert done.returncode == 0
+    assert done.stdout == f"bluntdissect {importlib.metadata.version('bluntdissect')}\n"
+
+
+def test_help_names_every_preset() -> None:
+    assert PRESET_NAMES.replace(" or ", ", ").split(", ") == list(presets())
+
+
 def test_help_of_every_command_has_an_example() -> None:
     for name in ("trainer", "compress", "export", "solve"):
         done = run(name, "--help")
@@ -212,6 +225,7 @@ def test_help_of_every_command_has_an_example() -> None:
         (("--preset", "thesis-bile-duct"), "either --force (N) or --deflection (mm)"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--deflection", 1), "either --force"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--span", 9), "leave out --span"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--poisson", 0.4), "leave out --poisson"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--grasp", 60), "below 50.8 mm"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--theory", "x"), "cubic, string"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--q", -1), "q must be 0 or above"),
@@ -306,6 +320,8 @@ def test_failed_compress_keeps_the_file_that_was_there(tmp_path: Path) -> None:
         (("--preset", "nothing"), "unknown preset 'nothing'"),
         (("--grasp", 0.0), "grasp must lie between the clamps"),
         (("--edge-length", 0.0), "edge_length must be above 0 mm"),
+        (("--edge-length", 50.0), "at most the organ's mean radius"),
+        (("--force", "nan", "--torn"), "force must be a finite number of N"),
         (("--edge-length", 1e-6), "2,000,000"),
     ],
 )

@@ -164,7 +164,7 @@ def test_deforming_changes_nothing_but_the_output() -> None:
     assert (skin.vertices.tobytes(), transforms.tobytes()) == before
 
 
-@pytest.mark.parametrize("edge_length", [0.0, -1.0, np.nan])
+@pytest.mark.parametrize("edge_length", [0.0, -1.0, np.nan, np.inf, 4.6])
 def test_edge_length_is_above_zero(edge_length: float) -> None:
     with pytest.raises(ValueError, match="edge_length must be above 0 mm"):
         organ_skin(tube(), edge_length=edge_length)

@@ -186,6 +186,18 @@ def test_cubic_is_the_linear_clamped_beam_at_small_load() -> None:
     assert Cubic().deflection(beam, 15.0, 1e-9) == pytest.approx(linear, rel=ROUNDING)
 
 
+def test_string_s_sections_stand_in_the_clamps_and_follow_the_lines() -> None:
+    beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    pulled = TautString().under_deflection(
+        beam, 20.0, 10.0, np.array([0.0, 1.0, 10.0, 20.0, 35.0, 50.8])
+    )
+    lines = math.atan2(10.0, 20.0), -math.atan2(10.0, 30.8)
+    assert pulled.rotation[[0, 5]] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert pulled.rotation[[2, 4]] == pytest.approx(lines)
+    assert pulled.rotation[3] == pytest.approx(0.5 * sum(lines))
+    assert 0.0 < pulled.rotation[1] < lines[0]
+
+
 def test_force_of_nothing_bends_nothing() -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
     for name in TESTED:

@@ -65,7 +65,7 @@ class Viewpoint:
         return np.stack([relative @ right / (scale * aspect), relative @ above / scale], axis=-1)
 
 
-def viewpoint(span: float, radius: float, aspect: float) -> Viewpoint:
+def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None = None) -> Viewpoint:
     """Return the viewpoint that shows the whole duct, both clamps and the room it is lifted into.
 
     Parameters
@@ -77,6 +77,8 @@ def viewpoint(span: float, radius: float, aspect: float) -> Viewpoint:
     aspect
         Width by height of the picture. Below 0.8 it is taken for a phone, whose panel covers the
         lower part: the duct then appears in the upper part.
+    lift
+        How high the duct's middle is lifted at most, mm; three tenths of the span when None.
 
     Returns
     -------
@@ -105,7 +107,7 @@ def viewpoint(span: float, radius: float, aspect: float) -> Viewpoint:
                 for y in (-1.2 * radius, 1.2 * radius)
                 for z in (-1.6 * radius, 1.6 * radius)
             ],
-            [0.5 * span, 0.0, _LIFT * span + radius],
+            [0.5 * span, 0.0, (_LIFT * span if lift is None else lift) + radius],
             [0.5 * span, 0.0, -3.5 * radius],
         ]
     )

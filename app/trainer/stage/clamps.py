@@ -147,14 +147,14 @@ def _shaft_solid(corners: int) -> Solid:
 
 def _cuff_solid(bite: float, corners: int) -> Solid:
     """Return the tissue between the jaws: as wide as the duct at its end, flat at the back."""
-    x = np.linspace(0.22, -1.6, 12)
+    x = np.linspace(-0.02, -1.6, 12)
     path = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=-1)
     flat, spread = min(bite, 0.97), 0.99 + 0.7 * max(0.0, _ROUND_BITE - bite)
-    knots = [-1.6, -1.1, -0.35, 0.0, 0.22]
+    knots = [-1.6, -1.1, -0.35, -0.02]
     return swept_solid(
         path,
-        np.interp(x, knots, [0.9, 1.08, spread + 0.04, spread, spread - 0.05]),
-        np.interp(x, knots, [0.12, 0.24, 0.95 * flat, 0.98 * flat, 0.94 * flat]),
+        np.interp(x, knots, [0.9, 1.08, spread + 0.04, spread]),
+        np.interp(x, knots, [0.12, 0.24, 0.95 * flat, 0.98 * flat]),
         corners=corners,
     )
 

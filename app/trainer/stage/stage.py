@@ -60,6 +60,7 @@ class Stage:
         self._scene = scene
         self._removed = False
         self._framed_aspect = 0.0
+        self._lift: float | None = None
         self._framed_at = 0.0
         self._looked_around = False
         self._follows_camera = False
@@ -131,6 +132,20 @@ class Stage:
             self._hook.wxyz = wxyz
             self._hook_wxyz = wxyz
 
+    def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
+        """Keep a duct in the picture that is lifted this high.
+
+        Parameters
+        ----------
+        lift
+            How high its middle is lifted at most, mm; three tenths of the span when None.
+        client
+            Whose scene this stage is on.
+        """
+        if lift != self._lift:
+            self._lift = lift
+            self.frame_camera(client)
+
     def show_hook(self) -> None:
         """Show the hook."""
         self._hook.visible = True
@@ -183,7 +198,7 @@ class Stage:
 
     def _frame(self, client: viser.ClientHandle, aspect: float, *, settles: bool = True) -> None:
         """Set the camera once, and the fog with it."""
-        view = viewpoint(self.span, self.radius, aspect)
+        view = viewpoint(self.span, self.radius, aspect, lift=self._lift)
         self._framed_aspect = aspect
         if settles:
             self._framed_at = time.monotonic()
@@ -200,7 +215,7 @@ class Stage:
 
     def _is_framed(self, camera: viser.CameraHandle) -> bool:
         """Return whether the camera is where it was put."""
-        view = viewpoint(self.span, self.radius, self._framed_aspect)
+        view = viewpoint(self.span, self.radius, self._framed_aspect, lift=self._lift)
         near = _POSE_TOLERANCE * view.distance
         return bool(
             np.linalg.norm(camera.position - view.position) < near
