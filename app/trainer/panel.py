@@ -239,6 +239,11 @@ class Panel:
         if key != self._curve_key or reading.deepest > self._curve[0][-1]:
             self._curve_key = key
             self._curve: tuple[NDArray[np.float64], NDArray[np.float64]] = session.curve()
+            # Said outright: the chart keeps the range that an earlier curve has left it.
+            self._plot.scales = {
+                end: uplot.Scale(time=False, range=(0.0, float(values[-1])))
+                for end, values in zip(("x", "y"), self._curve, strict=True)
+            }
         deflections, forces = self._curve
         # The pull's own end is a point of the grid, so that its curve ends where the hook is.
         grid = np.union1d(deflections, [reading.deepest])

@@ -89,7 +89,7 @@ def test_instruments_are_closed_and_wound_outwards(name: str) -> None:
 @pytest.mark.parametrize("radius", RADII)
 def test_clamp_bites_the_end_from_above_and_below(radius: float) -> None:
     bite = 0.8
-    steel, shaft, cuff = loaded(
+    steel, shaft, cuff, face = loaded(
         clamp_glb("first", radius=radius, bite=bite, tissue=TISSUE)
     ).geometry.values()
     over_the_end = steel.vertices[steel.vertices[:, 0] > 0.0]
@@ -102,6 +102,9 @@ def test_clamp_bites_the_end_from_above_and_below(radius: float) -> None:
     assert shaft.bounds[0][0] < -100.0
     assert cuff.bounds[0][0] > -JAW_LENGTH * radius
     assert np.abs(cuff.bounds[:, 2]).max() <= radius
+    # A duct that tears off in front of the cuff uncovers the face, not the cuff.
+    assert face.bounds[1][0] > cuff.bounds[1][0]
+    assert face.bounds[1][0] < 0.1 * radius
 
 
 def test_second_clamp_mirrors_the_first() -> None:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, joined_solid, smooth_path, swept_solid
+from app.trainer.stage.solids import Solid, joined_solid, smooth_path, swept_solid, vertex_normals
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
 MATT_STEEL = Finish(color=(150, 154, 160), roughness=0.45, metallic=0.25)
@@ -27,6 +27,10 @@ JAW_LENGTH = 2.7
 _SHAFT_LEAN = np.array([-0.93, 0.30, 0.20])
 _SHAFT_LENGTH = 60.0
 _RIBS = 5
+_CUFF_FACE = -0.02
+"""Where the cuff meets the duct, radii."""
+_RAW = (138, 48, 40)
+"""sRGB of torn tissue."""
 _ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
 
 
@@ -64,6 +68,7 @@ def clamp_glb(
         Part(_steel_solid(bite, corners), steel(detail)),
         Part(_shaft_solid(corners), INSULATION),
         Part(_cuff_solid(bite, corners), Finish(color=tissue, roughness=1.0)),
+        Part(_face_solid(bite, corners), Finish(color=_RAW, roughness=1.0)),
     ]
     mirrored = end == "second"
     return binary_gltf(
@@ -147,16 +152,32 @@ def _shaft_solid(corners: int) -> Solid:
 
 def _cuff_solid(bite: float, corners: int) -> Solid:
     """Return the tissue between the jaws: as wide as the duct at its end, flat at the back."""
-    x = np.linspace(-0.02, -1.6, 12)
+    x = np.linspace(_CUFF_FACE, -1.6, 12)
     path = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=-1)
     flat, spread = min(bite, 0.97), 0.99 + 0.7 * max(0.0, _ROUND_BITE - bite)
-    knots = [-1.6, -1.1, -0.35, -0.02]
-    return swept_solid(
+    knots = [-1.6, -1.1, -0.35, _CUFF_FACE]
+    cuff = swept_solid(
         path,
         np.interp(x, knots, [0.9, 1.08, spread + 0.04, spread]),
         np.interp(x, knots, [0.12, 0.24, 0.95 * flat, 0.98 * flat]),
         corners=corners,
     )
+    return _blunted(cuff, _CUFF_FACE)
+
+
+def _face_solid(bite: float, corners: int) -> Solid:
+    """Return the raw face that the cuff shows when the duct has torn off in front of it."""
+    path = np.array([[0.02, 0.0, 0.0], [_CUFF_FACE, 0.0, 0.0]])
+    face = swept_solid(path, 0.97, min(bite, 0.97), corners=corners)
+    return _blunted(face, 0.02)
+
+
+def _blunted(solid: Solid, x: float) -> Solid:
+    """Return a solid whose rounded end beyond x is nearly flat."""
+    vertices = solid.vertices.copy()
+    beyond = vertices[:, 0] > x
+    vertices[beyond, 0] = x + 0.05 * (vertices[beyond, 0] - x)
+    return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces))
 
 
 def _placed(solid: Solid, radius: float, *, mirrored: bool) -> Solid:
