@@ -62,12 +62,19 @@ class SectionEdges:
         Grey level of the outer boundary, half way between organ and background.
     polarity
         Whether the organ is brighter or darker than its background.
+    touches_border
+        Whether the organ reaches the image's outermost pixels, so that part of it may be missing
+        or what was found is the background.
+    other_part
+        Area of the largest other part that stands out as clearly, as a share of the organ's.
     """
 
     outer: NDArray[np.float64]
     lumen: NDArray[np.float64] | None
     threshold: float
     polarity: FoundPolarity
+    touches_border: bool
+    other_part: float
 
 
 def find_edges(image: GreyImage, polarity: Polarity = "auto") -> SectionEdges:
@@ -122,6 +129,8 @@ def find_edges(image: GreyImage, polarity: Polarity = "auto") -> SectionEdges:
         lumen=None if lumen is None else lumen - _MARGIN,
         threshold=sign * regions.outer_level,
         polarity=found,
+        touches_border=_touches_border(regions.filled),
+        other_part=regions.other_part,
     )
 
 
@@ -146,7 +155,7 @@ def find_polarity(images: Iterable[GreyImage]) -> FoundPolarity:
         padded = _with_margin(_as_grey(image))
         smoothed = _blurred(padded, SMOOTHING_PX)
         rise = smoothed - np.float32(padded[0, 0])
-        outline = _main_outline(_mask(np.abs(rise) > _otsu(np.abs(rise))))
+        outline, _ = _main_outline(_mask(np.abs(rise) > _otsu(np.abs(rise))))
         if outline is None:
             continue
         rim = rise[outline[:, 1], outline[:, 0]]
@@ -168,12 +177,15 @@ class _Regions:
         (H, W) 255 in the lumen, or None.
     lumen_level
         Half way between organ and lumen.
+    other_part
+        Area of the largest component beside the organ, as a share of the organ's.
     """
 
     filled: _Mask
     outer_level: float
     lumen: _Mask | None
     lumen_level: float
+    other_part: float
 
 
 def _as_grey(image: GreyImage) -> _Image:
@@ -212,21 +224,24 @@ def _otsu(values: _Image) -> float:
     return low + (level + 0.5) * (high - low) / 255.0
 
 
-def _main_outline(mask: _Mask) -> NDArray[np.int32] | None:
+def _main_outline(mask: _Mask) -> tuple[NDArray[np.int32] | None, float]:
     """Return the (N, 2) outline pixels x, y of the largest component near the middle, or None."""
+    # Beside it comes the area of the largest other component, as a share of its own.
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     middle = 0.5 * np.array([mask.shape[1] - 1.0, mask.shape[0] - 1.0])
-    best_score, best = 0.0, None
-    for outline in outlines:
-        area = cv2.contourArea(outline)
+    best_score, best, best_area = 0.0, None, math.inf
+    areas = [cv2.contourArea(outline) for outline in outlines]
+    for outline, area in zip(outlines, areas, strict=True):
         if area < SMALLEST_ORGAN_PX:
             continue
         pixels = np.asarray(outline, dtype=np.int32)[:, 0]
         away = (pixels.mean(axis=0) - middle) / middle
         score = area / (1.0 + float(away @ away))
         if score > best_score:
-            best_score, best = score, pixels
-    return best
+            best_score, best, best_area = score, pixels, area
+    if best is not None:
+        areas.remove(best_area)
+    return best, max(areas, default=0.0) / best_area
 
 
 def _fill(outline: NDArray[np.int32], shape: tuple[int, ...]) -> _Mask:
@@ -249,7 +264,7 @@ def _find_regions(bright: _Image, sigma: float) -> _Regions:
     border_level = float(bright[0, 0])
     # A lumen darker than the background must not draw Otsu's split to itself.
     above = np.maximum(smoothed, np.float32(border_level))
-    outline = _main_outline(_mask(smoothed > _otsu(above)))
+    outline, _ = _main_outline(_mask(smoothed > _otsu(above)))
     if outline is None:
         raise NoEdgeFound("nothing stands out from the image's background")
     filled = _fill(outline, bright.shape)
@@ -266,17 +281,23 @@ def _find_regions(bright: _Image, sigma: float) -> _Regions:
             f"not clearly more than the noise of {noise:.3g}"
         )
     outer_level = 0.5 * (organ + outside)
-    outline = _main_outline(_mask(smoothed > outer_level))
+    outline, other_part = _main_outline(_mask(smoothed > outer_level))
     if outline is None:
         raise NoEdgeFound(f"the organ is smaller than {SMALLEST_ORGAN_PX:g} pixels")
     filled = _fill(outline, bright.shape)
     if seed is None:
-        return _Regions(filled, outer_level, None, math.nan)
+        return _Regions(filled, outer_level, None, math.nan, other_part)
     inside = _inner_level(bright, seed)
     if organ - inside < LUMEN_CONTRAST * (organ - outside):
-        return _Regions(filled, outer_level, None, math.nan)
+        return _Regions(filled, outer_level, None, math.nan, other_part)
     lumen_level = 0.5 * (organ + inside)
-    return _Regions(filled, outer_level, seed, lumen_level)
+    return _Regions(filled, outer_level, seed, lumen_level, other_part)
+
+
+def _touches_border(filled: _Mask) -> bool:
+    """Return whether a region of an image with a margin reaches the image's outermost pixels."""
+    inner = slice(_MARGIN + 1, -_MARGIN - 1)
+    return bool(np.count_nonzero(filled) > np.count_nonzero(filled[inner, inner]))
 
 
 def _level_around(bright: _Image, filled: _Mask) -> float:

@@ -25,11 +25,19 @@ BOTTOM = slice(2 + COEFFICIENTS, ROW_SIZE)
 # little inside and closing it by a short vertical segment gives the smallest distance.
 RANGE_SHARE = 0.995
 
+# A half-curve that leaves the box around its points by more than this share of the box's longer
+# side has run away where it has no points. Round and oval sections stay below 0.03.
+LARGEST_OVERSHOOT = 0.1
+
 # Fewer points than this on a half leave seven coefficients badly determined.
 _ENOUGH_POINTS = 2 * COEFFICIENTS
 _RESAMPLED_POINTS = 128
 # Share of the width by which points of an upright end may differ in x: rounding.
 _UPRIGHT = 1e-9
+
+
+class NotSingleValued(ValueError):  # noqa: N818
+    """A boundary that two half-curves cannot follow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +166,8 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
 
     Raises
     ------
+    NotSingleValued
+        If a half-curve runs away from its points, as it does where the boundary doubles back in x.
     ValueError
         If the points are fewer than three, not finite, or have no width.
     """
@@ -186,7 +196,9 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
     after = np.roll(boundary, -1, axis=0)
     area = float((boundary[:, 0] * after[:, 1] - boundary[:, 1] * after[:, 0]).sum())
     top, bottom = (first, second) if area >= 0.0 else (second, first)
-    return HalfCurves(middle, half_width, top, bottom)
+    curves = HalfCurves(middle, half_width, top, bottom)
+    _check_overshoot(curves, boundary)
+    return curves
 
 
 def outline_points(rows: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -292,6 +304,18 @@ def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     x = np.interp(wanted, lengths, closed[:, 0])
     y = np.interp(wanted, lengths, closed[:, 1])
     return np.stack([x, y], axis=1)
+
+
+def _check_overshoot(curves: HalfCurves, boundary: NDArray[np.float64]) -> None:
+    """Check that the curves stay near the box around the boundary they were fitted to."""
+    lowest, highest = boundary.min(axis=0), boundary.max(axis=0)
+    corners = closed_outlines(curves.as_row()[np.newaxis])[0]
+    beyond = float(np.maximum(lowest - corners, corners - highest).max())
+    if not beyond <= LARGEST_OVERSHOOT * float((highest - lowest).max()):
+        raise NotSingleValued(
+            f"the edge is not single-valued, one top and one bottom over x: a curve fitted to it "
+            f"leaves it by more than {LARGEST_OVERSHOOT:.0%} of its size"
+        )
 
 
 def _split(

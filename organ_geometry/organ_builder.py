@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.edges import FoundPolarity, NoEdgeFound, Polarity, find_edges, find_polarity
-from organ_geometry.half_curves import HalfCurves, fit_half_curves
+from organ_geometry.half_curves import (
+    HalfCurves,
+    NotSingleValued,
+    closed_outlines,
+    fit_half_curves,
+    polygon_distances,
+)
 from organ_geometry.image_stack import GreyImage, ImageStack
 from organ_geometry.key_sections import check_tolerance, key_sections
 from organ_geometry.organ import Organ
@@ -23,6 +29,12 @@ Progress = Callable[[int, int], None]
 TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
 _POLARITY_SAMPLES = 9
+_BACK_CORNERS = 128
+
+# What a report warns of.
+LARGE_PART = 0.05
+LARGE_ERROR = 2.0
+LONG_AXIS = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +43,9 @@ class SectionReport:
 
     Errors are distances of the edge points to a boundary: "fit" to the section's own half-curves,
     the others to the decompressed organ's outline there, that is after sections were left out and
-    interpolated. A lumen counts where the organ has one. Pixels are the geometric mean of the
-    pixel's two sides.
+    interpolated. The largest error is the larger of both ways, edge points to the outline and
+    outline to the edge, so that no part of the organ is far from what the image shows. A lumen
+    counts where the organ has one. Pixels are the geometric mean of the pixel's two sides.
 
     Attributes
     ----------
@@ -45,7 +58,7 @@ class SectionReport:
     lumen
         Whether a lumen was found.
     problem
-        Why nothing was found, or None.
+        Why nothing that can be used was found, or None.
     kept
         Whether it is a key section.
     fit_rms_px, fit_rms_mm
@@ -53,7 +66,7 @@ class SectionReport:
     rms_px, rms_mm
         RMS distance to the organ; NaN if nothing was found.
     max_mm
-        Largest distance to the organ; NaN if nothing was found.
+        Largest distance between edge and organ, both ways; NaN if nothing was found.
     """
 
     index: int
@@ -85,6 +98,8 @@ class BuiltOrgan:
         RMS distance by which a section had to change to be kept, mm.
     seconds
         Time for reading the images and building the organ, s.
+    warnings
+        What may make the organ another than the one wanted, one sentence each.
     """
 
     organ: Organ
@@ -92,6 +107,7 @@ class BuiltOrgan:
     polarity: FoundPolarity
     tolerance_mm: float
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def sections_in(self) -> int:
@@ -111,26 +127,17 @@ class BuiltOrgan:
     @property
     def rms_error_mm(self) -> float:
         """RMS distance of all edge points to the organ, mm."""
-        return self._pooled([section.rms_mm for section in self.sections])
+        return _pooled(self.sections, [section.rms_mm for section in self.sections])
 
     @property
     def rms_error_px(self) -> float:
         """RMS distance of all edge points to the organ, px."""
-        return self._pooled([section.rms_px for section in self.sections])
+        return _pooled(self.sections, [section.rms_px for section in self.sections])
 
     @property
     def max_error_mm(self) -> float:
-        """Largest distance of an edge point to the organ, mm."""
+        """Largest distance between an edge and the organ, both ways, mm."""
         return max(section.max_mm for section in self.sections if section.problem is None)
-
-    def _pooled(self, values: list[float]) -> float:
-        """Return the root mean square over all edge points of values that are one per section."""
-        squares, points = 0.0, 0
-        for section, value in zip(self.sections, values, strict=True):
-            if section.problem is None:
-                squares += section.edge_points * value**2
-                points += section.edge_points
-        return math.sqrt(squares / points)
 
 
 def build_organ(
@@ -143,8 +150,9 @@ def build_organ(
 ) -> BuiltOrgan:
     """Return the organ of a stack of images, and a report on every section.
 
-    A section in which nothing is found is left out; its neighbours keep their places. The organ is
-    hollow if a lumen is found in every section that is found.
+    A section in which nothing is found is left out, and so is one whose organ touches the image's
+    border or is not single-valued; its neighbours keep their places. The organ is hollow if a lumen
+    is found in every section that is found.
 
     Parameters
     ----------
@@ -181,7 +189,7 @@ def build_organ(
     for index, image in enumerate(stack.images()):
         try:
             traced.append(_traced(stack, index, image, found_polarity))
-        except NoEdgeFound as error:
+        except (NoEdgeFound, NotSingleValued) as error:
             problems[index] = str(error)
         if progress is not None:
             progress(index + 1, len(stack))
@@ -197,8 +205,9 @@ def build_organ(
     lumens = [section.lumen_curves for section in traced]
     hollow = [curves for curves in lumens if curves is not None]
     lumen = np.array([curves.as_row() for curves in hollow]) if len(hollow) == len(traced) else None
+    suitable_mm = _suitable_tolerance(traced, stack)
     if tolerance_mm is None:
-        tolerance_mm = _suitable_tolerance(traced, stack)
+        tolerance_mm = suitable_mm
     axis = np.array([section.centroid for section in traced])
     stations = np.zeros(len(axis))
     np.cumsum(np.linalg.norm(np.diff(axis, axis=0), axis=1), out=stations[1:])
@@ -215,12 +224,14 @@ def build_organ(
             name=_stack_name(stack.source) if name is None else name,
         )
     )
+    sections = _reports(stack, organ, traced, problems)
     return BuiltOrgan(
         organ=organ,
-        sections=_reports(stack, organ, traced, problems),
+        sections=sections,
         polarity=found_polarity,
         tolerance_mm=tolerance_mm,
         seconds=time.perf_counter() - started,
+        warnings=tuple(_warnings(stack, organ, traced, sections, max(tolerance_mm, suitable_mm))),
     )
 
 
@@ -244,6 +255,8 @@ class _Traced:
         Half-curves of the outer boundary.
     lumen_curves
         Half-curves of the lumen, or None.
+    other_part
+        Area of the largest other part in the image, as a share of the organ's.
     """
 
     index: int
@@ -253,6 +266,7 @@ class _Traced:
     lumen: NDArray[np.float64] | None
     curves: HalfCurves
     lumen_curves: HalfCurves | None
+    other_part: float
 
 
 def _stack_polarity(stack: ImageStack) -> FoundPolarity:
@@ -265,6 +279,8 @@ def _stack_polarity(stack: ImageStack) -> FoundPolarity:
 def _traced(stack: ImageStack, index: int, image: GreyImage, polarity: FoundPolarity) -> _Traced:
     """Return one section's edge and half-curves."""
     edges = find_edges(image, polarity)
+    if edges.touches_border:
+        raise NoEdgeFound("the organ touches the image's border")
     rows, columns = stack.shape
     image_middle = 0.5 * np.array([columns - 1.0, rows - 1.0])
     outer = (edges.outer - image_middle) * stack.pixel_size
@@ -280,8 +296,16 @@ def _traced(stack: ImageStack, index: int, image: GreyImage, polarity: FoundPola
         outer=outer,
         lumen=lumen,
         curves=fit_half_curves(outer),
-        lumen_curves=None if lumen is None else fit_half_curves(lumen),
+        lumen_curves=None if lumen is None else _lumen_curves(lumen),
+        other_part=edges.other_part,
     )
+
+
+def _lumen_curves(lumen: NDArray[np.float64]) -> HalfCurves:
+    try:
+        return fit_half_curves(lumen)
+    except NotSingleValued as error:
+        raise NotSingleValued(f"in the lumen, {error}") from error
 
 
 def _area_and_centroid(points: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
@@ -339,9 +363,11 @@ def _reports(
         shift = (section.centroid - organ.axis[place]) @ organ.frames[place][:, :2]
         own = [section.curves.distances(section.outer)]
         away = [HalfCurves.from_row(outer[place]).distances(section.outer + shift)]
+        back = [_back_distance(outer[place], section.outer + shift)]
         if lumen is not None and section.lumen is not None and section.lumen_curves is not None:
             own.append(section.lumen_curves.distances(section.lumen))
             away.append(HalfCurves.from_row(lumen[place]).distances(section.lumen + shift))
+            back.append(_back_distance(lumen[place], section.lumen + shift))
         fit_rms = _root_mean_square(np.concatenate(own))
         distances = np.concatenate(away)
         rms = _root_mean_square(distances)
@@ -356,9 +382,64 @@ def _reports(
             fit_rms_mm=fit_rms,
             rms_px=rms / pixel,
             rms_mm=rms,
-            max_mm=float(distances.max()),
+            max_mm=max(float(distances.max()), *back),
         )
     return tuple(reports[index] for index in range(len(stack)))
+
+
+def _back_distance(row: NDArray[np.float64], edge: NDArray[np.float64]) -> float:
+    """Return the largest distance, mm, of half-curves (16,) to the edge that they stand for."""
+    corners = closed_outlines(row[np.newaxis], _BACK_CORNERS)[0]
+    return float(polygon_distances(corners, edge).max())
+
+
+def _warnings(
+    stack: ImageStack,
+    organ: Organ,
+    traced: list[_Traced],
+    sections: tuple[SectionReport, ...],
+    tolerance_mm: float,
+) -> Iterator[str]:
+    """Yield what the organ's user should know, for the larger of given and suitable tolerance."""
+    found = len(traced)
+    lumens = sum(section.lumen is not None for section in traced)
+    if lumens and not organ.hollow:
+        yield (
+            f"a lumen was found in {lumens} of {found} sections and is therefore ignored: "
+            f"the organ is taken as solid"
+        )
+    beside = sum(section.other_part >= LARGE_PART for section in traced)
+    if beside:
+        yield (
+            f"{beside} of {found} sections show another part of at least {LARGE_PART:.0%} of the "
+            f"organ's area beside it, which was left out"
+        )
+    rms = _pooled(sections, [section.rms_mm for section in sections])
+    if rms > LARGE_ERROR * tolerance_mm:
+        yield (
+            f"the RMS error of {rms:.3g} mm is more than {LARGE_ERROR:g} times a tolerance of "
+            f"{tolerance_mm:.3g} mm: the sections are not single-valued, or what was found "
+            f"jumps from section to section"
+        )
+    planes = stack.origins[traced[0].index : traced[-1].index + 1]
+    path = float(np.linalg.norm(np.diff(planes, axis=0), axis=1).sum())
+    if organ.length > LONG_AXIS * path:
+        yield (
+            f"the axis is {organ.length:.1f} mm long and the stack only {path:.1f} mm: what was "
+            f"found jumps from section to section, or runs along the sections"
+        )
+    if stack.units != "mm":
+        yield f"the images' lengths are {stack.units}, not mm: one unit is taken as 1 mm"
+
+
+def _pooled(sections: tuple[SectionReport, ...], values: list[float]) -> float:
+    """Return the root mean square over all edge points of values that are one per section."""
+    squares, points = 0.0, 0
+    for section, value in zip(sections, values, strict=True):
+        if section.problem is None:
+            squares += section.edge_points * value**2
+            points += section.edge_points
+    return math.sqrt(squares / points)
 
 
 def _root_mean_square(values: NDArray[np.float64]) -> float:

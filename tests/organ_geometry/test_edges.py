@@ -62,6 +62,8 @@ def test_an_ellipse_has_the_size_it_was_drawn_with(
     np.testing.assert_allclose(fitted_radii(edges.outer), [*CENTRE, *radii], atol=tolerance)
     assert edges.polarity == polarity
     assert edges.lumen is None
+    assert not edges.touches_border
+    assert edges.other_part == 0.0
     np.testing.assert_array_equal(image, before)
 
 
@@ -118,18 +120,30 @@ def test_an_open_ring_has_no_lumen(cover: Cover) -> None:
 def test_the_largest_component_is_the_organ(cover: Cover) -> None:
     speck = cover(SHAPE, (15.0, 15.0), (8.0, 8.0))
     image = drawn(cover(SHAPE, CENTRE, (20.0, 20.0)) + speck, "bright", "noisy", np.uint8)
+    edges = find_edges(image)
     np.testing.assert_allclose(
-        fitted_radii(find_edges(image).outer), [*CENTRE, 20.0, 20.0], atol=RADIUS_TOLERANCE_PX
+        fitted_radii(edges.outer), [*CENTRE, 20.0, 20.0], atol=RADIUS_TOLERANCE_PX
     )
+    # Areas are counted between pixel centres, half a pixel inside of the edge.
+    assert edges.other_part == pytest.approx((7.5 / 19.5) ** 2, rel=0.1)
 
 
 def test_an_organ_at_the_border_is_followed_inside_the_image(cover: Cover) -> None:
     image = drawn(cover((64, 64), (32.0, 0.0), (15.0, 15.0)), "bright", "mask", np.uint8)
-    points = find_edges(image, "bright").outer
+    edges = find_edges(image, "bright")
+    assert edges.touches_border
+    points = edges.outer
     # The image ends half a pixel above the first row's centres; at the sharp corners that the cut
     # makes there, the correction for blur goes up to a quarter of the blur too far.
     assert points[:, 1].min() > -0.5 - 0.25 * SMOOTHING_PX
     assert points[:, 1].max() == pytest.approx(15.0, abs=0.3)
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize(("gap", "touches"), [(-1.0, True), (2.0, False)])
+def test_every_border_counts(cover: Cover, turns: int, gap: float, touches: bool) -> None:
+    image = drawn(cover((64, 64), (32.0, 14.5 + gap), (15.0, 15.0)), "bright", "mask", np.uint8)
+    assert find_edges(np.rot90(image, turns).copy(), "bright").touches_border is touches
 
 
 @pytest.mark.parametrize("polarity", ["auto", "bright", "dark"])

@@ -9,6 +9,7 @@ from organ_geometry.half_curves import (
     RANGE_SHARE,
     ROW_SIZE,
     HalfCurves,
+    NotSingleValued,
     closed_outlines,
     fit_half_curves,
     outline_points,
@@ -81,6 +82,14 @@ def test_few_points_make_a_boundary_too() -> None:
     curves = fit_half_curves(octagon)
     # Corners of 45 degrees, which no curve of degree six follows.
     assert curves.distances(octagon).max() < 0.1
+
+
+def test_a_curve_that_runs_away_without_points_is_refused() -> None:
+    # Of the upper half only the left end is there: degree six leaves it for anywhere.
+    x, y = circle(1.0).T
+    part = circle(1.0)[~((y < 0.0) & (x > -0.5))]
+    with pytest.raises(NotSingleValued, match="the edge is not single-valued, one top and one"):
+        fit_half_curves(part)
 
 
 def test_the_outline_runs_like_atan2() -> None:

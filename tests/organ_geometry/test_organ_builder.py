@@ -10,7 +10,9 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from organ_geometry.half_curves import HalfCurves
+from assets import BILE_DUCT_PHANTOM
+from organ_geometry.edges import find_edges
+from organ_geometry.half_curves import HalfCurves, closed_outlines, polygon_distances
 from organ_geometry.image_stack import ImageStackError, read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
 from organ_geometry.organ_file import organ_bytes, organ_from_bytes, stored_organ
@@ -61,6 +63,16 @@ def test_a_drawn_cone_becomes_a_cone(cover: Cover, write_stack: WriteStack) -> N
     assert organ.name == "stack"
     assert organ.tolerance_mm == built.tolerance_mm == 0.25
     assert built.seconds > 0.0
+    assert built.warnings == ()
+
+
+def open_ring(cover: Cover, wall: float, towards: float, half_gap: float) -> NDArray[np.float64]:
+    """A ring of 35 px that is open around a direction, degrees clockwise from the right."""
+    centre = (54.5, 49.5)
+    both = [cover(SHAPE, centre, (size, size)) for size in (35.0, 35.0 - wall)]
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    away = (np.degrees(np.arctan2(y - centre[1], x - centre[0])) - towards + 180.0) % 360.0 - 180.0
+    return np.where(np.abs(away) < half_gap, 0.0, both[0] - both[1])
 
 
 def test_a_shifted_disc_puts_the_axis_where_it_is(cover: Cover, write_stack: WriteStack) -> None:
@@ -110,6 +122,10 @@ def test_one_section_without_a_lumen_makes_the_organ_solid(
     built = build_organ(read_image_stack(write_stack(images, SPACING)))
     assert not built.organ.hollow
     assert [section.lumen for section in built.sections] == [True, False, True]
+    assert built.warnings == (
+        "a lumen was found in 2 of 3 sections and is therefore ignored: "
+        "the organ is taken as solid",
+    )
 
 
 def test_an_empty_section_is_reported_and_left_out(cover: Cover, write_stack: WriteStack) -> None:
@@ -125,6 +141,113 @@ def test_an_empty_section_is_reported_and_left_out(cover: Cover, write_stack: Wr
     np.testing.assert_allclose(built.organ.axis[:, 0], [0.0, 1.0, 1.5], atol=1e-6)
     assert math.isfinite(built.rms_error_mm)
     assert math.isfinite(built.max_error_mm)
+
+
+def test_an_organ_at_the_border_is_reported_and_left_out(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    images = [disc(cover, 30.0), disc(cover, 30.0, (54.5, 20.0)), disc(cover, 30.0)]
+    built = build_organ(read_image_stack(write_stack(images, SPACING)))
+    assert built.sections[1].problem == "the organ touches the image's border"
+    assert built.sections_found == 2
+    np.testing.assert_allclose(built.organ.axis[:, 0], [0.0, 1.0], atol=1e-6)
+
+
+def test_the_background_is_no_organ() -> None:
+    stack = read_image_stack(BILE_DUCT_PHANTOM)
+    with pytest.raises(
+        ValueError, match=r"an organ in 0 of 128 images .*section_000.png: the organ touches the"
+    ):
+        build_organ(stack, polarity="dark")
+
+
+def test_a_section_that_no_half_curves_follow_is_reported_and_left_out(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    split = image(open_ring(cover, 4.0, 45.0, 20.0))
+    built = build_organ(read_image_stack(write_stack([disc(cover, 30.0), split] * 2, SPACING)))
+    for section in built.sections[1::2]:
+        assert section.problem is not None
+        assert section.problem.startswith("the edge is not single-valued")
+    assert built.sections_found == 2
+
+
+def test_a_lumen_that_no_half_curves_follow_is_reported_too(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    lumen = open_ring(cover, 4.0, 45.0, 20.0)
+    images = [ring(cover, 45.0, 30.0), image(cover(SHAPE, (54.5, 49.5), (45.0, 45.0)) - lumen)]
+    built = build_organ(read_image_stack(write_stack(images * 2, SPACING)))
+    for section in built.sections[1::2]:
+        assert section.problem is not None
+        assert section.problem.startswith("in the lumen, the edge is not single-valued")
+    assert built.organ.hollow
+
+
+def test_the_largest_error_is_measured_both_ways(cover: Cover, write_stack: WriteStack) -> None:
+    # The curve cuts across the opening, where the edge has no points near it.
+    grey = image(open_ring(cover, 6.0, 30.0, 60.0))
+    built = build_organ(read_image_stack(write_stack([grey] * 2, SPACING)))
+    edge = find_edges(grey).outer - [54.5, 49.5]
+    row = built.organ.outer[0]
+    middle = built.organ.axis[0, 1:] * [1.0, -1.0]
+    outline = closed_outlines(row[np.newaxis])[0]
+    forth = HalfCurves.from_row(row).distances(0.1 * edge - middle).max()
+    back = polygon_distances(outline, 0.1 * edge - middle).max()
+    assert back > 1.1 * forth
+    # The report looks at fewer corners of the outline.
+    assert built.max_error_mm == pytest.approx(back, rel=0.05)
+
+
+def test_other_parts_are_warned_of(cover: Cover, write_stack: WriteStack) -> None:
+    def beside(radius: float) -> Any:
+        organ = cover(SHAPE, (60.0, 49.5), (30.0, 30.0))
+        return image(organ + cover(SHAPE, (13.0, 13.0), (radius, radius)))
+
+    built = build_organ(read_image_stack(write_stack([beside(r) for r in (3, 9, 9)], SPACING)))
+    assert built.warnings == (
+        "2 of 3 sections show another part of at least 5% of the organ's area beside it, "
+        "which was left out",
+    )
+
+
+def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
+    images = [image(open_ring(cover, 6.0, 30.0, 60.0))] * 3
+    stack = read_image_stack(write_stack(images, SPACING))
+    (warning,) = build_organ(stack).warnings
+    assert "mm is more than 2 times a tolerance of" in warning
+    assert "not single-valued" in warning
+    # A tolerance that allows it is the user's own; one below what suits the organ proves nothing.
+    assert build_organ(stack, tolerance_mm=2.0).warnings == ()
+
+
+def test_a_tolerance_below_the_floor_of_the_fit_is_no_reason_to_warn(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    built = build_organ(
+        read_image_stack(write_stack([disc(cover, 30.0)] * 3, SPACING)), tolerance_mm=0.0
+    )
+    assert built.rms_error_mm > 0.0
+    assert built.warnings == ()
+
+
+def test_a_jumping_organ_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
+    # 20 px or 2 mm aside from section to section, which are 0.5 mm apart.
+    images = [disc(cover, 20.0, (44.5 + 20.0 * (index % 2), 49.5)) for index in range(5)]
+    (warning,) = build_organ(read_image_stack(write_stack(images, SPACING))).warnings
+    assert warning.startswith("the axis is 8.2 mm long and the stack only 2.0 mm: what was found")
+
+
+def test_units_that_are_not_mm_are_warned_of(cover: Cover, write_stack: WriteStack) -> None:
+    spacing = SPACING | {"units": "relative"}
+    built = build_organ(read_image_stack(write_stack([disc(cover, 20.0)] * 2, spacing)))
+    assert built.warnings == (
+        "the images' lengths are relative, not mm: one unit is taken as 1 mm",
+    )
+
+
+def test_the_shipped_phantom_has_no_warnings() -> None:
+    assert build_organ(read_image_stack(BILE_DUCT_PHANTOM)).warnings == ()
 
 
 def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteStack) -> None:
@@ -240,6 +363,7 @@ def test_a_real_duct_lies_on_the_mesh_it_was_cut_from(
     assert surface_distances(built, reference).mean() < mean_limit_mm
     assert built.sections_found == 128
     assert built.sections_kept < 128 / 2
+    assert built.warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -276,9 +400,26 @@ def test_the_trachea_shows_its_lumen_where_it_is_a_closed_ring(data_dir: Path) -
     # 80 of 100 masks have a hole, some of them too small for a lumen.
     assert 75 <= sum(section.lumen for section in built.sections) <= 80
     assert not built.organ.hollow
+    lumen, beside = built.warnings
+    assert lumen.startswith("a lumen was found in 7")
+    assert beside.startswith("1 of 96 sections show another part")
+    # The horseshoes at its open end.
+    open_ends = [section for section in built.sections if section.problem is not None]
+    assert len(open_ends) == 4
+    assert all("not single-valued" in str(section.problem) for section in open_ends)
+
+
+def test_a_bent_organ_that_crosses_its_sections_twice_is_warned_of(data_dir: Path) -> None:
+    built = real(data_dir, "duodenum_parallel")
+    assert built.sections_found == 96
+    beside, axis = built.warnings
+    # The masks of 35 sections have more than one component.
+    assert beside.startswith("35 of 96 sections show another part")
+    assert axis.startswith("the axis is 3")
 
 
 def test_real_anisotropic_pixels(data_dir: Path) -> None:
     built = real(data_dir, "frog_large_intestine")
     assert built.organ.units == "relative"
     assert built.sections_found >= 95
+    assert any("relative, not mm" in warning for warning in built.warnings)
