@@ -3,6 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
+from physics.exact import Exact, ExactSolver, NoEquilibrium
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
@@ -13,6 +14,7 @@ from physics.rupture import (
 )
 from physics.taut_string import TautString
 from physics.theory import THEORIES, Theory, theory_named
+from physics.varying_beam import VaryingBeam
 
 __all__ = [
     "THEORIES",
@@ -20,9 +22,13 @@ __all__ = [
     "BreakEvent",
     "Cubic",
     "Equilibrium",
+    "Exact",
+    "ExactSolver",
+    "NoEquilibrium",
     "RuptureCheck",
     "TautString",
     "Theory",
+    "VaryingBeam",
     "break_event",
     "calibrated_threshold",
     "check_rupture",

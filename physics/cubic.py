@@ -176,9 +176,13 @@ class Cubic:
         across = unit * x**2 * (3.0 * near * span - (3.0 * near + far) * x)
         slope = unit * x * (6.0 * near * span - 3.0 * (3.0 * near + far) * x)
         curvature = unit * (6.0 * near * span - 6.0 * (3.0 * near + far) * x)
+        third = -6.0 * unit * (3.0 * near + far) * np.where(first, 1.0, -1.0)
         strain = 3.0 * deflection**2 * span**2 / (20.0 * a**2 * b**2)  # (5.15), (5.26)
         normal_stress = np.full_like(at, beam.modulus * strain)  # (5.27)
-        moment = beam.modulus * beam.second_moment * curvature
+        stiffness = beam.modulus * beam.second_moment
+        moment = stiffness * curvature
+        bending_energy = 1.5 * stiffness * deflection**2 * (span / (a * b)) ** 3  # (5.20)
+        stretching_energy = 0.5 * beam.modulus * beam.area * strain**2 * span
         return Equilibrium(
             theory=self.name,
             grasp=a,
@@ -192,4 +196,6 @@ class Cubic:
             moment=moment,
             normal_stress=normal_stress,
             bending_stress=np.abs(moment) * beam.fibre_distance / beam.second_moment,  # (5.28)
+            shear_force=stiffness * third,
+            strain_energy=bending_energy + stretching_energy,
         )

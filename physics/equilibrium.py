@@ -38,6 +38,10 @@ class Equilibrium:
         (N,) tension over the section, MPa.
     bending_stress
         (N,) largest bending stress of the section, at its outermost fibre, MPa, never below zero.
+    shear_force
+        (N,) internal transverse force, N, of the sign that makes it the derivative of `moment`.
+    strain_energy
+        Energy stored in the whole beam, N mm.
     """
 
     theory: str
@@ -52,6 +56,8 @@ class Equilibrium:
     moment: NDArray[np.float64]
     normal_stress: NDArray[np.float64]
     bending_stress: NDArray[np.float64]
+    shear_force: NDArray[np.float64]
+    strain_energy: float
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -143,7 +143,8 @@ class TautString:
         # A section stands still in its clamp and halves the kink at the grasp.
         rotation[at == a] = 0.5 * (first + second)
         rotation[(at == 0.0) | (at == beam.span)] = 0.0
-        strain = _stretch(a, b, deflection) / beam.span
+        stretch = _stretch(a, b, deflection)
+        strain = stretch / beam.span
         normal_stress = np.full_like(at, beam.modulus * strain)
         return Equilibrium(
             theory=self.name,
@@ -158,6 +159,8 @@ class TautString:
             moment=np.zeros_like(at),
             normal_stress=normal_stress,
             bending_stress=np.zeros_like(at),
+            shear_force=np.zeros_like(at),
+            strain_energy=0.5 * beam.modulus * beam.area * strain * stretch,
         )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
+from physics.exact import Exact
 from physics.taut_string import TautString
 
 __all__ = ["THEORIES", "Theory", "theory_named"]
@@ -38,7 +39,11 @@ class Theory(Protocol):
         ...
 
 
-THEORIES: dict[str, Callable[[], Theory]] = {"cubic": Cubic, "string": TautString}
+THEORIES: dict[str, Callable[[], Theory]] = {
+    "cubic": Cubic,
+    "string": TautString,
+    "exact": Exact,
+}
 """The theories by name, each with its own defaults."""
 
 

@@ -18,7 +18,11 @@ DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 330
 """px."""
 BRAND = (38, 166, 154)
-THEORY_LABELS = {"cubic": "Cubic beam (Rayleigh)", "string": "String (very large deflection)"}
+THEORY_LABELS = {
+    "cubic": "Cubic beam (Rayleigh)",
+    "string": "String (very large deflection)",
+    "exact": "Exact beam (any deflection)",
+}
 AXIS_COLOUR = "#c9ccd1"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 
