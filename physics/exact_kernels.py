@@ -86,10 +86,13 @@ BULGE = 2.0 / 3.0
 
 WARM, TIGHT = 1e-6, 1e-9
 """Updates relative to the rotations and forces; Newton leaves about the square of the last one."""
-TINY = 1e-200
-FLOOR = 1e-5
-"""Force, in E A, below which updates are held against it: h is a sum of strains near 1, so that
-its last digits are rounding."""
+LARGEST_TURN, FARTHEST_TURN = 1.0, 3.0
+"""Update of a rotation, and rotation, beyond which Newton's method has strayed, rad."""
+PAST = 1e-2
+"""Shear of the wrong sign, relative to the force, that is taken for an error of the mesh."""
+FLOOR, FLAT = 1e-5, 1e-4
+"""Force, in E A, and rotation, rad, below which updates are held against these: strains are
+differences from 1, so that the last digits of what is smaller are rounding."""
 LEAST_STRETCH = 0.02
 """Stretch of a fibre of the section below which the neo-Hookean law is not followed."""
 MOST_STEPS = 14
@@ -292,14 +295,18 @@ def section_law(
     u2 = (t2 - 2.0 * u1) * over
     warp, warp1 = deficit * u * u, 2.0 * deficit * u * u1
     warp2 = 2.0 * deficit * (u1 * u1 + u * u2)
+    # Shear squared, halved, as far as warping follows it, and its derivatives.
+    fade = 1.0 / (1.0 + gam * gam)
+    v, v1 = 0.5 * gam * gam * fade, gam * fade * fade
+    v2 = (1.0 - 3.0 * gam * gam) * fade * fade * fade
     ky, yt = kappa * y, y * t
     a1, a2 = 1.0 - ky * t1, 1.0 + ky * t1
-    n = middle * p0 + outer * (p1 * a1 + p2 * a2) - 0.5 * warp1 * gam * gam
-    q = middle * q0 + outer * (q1 + q2) - warp * gam
-    n_lam = middle * s0 - 0.5 * warp2 * gam * gam
+    n = middle * p0 + outer * (p1 * a1 + p2 * a2) - warp1 * v
+    q = middle * q0 + outer * (q1 + q2) - warp * v1
+    n_lam = middle * s0 - warp2 * v
     n_lam += outer * (s1 * a1 * a1 + s2 * a2 * a2 + (p2 - p1) * ky * t2)
-    n_gam = middle * g0 + outer * (g1 * a1 + g2 * a2) - warp1 * gam
-    q_gam = middle * c0 + outer * (c1 + c2) - warp
+    n_gam = middle * g0 + outer * (g1 * a1 + g2 * a2) - warp1 * v1
+    q_gam = middle * c0 + outer * (c1 + c2) - warp * v2
     n_k = outer * ((s2 * a2 - s1 * a1) * yt + (p2 - p1) * y * t1)
     return (
         area * n,
@@ -605,7 +612,8 @@ def _half_step(
     line[FORCE] = 2.0 * line[P1]
     line[NEGATIVE] = negative - (1 if control == BY_FORCE else 2)
     _, largest, size = _up(nodes, elements, 0, count, dh, dp, 0.0, 0.0)
-    return max(abs(dh), abs(dp)) / (abs(line[H]) + abs(line[P1]) + FLOOR), largest / (size + TINY)
+    forces = max(abs(dh), abs(dp)) / (abs(line[H]) + abs(line[P1]) + FLOOR)
+    return forces, _turn(largest, size)
 
 
 @njit(cache=True)
@@ -673,10 +681,16 @@ def _whole_step(
     beyond, largest, size = _up(nodes, elements, grasp, count, dh, d2, d1, 0.0)
     _, largest1, size1 = _up(nodes, elements, 0, grasp, dh, d1, 0.0, beyond)
     forces = max(abs(dh), max(abs(d1), abs(d2)))
-    return (
-        forces / (abs(line[H]) + abs(line[P1]) + abs(line[P2]) + FLOOR),
-        max(largest, largest1) / (max(size, size1) + TINY),
-    )
+    forces /= abs(line[H]) + abs(line[P1]) + abs(line[P2]) + FLOOR
+    return forces, _turn(max(largest, largest1), max(size, size1))
+
+
+@njit(cache=True)
+def _turn(largest: float, size: float) -> float:
+    # Infinite where Newton's method has strayed.
+    if largest > LARGEST_TURN or size > FARTHEST_TURN:
+        return math.inf
+    return largest / (size + FLAT)
 
 
 @njit(cache=True)
@@ -695,12 +709,13 @@ def newton(
         if not (forces + turns < 1e6):
             return LOST
         if forces < accuracy and turns < accuracy:
-            return _verdict(points, fibres, line, law)
+            return _verdict(points, fibres, line, law, grasp)
     return LOST
 
 
 @njit(cache=True)
-def _verdict(points: Array, fibres: Array, line: Array, law: int) -> int:
+def _verdict(points: Array, fibres: Array, line: Array, law: int, grasp: int) -> int:
+    """Return whether converged rotations are an equilibrium that pulling leads to."""
     if law == NEO_HOOKE:
         for i in range(fibres.shape[1]):
             if fibres[STRETCH, i] < LEAST_STRETCH:
@@ -708,7 +723,21 @@ def _verdict(points: Array, fibres: Array, line: Array, law: int) -> int:
         for i in range(points.shape[1]):
             if points[STIFFNESS, i] <= 0.0:
                 return GIVES_WAY
-    return FOUND if line[NEGATIVE] == 0.0 else UNSTABLE
+    if line[NEGATIVE] != 0.0:
+        return UNSTABLE
+    # A section never turns past the force that turns it. The linear law with shear, which softens
+    # in tension, has other equilibria where some do: stable, but not to be had by pulling.
+    if law == NEO_HOOKE or points[SHEARING, 0] == 0.0:
+        return FOUND
+    h = line[H]
+    sign = 1.0 if line[FORCE] >= 0.0 else -1.0
+    for i in range(points.shape[1]):
+        p = line[P1] if i < 2 * grasp else line[P2]
+        q = p * points[COS, i] - h * points[SIN, i]
+        towards = sign if i < 2 * grasp else -sign
+        if towards * q < -PAST * (abs(h) + abs(p)):
+            return LOST
+    return FOUND
 
 
 @njit(cache=True)
@@ -1005,7 +1034,9 @@ def strain_energy(state: State, law: int, grasp: int) -> float:
                 )
             lam, gam = points[LAM, i], points[GAM, i]
             u = shrinkage(lam, line[SHRINK], line[POISSON])[0] / lam
-            density = points[AREA, i] * (mean - 0.5 * points[DEFICIT, i] * (u * gam) ** 2)
+            density = points[AREA, i] * (
+                mean - 0.5 * points[DEFICIT, i] * (u * gam) ** 2 / (1.0 + gam * gam)
+            )
         energy += 0.5 * elements[LENGTH, i // 2] * density
     return energy
 
