@@ -277,7 +277,11 @@ def section_law(
 
     Energy per length: the area times the mean energy of the fibres at 0 and +-y, of which each
     outer one stands for the part `outer`, less what warping saves in shear,
-    deficit (t/lam)^2 gam^2 / 2. A fibre is given by p, p_lam, p_gam, q and q_gam.
+    deficit (t/lam)^2 gam^2 / (2 (1 + gam^2)). Its small-strain part, deficit gam^2 / 2 with
+    deficit = (1 - shear coefficient) G, falls with (t/lam)^2 in a stretched prism, because the
+    volume ties warping to shear by that factor; it fades in large shear, where an estimate of
+    second order would take more than there is and leave hollow sections without stiffness.
+    A fibre is given by p, p_lam, p_gam, q and q_gam.
 
     Returns
     -------
@@ -491,7 +495,7 @@ def _down(
         bb = BULGE * BULGE * aa + SLOPE * SLOPE * k0 - BULGE * SLOPE * kt
         # The bubble out.
         over = 1.0 / bb
-        negative += bb < 0.0
+        negative += int(bb < 0.0)
         g_r, g_a, g_d, g_h, g_p = r_b * over, ab * over, db * over, h_b * over, p_b * over
         elements[BUBBLE_R, e] = g_r
         elements[BUBBLE_A, e] = g_a
@@ -514,7 +518,7 @@ def _down(
         if e > 0:
             pivot = d0 + aa + dd - ad
             inverse = 1.0 / pivot
-            negative += pivot < 0.0
+            negative += int(pivot < 0.0)
             off = aa - dd
             u_r, u_h, u_p = r0 + r_a - r_d, h0 + h_a - h_d, p0 + p_a - p_d
             v_h, v_p, v_q = inverse * u_h, inverse * u_p, inverse * q0
@@ -598,14 +602,14 @@ def _half_step(
     if control == BY_FORCE:
         dp = 0.5 * target - line[P1]
         dh = -(g_h + hp * dp) / hh
-        negative += hh < 0.0
+        negative += int(hh < 0.0)
         line[DEFLECTION] = y_sum - pr - hp * dh - pp * dp
     else:
         g_p = target - y_sum + pr
         over = 1.0 / (hh * pp - hp * hp)
         dh = (g_p * hp - g_h * pp) * over
         dp = (g_h * hp - g_p * hh) * over
-        negative += (hh < 0.0) + (over * hh < 0.0)
+        negative += int(hh < 0.0) + int(over * hh < 0.0)
         line[DEFLECTION] = target
     line[H] += dh
     line[P1] += dp
@@ -657,7 +661,7 @@ def _whole_step(
         dh = (g_p * hp - g_h * pp) * over
         d2 = (g_h * hp - g_p * hh) * over
         d1 = d2 + jump
-        negative += (hh < 0.0) + (over * hh < 0.0)
+        negative += int(hh < 0.0) + int(over * hh < 0.0)
         line[DEFLECTION] = -g_1 - h1 * dh - p11 * d1 - p12 * d2
     else:
         g_1 += target
@@ -671,7 +675,7 @@ def _whole_step(
         d2 = -(g_2 - l2 * g_h - l3 * g_1) / b22
         d1 = -(g_1 + a12 * d2) / a11
         dh = -(g_h + h1 * d1 + h2 * d2) / hh
-        negative += (hh < 0.0) + (a11 < 0.0) + (b22 < 0.0)
+        negative += int(hh < 0.0) + int(a11 < 0.0) + int(b22 < 0.0)
         line[DEFLECTION] = target
     line[H] += dh
     line[P1] += d1
