@@ -3,6 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.exact import BeyondLaw, Exact, ExactSolver
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.mass_spring import MassSpring
@@ -18,15 +19,19 @@ from physics.rupture import (
 )
 from physics.taut_string import TautString
 from physics.theory import THEORIES, Theory, theory_named
+from physics.varying_beam import VaryingBeam
 
 __all__ = [
     "FITTED_Q",
     "THEORIES",
     "Beam",
     "BentBeam",
+    "BeyondLaw",
     "BreakEvent",
     "Cubic",
     "Equilibrium",
+    "Exact",
+    "ExactSolver",
     "Fem",
     "FittedQ",
     "MassSpring",
@@ -37,6 +42,7 @@ __all__ = [
     "Support",
     "TautString",
     "Theory",
+    "VaryingBeam",
     "break_event",
     "calibrated_threshold",
     "check_rupture",

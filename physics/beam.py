@@ -6,7 +6,7 @@ from typing import Self
 
 from physics.quantity import finite, positive
 
-__all__ = ["Beam"]
+__all__ = ["Beam", "parts"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +100,32 @@ class Beam:
         -------
         tuple[float, float]
             Lengths from the first clamp to the grasp and from there to the second, mm.
-
-        Raises
-        ------
-        ValueError
-            If the grasp is not between the clamps.
         """
-        if not 0.0 < finite(grasp, "grasp", "mm") < self.span:
-            raise ValueError(
-                f"grasp must lie between the clamps, above 0 and below {self.span:g} mm, "
-                f"got {grasp:g} mm"
-            )
-        return float(grasp), self.span - float(grasp)
+        return parts(self.span, grasp)
+
+
+def parts(span: float, grasp: float) -> tuple[float, float]:
+    """Return the lengths of the two parts that a grasp divides a span into.
+
+    Parameters
+    ----------
+    span
+        Length between the clamps, mm.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+
+    Returns
+    -------
+    tuple[float, float]
+        Lengths from the first clamp to the grasp and from there to the second, mm.
+
+    Raises
+    ------
+    ValueError
+        If the grasp is not between the clamps.
+    """
+    if not 0.0 < finite(grasp, "grasp", "mm") < span:
+        raise ValueError(
+            f"grasp must lie between the clamps, above 0 and below {span:g} mm, got {grasp:g} mm"
+        )
+    return float(grasp), span - float(grasp)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
+from physics.exact import Exact
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.taut_string import TautString
@@ -43,6 +44,7 @@ class Theory(Protocol):
 THEORIES: dict[str, Callable[[], Theory]] = {
     "cubic": Cubic,
     "string": TautString,
+    "exact": Exact,
     "fem": Fem,
     "mass-spring": MassSpring,
 }

@@ -22,6 +22,7 @@ BRAND = (38, 166, 154)
 THEORY_LABELS = {
     "cubic": "Cubic beam (Rayleigh)",
     "string": "String (very large deflection)",
+    "exact": "Exact beam (any deflection)",
     "fem": "Finite elements (the thesis's reference)",
 }
 """Theories that are quick enough to be stepped for a room of trainees."""

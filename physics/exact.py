@@ -1,0 +1,557 @@
+"""The geometrically exact beam: large rotations, true stretch, shear, two material laws."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics import exact_kernels as kernels
+from physics.beam import Beam
+from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.quantity import finite, stations_on
+from physics.section import Ring, lateral_constant
+from physics.varying_beam import VaryingBeam
+
+__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Law", "Reason"]
+
+Law = Literal["linear", "neo-hooke"]
+"""`linear`: tension, shear and moment proportional to engineering strains and curvature.
+`neo-hooke`: fibres of a compressible neo-Hookean solid."""
+
+Reason = Literal["lost", "unstable", "gives way", "squeezed", "out of reach"]
+"""Why there is no equilibrium; see `BeyondLaw`."""
+
+REASONS: dict[int, tuple[Reason, str]] = {
+    kernels.LOST: ("lost", "no equilibrium was found near the last one, however small the step"),
+    kernels.UNSTABLE: ("unstable", "the equilibrium there would not stay, its energy can fall"),
+    kernels.GIVES_WAY: ("gives way", "a section has no stiffness left in stretch and shear"),
+    kernels.SQUEEZED: (
+        "squeezed",
+        f"a fibre would be squeezed to less than {kernels.LEAST_STRETCH:g} of its length",
+    ),
+    kernels.OUT_OF_REACH: (
+        "out of reach",
+        f"it lies beyond a deflection of {kernels.FARTHEST:g} spans",
+    ),
+}
+
+LAYER = 3.0
+"""End spacing of the mesh in radii of gyration, times the number of elements of a part.
+
+A taut beam bends in layers at its clamps and its grasp that are as long as its radius of gyration
+over the root of its strain."""
+
+
+class BeyondLaw(NoEquilibrium):
+    """A load beyond what the law can carry.
+
+    Attributes
+    ----------
+    reason
+        What stopped the pull: `lost`, no equilibrium near the last one; `unstable`, the
+        equilibrium would not stay; `gives way`, a section lost its stiffness; `squeezed`, a fibre
+        lost its length; `out of reach`, no deflection meets the force.
+    force
+        The grasper's force at the last equilibrium on the way, N.
+    deflection
+        Displacement of the grasp there, mm.
+    """
+
+    def __init__(self, message: str, reason: Reason, force: float, deflection: float) -> None:
+        super().__init__(message)
+        self.reason: Reason = reason
+        self.force = force
+        self.deflection = deflection
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Reissner's geometrically exact planar beam, as converged as its intervals make it.
+
+    With H and P the force in the beam along the clamp line and along the pull, constant over each
+    part, N = H cos theta + P sin theta and Q = P cos theta - H sin theta, stretch lambda and shear
+    gamma of the section: x' = lambda cos theta - gamma sin theta, y' = lambda sin theta
+    + gamma cos theta, M' = -(lambda Q - gamma N). The grasp may move along the axis and carries no
+    moment; the rotation and the moment go through it, P drops by the pull F.
+
+    Law `linear`: N = E A (lambda - 1), Q = G A_s gamma (gamma = 0 without shear), M = E I theta'.
+    Law `neo-hooke`: the section is three fibres of the solid with the energy
+    W = (G/2) (J^(-2/3) I1 - 3) + (K/2) (J - 1)^2 whose lateral faces are free (`section.Ring`,
+    `exact_kernels.fibre`), and shear is part of it.
+
+    Range, for half spans of one diameter and more and grasps from 5 to 95 % of the span, with 40
+    intervals (benchmarks/exact_sweep.py): every load that stretches the whole beam up to 2.5 times
+    its length. `neo-hooke`, for Poisson's ratios from 0.2: where the grasp is less than half a
+    diameter from a clamp, deflections up to 1.1 times that distance (a hollow section gives way
+    beyond). `linear` with shear softens beyond a tension of about 0.5 E A and then shears
+    sideways instead of turning; that is the law's doing. What a law cannot carry is a
+    `BeyondLaw`.
+
+    Attributes
+    ----------
+    shear
+        Whether sections shear; the law `neo-hooke` asks for it.
+    law
+        Material law.
+    intervals
+        Intervals between the rotations sought, on each side of the grasp: an even number, 4 or
+        more. The error falls with their fourth power.
+
+    Raises
+    ------
+    ValueError
+        If the law is unknown, `neo-hooke` is asked for without shear, or the intervals are odd
+        or too few.
+    """
+
+    shear: bool = False
+    law: Law = "linear"
+    intervals: int = 40
+    name: ClassVar[str] = "exact"
+
+    def __post_init__(self) -> None:
+        if self.law not in get_args(Law):
+            raise ValueError(f"law must be one of {', '.join(get_args(Law))}, got {self.law!r}")
+        if self.law == "neo-hooke" and not self.shear:
+            raise ValueError("shear must be True for the law neo-hooke, of which it is a part")
+        if self.intervals < 4 or self.intervals % 2:
+            raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
+
+    def solver(self, beam: Beam | VaryingBeam, grasp: float) -> "ExactSolver":
+        """Return a solver that starts each solution from the last one.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+
+        Returns
+        -------
+        ExactSolver
+            The solver, with the beam at rest.
+        """
+        return ExactSolver(beam, grasp, shear=self.shear, law=self.law, intervals=self.intervals)
+
+    def deflection(self, beam: Beam | VaryingBeam, grasp: float, force: float) -> float:
+        """Return the deflection under a force, pulled up from rest.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+
+        Returns
+        -------
+        float
+            Displacement of the grasp along the pull, mm.
+        """
+        return self.solver(beam, grasp).solve_force(force)
+
+    def force(self, beam: Beam | VaryingBeam, grasp: float, deflection: float) -> float:
+        """Return the grasper's whole force at a deflection, pulled up from rest.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm.
+
+        Returns
+        -------
+        float
+            Force, N.
+        """
+        return self.solver(beam, grasp).solve_deflection(deflection)
+
+    def under_force(
+        self, beam: Beam | VaryingBeam, grasp: float, force: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        """Return the equilibrium under a force, pulled up from rest.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium; see `ExactSolver.sample`.
+        """
+        solver = self.solver(beam, grasp)
+        solver.solve_force(force)
+        return solver.sample(stations)
+
+    def under_deflection(
+        self,
+        beam: Beam | VaryingBeam,
+        grasp: float,
+        deflection: float,
+        stations: NDArray[np.float64],
+    ) -> Equilibrium:
+        """Return the equilibrium at a deflection of the grasp, pulled up from rest.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium; see `ExactSolver.sample`.
+        """
+        solver = self.solver(beam, grasp)
+        solver.solve_deflection(deflection)
+        return solver.sample(stations)
+
+
+class ExactSolver:
+    """A beam held in its last equilibrium, from which the next one is found in microseconds.
+
+    A load near the last one is solved from it; one that is far, or that this fails for, by pulling
+    the beam up from rest in steps. Not for use by two threads at once.
+
+    Parameters
+    ----------
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    shear, law, intervals
+        As for `Exact`.
+    """
+
+    __slots__ = (
+        "_beam",
+        "_bounds",
+        "_force_unit",
+        "_grasp",
+        "_half",
+        "_law",
+        "_line",
+        "_part",
+        "_span",
+        "_state",
+        "_theory",
+    )
+
+    def __init__(
+        self,
+        beam: Beam | VaryingBeam,
+        grasp: float,
+        *,
+        shear: bool = False,
+        law: Law = "linear",
+        intervals: int = 40,
+    ) -> None:
+        self._theory = Exact(shear=shear, law=law, intervals=intervals)
+        self._beam = beam
+        self._span = beam.span
+        self._grasp = beam.grasped_at(grasp)[0]
+        self._half = _mirrored(beam, self._grasp)
+        self._law = kernels.NEO_HOOKE if law == "neo-hooke" else kernels.LINEAR
+        self._part = intervals // 2
+        area, second_moment = _mean_section(beam)
+        self._force_unit = beam.modulus * area
+        gyration = math.sqrt(second_moment / area) / self._span
+        at = 0.5 if self._half else self._grasp / self._span
+        self._bounds = _bounds(self._part, at, gyration)
+        if not self._half:
+            second = 1.0 - _bounds(self._part, 1.0 - at, gyration)[-2::-1]
+            self._bounds = np.concatenate([self._bounds, second])
+        count = self._bounds.size - 1
+        nodes = np.zeros((kernels.NODE_ROWS, count + 1))
+        elements = np.zeros((kernels.ELEMENT_ROWS, count))
+        elements[kernels.LENGTH] = np.diff(self._bounds)
+        self._line = np.zeros(kernels.LINE_SIZE)
+        points, fibres = self._sections(area)
+        self._state = (nodes, elements, points, fibres, self._line)
+        self.rest()
+
+    def _sections(self, mean_area: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the kernels' `points` and `fibres` with the sections filled in."""
+        lengths = np.diff(self._bounds)
+        middles = self._bounds[:-1] + 0.5 * lengths
+        at = np.empty(2 * lengths.size)
+        at[0::2] = middles - kernels.GAUSS * lengths
+        at[1::2] = middles + kernels.GAUSS * lengths
+        areas, second_moments, _, shear_areas = _sections_at(self._beam, at * self._span)
+        nu = self._beam.poisson_ratio
+        if self._law == kernels.LINEAR:
+            points = np.zeros((kernels.LINEAR_ROWS, at.size))
+            points[kernels.BENDING] = second_moments / (mean_area * self._span**2)
+            points[kernels.KK] = points[kernels.BENDING]
+            points[kernels.STRETCHING] = mean_area / areas
+            if self._theory.shear:
+                points[kernels.SHEARING] = 2.0 * (1.0 + nu) * mean_area / shear_areas
+            return points, np.zeros((kernels.FIBRE_ROWS, 0))
+        shear_modulus = 0.5 / (1.0 + nu)
+        self._line[kernels.SHEAR_MODULUS] = shear_modulus
+        self._line[kernels.RATIO] = (1.0 - 2.0 * nu) * shear_modulus  # G/(3 K)
+        self._line[kernels.SHRINK] = lateral_constant(nu)
+        self._line[kernels.POISSON] = nu
+        points = np.zeros((kernels.NEO_HOOKE_ROWS, at.size))
+        points[kernels.AREA] = areas / mean_area
+        constant = isinstance(self._beam, Beam)
+        for i in range(1 if constant else at.size):
+            columns = slice(None) if constant else i
+            ring = Ring(float(areas[i]), float(second_moments[i]))
+            distance, weight = ring.fibres
+            coefficient = ring.free_shear_coefficient(nu)
+            if isinstance(self._beam, VaryingBeam) and self._beam.shear_areas is not None:
+                coefficient = float(shear_areas[i] / areas[i])
+            points[kernels.REACH, columns] = distance / self._span
+            points[kernels.WEIGHT, columns] = weight
+            points[kernels.DEFICIT, columns] = (1.0 - coefficient) * shear_modulus
+        return points, np.zeros((kernels.FIBRE_ROWS, 3 * at.size))
+
+    def rest(self) -> None:
+        """Let go of the beam."""
+        kernels.rest(self._state, self._law)
+
+    @property
+    def force(self) -> float:
+        """The grasper's whole force, N."""
+        return float(self._line[kernels.FORCE]) * self._force_unit
+
+    @property
+    def deflection(self) -> float:
+        """Displacement of the grasp along the pull, mm."""
+        return float(self._line[kernels.DEFLECTION]) * self._span
+
+    def solve_force(self, force: float) -> float:
+        """Find the equilibrium under a force and return the deflection.
+
+        Parameters
+        ----------
+        force
+            The grasper's whole force, N.
+
+        Returns
+        -------
+        float
+            Displacement of the grasp along the pull, mm.
+
+        Raises
+        ------
+        BeyondLaw
+            If the law cannot carry the force; the beam is then at rest.
+        """
+        load = finite(force, "force", "N") / self._force_unit
+        outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_FORCE, load)
+        if outcome != kernels.FOUND:
+            raise self._no_equilibrium(outcome, f"force of {force:g} N")
+        return self.deflection
+
+    def solve_deflection(self, deflection: float) -> float:
+        """Find the equilibrium at a deflection of the grasp and return the force.
+
+        Parameters
+        ----------
+        deflection
+            Displacement of the grasp along the pull, mm.
+
+        Returns
+        -------
+        float
+            The grasper's whole force, N.
+
+        Raises
+        ------
+        BeyondLaw
+            If the law cannot carry the deflection; the beam is then at rest.
+        """
+        load = finite(deflection, "deflection", "mm") / self._span
+        outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_DEFLECTION, load)
+        if outcome != kernels.FOUND:
+            raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
+        return self.force
+
+    def _no_equilibrium(self, outcome: int, load: str) -> BeyondLaw:
+        reason, words = REASONS[outcome]
+        force = float(self._line[kernels.LAST_FORCE]) * self._force_unit
+        deflection = float(self._line[kernels.LAST_DEFLECTION]) * self._span
+        return BeyondLaw(
+            f"the {self._theory.law} law must carry a {load}: {words}; "
+            f"the last equilibrium on the way is at {force:g} N and {deflection:g} mm",
+            reason,
+            force,
+            deflection,
+        )
+
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations.
+
+        Stresses are nominal, force over area at rest. `linear`: N/A and |M| c/I. `neo-hooke`:
+        `normal_stress` is N/A, the mean over the section, and `bending_stress` what the outermost
+        fibre has beyond it; their sum is that fibre's first Piola stress along the axis.
+        `shear_force` is the force across the turned section. At the grasp the part under the
+        larger tension is reported.
+
+        Parameters
+        ----------
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+        """
+        at = stations_on(self._span, stations)
+        parts = at / self._span
+        far = parts > 0.5 if self._half else np.zeros(at.shape, dtype=np.bool_)
+        samples = np.zeros((kernels.SAMPLE_ROWS, at.size))
+        kernels.sample(
+            self._state,
+            self._law,
+            self._part,
+            self._bounds,
+            np.where(far, 1.0 - parts, parts),
+            samples,
+        )
+        along: NDArray[np.float64] = samples[kernels.ALONG]
+        side = np.where(far, -1.0, 1.0)
+        areas, second_moments, fibre_distances, _ = _sections_at(self._beam, at)
+        tension = samples[kernels.TENSION] * self._force_unit
+        moment = samples[kernels.BENT] * self._force_unit * self._span
+        normal_stress = tension / areas
+        if self._law == kernels.LINEAR:
+            bending_stress = np.abs(moment) * fibre_distances / second_moments
+        else:
+            outer = self._outer_stress(samples, fibre_distances / self._span)
+            bending_stress = np.maximum(outer - normal_stress, 0.0)
+        energy = kernels.strain_energy(self._state, self._law, self._part)
+        return Equilibrium(
+            theory=self._theory.name,
+            grasp=self._grasp,
+            force=self.force,
+            deflection=self.deflection,
+            stations=at.copy(),
+            along=np.where(far, 1.0 - along, along) * self._span,
+            across=samples[kernels.ACROSS] * self._span,
+            rotation=samples[kernels.TURN] * side,
+            normal_force=tension,
+            moment=moment,
+            normal_stress=normal_stress,
+            bending_stress=bending_stress,
+            shear_force=-samples[kernels.TRANSVERSE] * side * self._force_unit,
+            strain_energy=energy * self._force_unit * self._span * (2.0 if self._half else 1.0),
+        )
+
+    def _outer_stress(
+        self, samples: NDArray[np.float64], fibre_distances: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the nominal stress along the axis of the most stretched fibre, MPa."""
+        line = self._line
+        stresses = np.empty(samples.shape[1])
+        for i in range(stresses.size):
+            lam, gam = float(samples[kernels.SAMPLE_LAM, i]), float(samples[kernels.SAMPLE_GAM, i])
+            lateral = kernels.shrinkage(
+                lam, float(line[kernels.SHRINK]), float(line[kernels.POISSON])
+            )[0]
+            kappa = abs(float(samples[kernels.SAMPLE_KAPPA, i]))
+            stretch = lam + kappa * float(fibre_distances[i]) * lateral
+            stresses[i] = kernels.fibre_pull(
+                stretch, gam, float(line[kernels.SHEAR_MODULUS]), float(line[kernels.RATIO])
+            )
+        return stresses * self._beam.modulus
+
+
+def _mirrored(beam: Beam | VaryingBeam, grasp: float) -> bool:
+    """Whether beam and grasp are their own mirror images, so that one half will do."""
+    if abs(grasp - 0.5 * beam.span) > 1e-12 * beam.span:
+        return False
+    if isinstance(beam, Beam):
+        return True
+    rows = (beam.areas, beam.second_moments, beam.fibre_distances, beam.shear_areas)
+    return bool(
+        np.allclose(beam.stations, beam.span - beam.stations[::-1], rtol=0, atol=1e-12 * beam.span)
+        and all(row is None or np.allclose(row, row[::-1], rtol=1e-12, atol=0) for row in rows)
+    )
+
+
+def _mean_section(beam: Beam | VaryingBeam) -> tuple[float, float]:
+    """Return mean area, mm^2, and mean second moment, mm^4."""
+    if isinstance(beam, Beam):
+        return beam.area, beam.second_moment
+    return (
+        float(np.trapezoid(beam.areas, beam.stations)) / beam.span,
+        float(np.trapezoid(beam.second_moments, beam.stations)) / beam.span,
+    )
+
+
+def _sections_at(
+    beam: Beam | VaryingBeam, at: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return areas, second moments, fibre distances and Cowper's shear areas at places, mm."""
+    if isinstance(beam, Beam):
+        shear = beam.area * Ring(beam.area, beam.second_moment).shear_coefficient(
+            beam.poisson_ratio
+        )
+        a, i, c, s = (
+            np.full(at.shape, value)
+            for value in (beam.area, beam.second_moment, beam.fibre_distance, shear)
+        )
+        return a, i, c, s
+    areas = np.interp(at, beam.stations, beam.areas)
+    second_moments = np.interp(at, beam.stations, beam.second_moments)
+    if beam.shear_areas is not None:
+        shear_areas = np.interp(at, beam.stations, beam.shear_areas)
+    else:
+        shear_areas = np.array(
+            [
+                a * Ring(float(a), float(i)).shear_coefficient(beam.poisson_ratio)
+                for a, i in zip(areas, second_moments, strict=True)
+            ]
+        )
+    fibre_distances = np.interp(at, beam.stations, beam.fibre_distances)
+    return areas, second_moments, fibre_distances, shear_areas
+
+
+def _bounds(count: int, length: float, gyration: float) -> NDArray[np.float64]:
+    """Return the (count + 1,) ends of the elements of a part, graded towards both its ends."""
+    # Graded by tanh, a smooth map of an even mesh, so that the order of the error stays.
+    even = np.linspace(-1.0, 1.0, count + 1)
+    end_slope = min(LAYER * gyration / length, 1.0)
+    steepness = _steepness(end_slope)
+    graded = np.tanh(steepness * even) / math.tanh(steepness) if steepness > 0.0 else even
+    bounds = 0.5 * length * (1.0 + graded)
+    bounds[0], bounds[-1] = 0.0, length
+    return bounds
+
+
+def _steepness(end_slope: float) -> float:
+    """Return the b for which tanh(b u)/tanh(b) has that slope at its ends, at most 1."""
+    low, high = 0.0, 6.0
+    if end_slope >= 1.0:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        slope = 2.0 * middle / math.sinh(2.0 * middle) if middle > 0.0 else 1.0
+        low, high = (middle, high) if slope > end_slope else (low, middle)
+    return low

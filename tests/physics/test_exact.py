@@ -1,0 +1,412 @@
+"""The exact beam's limits, balances, symmetries and refusals."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.exact_sweep import random_case, sweep
+from physics import Beam, BeyondLaw, Exact, ExactSolver, TautString, VaryingBeam
+from physics import exact_kernels as kernels
+from physics.section import Ring
+
+THEORIES = {
+    "linear": Exact(),
+    "shear": Exact(shear=True),
+    "neo": Exact(shear=True, law="neo-hooke"),
+}
+every = pytest.mark.parametrize("theory", THEORIES.values(), ids=THEORIES)
+grasps = pytest.mark.parametrize("grasp", [25.4, 15.0, 40.0])
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+PIPE = Beam(
+    span=50.8,
+    area=0.25 * math.pi * (8.89**2 - 6.0**2),
+    second_moment=math.pi / 64.0 * (8.89**4 - 6.0**4),
+    fibre_distance=8.89 / 2.0,
+    modulus=0.310264,
+)
+PULL = 3.5
+"""F of figure 6.28, at which the duct breaks, N."""
+
+
+@pytest.mark.parametrize("beam", [DUCT, PIPE], ids=["solid", "hollow"])
+@grasps
+@every
+def test_small_load_is_the_handbook_beam(theory: Exact, grasp: float, beam: Beam) -> None:
+    """Timoshenko's clamped beam, from Castigliano's theorem with its two unknown reactions."""
+    ei = beam.modulus * beam.second_moment
+    ring, nu = Ring(beam.area, beam.second_moment), beam.poisson_ratio
+    coefficient = (
+        ring.free_shear_coefficient(nu) if theory.law == "neo-hooke" else ring.shear_coefficient(nu)
+    )
+    ga = beam.modulus / (2.0 * (1.0 + nu)) * coefficient * beam.area
+    shear = 1.0 / ga if theory.shear else 0.0
+    a, s = grasp, beam.span
+    b = s - a
+    # M = m + r x, less F (x - a) beyond the grasp; no rotation and no shift at the far clamp.
+    rows = np.array([[s, s**2 / 2.0], [s**2 / 2.0, s**3 / 3.0 + shear * ei * s]])
+    right = np.array([b**2 / 2.0, b**2 * (s / 2.0 - b / 6.0) + shear * ei * b])
+    m, r = np.linalg.solve(rows, right)
+    linear = (m * a**2 / 2.0 + r * a**3 / 6.0) / ei
+    linear = abs(linear) + abs(r) * a * shear
+    force = 1e-5
+    assert theory.deflection(beam, grasp, force) == pytest.approx(force * linear, rel=1e-6)
+
+
+def test_thin_and_far_is_the_string() -> None:
+    thin = Beam.round(span=100.0, diameter=0.05, modulus=10.0)
+    string = TautString().force(thin, 50.0, 60.0)
+    assert Exact().force(thin, 50.0, 60.0) == pytest.approx(string, rel=2e-3)
+
+
+def test_thin_and_far_neo_hooke_is_the_bar_in_tension() -> None:
+    thin = Beam.round(span=100.0, diameter=0.5, modulus=10.0, poisson_ratio=0.4)
+    deflection = 60.0
+    length = math.hypot(50.0, deflection)
+    g, k = thin.modulus / 2.8, thin.modulus / 0.6
+    stretch = length / 50.0
+    low, high = 0.5, 2.0
+    for _ in range(80):
+        j = 0.5 * (low + high)
+        above = k * (j**3 - 1.0) * j**5 > g / 3.0 * (stretch**2 - j**3 / stretch)
+        low, high = (low, j) if above else (j, high)
+    tension = thin.area * g * (stretch / low**2 - low / stretch**2)
+    force = 2.0 * tension * deflection / length
+    theory = Exact(shear=True, law="neo-hooke")
+    assert theory.force(thin, 50.0, deflection) == pytest.approx(force, rel=0.02)
+
+
+@grasps
+def test_shear_fades_as_its_stiffness_grows(grasp: float) -> None:
+    rigid = replace(VaryingBeam.of(DUCT), shear_areas=np.full(2, 1e9 * DUCT.area))
+    unsheared = Exact().deflection(DUCT, grasp, PULL)
+    assert Exact(shear=True).deflection(rigid, grasp, PULL) == pytest.approx(unsheared, rel=1e-7)
+    assert Exact(shear=True).deflection(DUCT, grasp, PULL) > 1.05 * unsheared
+
+
+@grasps
+@every
+@pytest.mark.parametrize("beam", [DUCT, PIPE], ids=["solid", "hollow"])
+def test_force_is_the_slope_of_the_energy(beam: Beam, theory: Exact, grasp: float) -> None:
+    """The discrete equations are the derivatives of the discrete energy: to rounding."""
+    solver = theory.solver(beam, grasp)
+    at, step = np.array([grasp]), 1e-4
+    for deflection in (2.0, 12.0, 20.0):
+        energies: list[float] = []
+        for side in (-2.0, -1.0, 1.0, 2.0):
+            solver.solve_deflection(deflection + side * step * deflection)
+            energies.append(solver.sample(at).strain_energy)
+        slope = (energies[0] - 8.0 * energies[1] + 8.0 * energies[2] - energies[3]) / (
+            12.0 * step * deflection
+        )
+        assert slope == pytest.approx(solver.solve_deflection(deflection), rel=1e-8)
+
+
+@grasps
+@every
+def test_forces_and_moments_balance(theory: Exact, grasp: float) -> None:
+    stations = np.linspace(0.0, DUCT.span, 41)
+    pulled = theory.under_force(DUCT, grasp, PULL, stations)
+    cos, sin = np.cos(pulled.rotation), np.sin(pulled.rotation)
+    along = pulled.normal_force * cos + pulled.shear_force * sin
+    across = pulled.normal_force * sin - pulled.shear_force * cos
+    first, second = stations < grasp, stations > grasp
+    assert np.ptp(along) < 1e-12 * PULL
+    assert np.ptp(across[first]) < 1e-12 * PULL
+    assert np.ptp(across[second]) < 1e-12 * PULL
+    assert across[0] - across[-1] == pytest.approx(PULL, rel=1e-12)
+    # Moments about the first clamp.
+    at = pulled.along[stations == grasp]
+    x = float(at[0]) if at.size else float(np.interp(grasp, stations, pulled.along))
+    turned = pulled.moment[-1] - pulled.moment[0] + across[-1] * DUCT.span + PULL * x
+    assert abs(turned) < (1e-10 if at.size else 1e-2) * PULL * DUCT.span
+
+
+@every
+def test_shear_force_is_the_slope_of_the_moment_at_small_load(theory: Exact) -> None:
+    x = np.array([4.0, 5.0, 6.0, 20.0, 30.0, 31.0, 32.0])
+    pulled = theory.under_force(DUCT, 15.0, 1e-4, x)
+    for i in (1, 5):
+        slope = (pulled.moment[i + 1] - pulled.moment[i - 1]) / 2.0
+        assert pulled.shear_force[i] == pytest.approx(slope, rel=1e-4)
+    assert pulled.moment[0] > 0.0 > pulled.moment[3]
+
+
+@every
+def test_axis_moment_and_curvature_belong_together(theory: Exact) -> None:
+    """M = E I theta' for the linear law, by differences over a fine mesh."""
+    fine = replace(theory, intervals=400)
+    x = 20.0 + 1e-2 * np.arange(-1.0, 2.0)
+    pulled = fine.under_force(DUCT, 15.0, PULL, x)
+    curvature = (pulled.rotation[2] - pulled.rotation[0]) / 2e-2
+    ratio = pulled.moment[1] / (DUCT.modulus * DUCT.second_moment * curvature)
+    assert ratio == pytest.approx(1.0, rel=0.25 if theory.law == "neo-hooke" else 1e-4)
+    slope = math.atan2(pulled.across[2] - pulled.across[0], pulled.along[2] - pulled.along[0])
+    strain = pulled.normal_force[1] / (DUCT.modulus * DUCT.area)
+    if not theory.shear:
+        assert slope == pytest.approx(pulled.rotation[1], abs=1e-4)
+        stretch = math.hypot(pulled.across[2] - pulled.across[0], np.ptp(pulled.along)) / 2e-2
+        assert stretch == pytest.approx(1.0 + strain, rel=1e-4)
+
+
+@grasps
+@every
+def test_reversed_pull_and_mirrored_grasp(theory: Exact, grasp: float) -> None:
+    x = np.linspace(0.0, DUCT.span, 9)
+    pulled = theory.under_force(DUCT, grasp, PULL, x)
+    pushed = theory.under_force(DUCT, grasp, -PULL, x)
+    mirror = theory.under_force(DUCT, DUCT.span - grasp, PULL, DUCT.span - x)
+    assert np.array_equal(pushed.across, -pulled.across)
+    assert np.array_equal(pushed.moment, -pulled.moment)
+    assert np.array_equal(pushed.total_stress, pulled.total_stress)
+    assert mirror.across == pytest.approx(pulled.across, abs=1e-10)
+    assert mirror.moment == pytest.approx(pulled.moment, abs=1e-10)
+    assert mirror.total_stress == pytest.approx(pulled.total_stress, abs=1e-10)
+    inner = np.abs(x - grasp) > 1e-9  # at the grasp the shear jumps
+    assert mirror.shear_force[inner] == pytest.approx(-pulled.shear_force[inner], abs=1e-10)
+
+
+@every
+def test_half_is_the_whole(theory: Exact) -> None:
+    """A central grasp is solved by halves; one beside it, or an uneven beam, is not."""
+    half = theory.deflection(DUCT, 25.4, PULL)
+    beside = theory.deflection(DUCT, 25.4 * (1.0 + 1e-9), PULL)
+    assert beside == pytest.approx(half, rel=1e-8)
+
+
+@grasps
+@every
+def test_varying_beam_with_constant_sections_is_the_constant_beam(
+    theory: Exact, grasp: float
+) -> None:
+    x = np.linspace(0.0, 50.8, 7)
+    for beam in (DUCT, PIPE):
+        constant = theory.under_force(beam, grasp, PULL, x)
+        varying = theory.under_force(VaryingBeam.of(beam, 5), grasp, PULL, x)
+        assert varying.across == pytest.approx(constant.across, rel=1e-11, abs=1e-11)
+        assert varying.total_stress == pytest.approx(constant.total_stress, rel=1e-9)
+
+
+@every
+def test_varying_beam_is_softer_where_it_is_thin_and_mirrors(theory: Exact) -> None:
+    z = np.linspace(0.0, 50.8, 21)
+    diameter = 8.89 - 3.0 * z / 50.8
+    taper = VaryingBeam(
+        stations=z,
+        areas=0.25 * math.pi * diameter**2,
+        second_moments=math.pi / 64.0 * diameter**4,
+        fibre_distances=0.5 * diameter,
+        modulus=DUCT.modulus,
+    )
+    flipped = replace(
+        taper,
+        areas=taper.areas[::-1],
+        second_moments=taper.second_moments[::-1],
+        fibre_distances=taper.fibre_distances[::-1],
+    )
+    x = np.linspace(0.0, 50.8, 6)
+    pulled = theory.under_force(taper, 20.0, 2.0, x)
+    mirror = theory.under_force(flipped, 30.8, 2.0, 50.8 - x)
+    assert mirror.across == pytest.approx(pulled.across, rel=1e-9, abs=1e-9)
+    assert mirror.total_stress == pytest.approx(pulled.total_stress, rel=1e-6)
+    central = theory.under_force(taper, 25.4, 2.0, x)
+    assert central.total_stress[-1] > central.total_stress[0]
+    thick, thin = (Beam.round(span=50.8, diameter=d, modulus=DUCT.modulus) for d in (8.89, 5.89))
+    low, high = theory.deflection(thick, 25.4, 2.0), theory.deflection(thin, 25.4, 2.0)
+    assert low < central.deflection < high
+
+
+def test_varying_stiffness_is_integrated() -> None:
+    """Small load, stepped beam: m and r from the flexibility integrals of each half."""
+    step = VaryingBeam(
+        stations=np.array([0.0, 10.0, 10.0, 30.0, 30.0, 40.0]),
+        areas=np.full(6, 1.0),
+        second_moments=np.array([2.0, 2.0, 1.0, 1.0, 2.0, 2.0]) / 10.0,
+        fibre_distances=np.full(6, 0.5),
+        modulus=100.0,
+    )
+    # Half of length 20, M = m + x/2 under a unit force, no rotation at either end.
+    x = (np.arange(200000) + 0.5) * 1e-4
+    flexibility = np.where(x < 10.0, 5.0, 10.0) / 100.0
+    m = -np.sum(flexibility * x / 2.0) / np.sum(flexibility)
+    deflection = float(np.sum((m + x / 2.0) * x * flexibility) * 1e-4)
+    exact = Exact(intervals=400).deflection(step, 20.0, 1e-7)
+    assert exact == pytest.approx(1e-7 * deflection, rel=2e-3)
+
+
+@every
+def test_warm_is_cold(theory: Exact) -> None:
+    """A solver led through a walk of loads ends where one from rest ends."""
+    generator = np.random.default_rng(5)
+    for grasp in (25.4, 11.0):
+        solver = theory.solver(DUCT, grasp)
+        load = 1.0
+        for _ in range(60):
+            load *= 1.0 + generator.uniform(-0.7, 0.9)
+            load = min(max(load, 1e-4), 8.0) * (-1.0 if generator.random() < 0.1 else 1.0)
+            warm = solver.solve_force(load)
+            assert warm == pytest.approx(theory.deflection(DUCT, grasp, load), rel=1e-9)
+            assert solver.solve_deflection(warm) == pytest.approx(load, rel=1e-9)
+            load = abs(load)
+
+
+@every
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_any_cold_solve_and_back(theory: Exact, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    beam, grasp, deflection = random_case(generator, neo_hooke=theory.law == "neo-hooke")
+    pulled = theory.under_deflection(beam, grasp, deflection, np.array([0.0, grasp, beam.span]))
+    for name in ("along", "across", "rotation", "normal_force", "moment", "total_stress"):
+        assert np.all(np.isfinite(getattr(pulled, name)))
+    assert pulled.force * deflection > 0.0
+    assert pulled.strain_energy > 0.0
+    assert pulled.across[1] == pytest.approx(deflection, rel=1e-9)
+    assert pulled.along[2] == pytest.approx(beam.span, rel=1e-12)
+    assert theory.deflection(beam, grasp, pulled.force) == pytest.approx(deflection, rel=1e-9)
+
+
+@every
+def test_two_thousand_random_cold_solves(theory: Exact) -> None:
+    result = sweep(theory, 2000 if theory.law == "linear" else 500, seed=7)
+    assert not result.failures
+
+
+def test_what_a_law_cannot_carry_is_named() -> None:
+    """A thin, nearly incompressible tube, pulled a tenth of its diameter from a clamp."""
+    tube = Beam(
+        span=22.0,
+        area=0.25 * math.pi * (10.0**2 - 9.3**2),
+        second_moment=math.pi / 64.0 * (10.0**4 - 9.3**4),
+        fibre_distance=5.0,
+        modulus=1.0,
+        poisson_ratio=0.48,
+    )
+    solver = Exact(shear=True, law="neo-hooke").solver(tube, 1.1)
+    with pytest.raises(BeyondLaw, match="neo-hooke law must carry a deflection of 3 mm") as it:
+        solver.solve_deflection(3.0)
+    assert isinstance(it.value, ValueError)
+    assert it.value.reason == "gives way"
+    assert 1.2 < it.value.deflection < 1.6
+    assert it.value.force > 0.0
+    # The beam is at rest, and the last equilibrium is one.
+    assert solver.force == solver.deflection == 0.0
+    before = 0.999 * it.value.deflection
+    assert solver.solve_deflection(before) == pytest.approx(it.value.force, rel=0.01)
+    with pytest.raises(BeyondLaw, match="beyond a deflection of 1000 spans") as it:
+        Exact(shear=True).deflection(DUCT, 25.4, 1e6)
+    assert it.value.reason == "out of reach"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"law": "cauchy"}, "law must be one of linear, neo-hooke"),
+        ({"law": "neo-hooke"}, "shear must be True"),
+        ({"intervals": 7}, "intervals must be even"),
+        ({"intervals": 2}, "intervals must be even"),
+    ],
+)
+def test_theory_names_what_is_wrong(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Exact(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"stations": np.array([0.0])}, "stations must be a row of 2"),
+        ({"stations": np.array([1.0, 2.0])}, "stations must run from 0 mm"),
+        ({"stations": np.array([0.0, -2.0])}, "stations must run from 0 mm"),
+        ({"areas": np.array([1.0])}, "areas must have one number of mm\\^2 per station, 2"),
+        ({"areas": np.array([1.0, 0.0])}, "every one of areas must be above 0 mm\\^2"),
+        ({"shear_areas": np.array([1.0, math.nan])}, "every one of shear_areas"),
+        ({"modulus": 0.0}, "modulus must be above 0 MPa"),
+        ({"poisson_ratio": 0.5}, "poisson_ratio must be from 0"),
+    ],
+)
+def test_varying_beam_names_what_is_wrong(wrong: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(VaryingBeam.of(DUCT), **wrong)
+
+
+def test_varying_beam_copies_and_locks_its_rows() -> None:
+    areas = np.array([1.0, 2.0])
+    beam = replace(VaryingBeam.of(DUCT), areas=areas)
+    areas[0] = 5.0
+    assert beam.areas[0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        beam.areas[0] = 3.0
+    with pytest.raises(ValueError, match="grasp must"):
+        Exact().deflection(beam, 60.0, 1.0)
+
+
+def test_rest_is_rest() -> None:
+    for theory in THEORIES.values():
+        solver = ExactSolver(DUCT, 20.0, shear=theory.shear, law=theory.law)
+        solver.solve_force(2.0)
+        assert solver.solve_force(0.0) == 0.0
+        pulled = solver.sample(np.linspace(0.0, DUCT.span, 5))
+        assert not pulled.across.any()
+        assert not pulled.total_stress.any()
+        assert pulled.strain_energy == 0.0
+
+
+def copied(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, tuple):
+        return tuple(copied(item) for item in value)
+    return value
+
+
+def numbers(*values: Any) -> list[np.ndarray]:
+    found: list[np.ndarray] = []
+    for value in values:
+        if isinstance(value, tuple):
+            found += numbers(*value)
+        elif value is not None:
+            found.append(np.asarray(value, dtype=np.float64))
+    return found
+
+
+@every
+@grasps
+def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
+    solver = replace(theory, intervals=8).solver(DUCT, grasp)
+    solver.solve_force(2.0)
+    state, law, part = solver._state, solver._law, solver._part
+    _, _, points, fibres, _ = state
+    bounds, x = solver._bounds, np.linspace(0.0, float(solver._bounds[-1]), 5)
+    five = (0.2, 0.9, -0.1, 0.05, 0.3)
+    calls: list[tuple[Any, ...]] = [
+        (kernels.fill_sines, points),
+        (kernels.shrinkage, 1.4, 0.3, 0.3),
+        (kernels.fibre, 1.3, 0.4, 1.1, 0.38, 0.15),
+        (kernels.fibre_pull, 1.3, 0.4, 0.38, 0.15),
+        (kernels.section_law, 1.2, 0.3, 2.0, 1.0, 0.1, 0.25, 0.04, 0.3, 0.3, five, five, five),
+        (kernels.newton, state, law, part, kernels.BY_FORCE, 0.11, kernels.TIGHT, 20),
+        (kernels.climb, state, law, part, kernels.BY_DEFLECTION, 0.2),
+        (kernels.solve, state, law, part, kernels.BY_DEFLECTION, 0.15),
+        (kernels.rest, state, law),
+        (kernels.sample, state, law, part, bounds, x, np.zeros((kernels.SAMPLE_ROWS, 5))),
+        (kernels.strain_energy, state, law, part),
+    ]
+    if law == kernels.LINEAR:
+        calls.append((kernels.fill_linear, points, 0, 4, 0.1, 0.2))
+    else:
+        calls.append((kernels.fill_strains, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3))
+        calls.append((kernels.fill_fibres, fibres, 0.38, 0.15, 2))
+        calls.append((kernels.fill_neo_hooke, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3))
+    for kernel, *arguments in calls:
+        compiled, plain = copied(tuple(arguments)), copied(tuple(arguments))
+        results = kernel(*compiled), kernel.py_func(*plain)
+        for one, other in zip(
+            numbers(results[0], compiled), numbers(results[1], plain), strict=True
+        ):
+            assert one == pytest.approx(other, rel=1e-9, abs=1e-11), kernel.__name__
