@@ -1,15 +1,15 @@
 """A stack of cross-section images and where each image stands in space."""
 
+import json
 import math
 import re
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias, cast
 
 import cv2
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +26,15 @@ DEFAULT_SLICE_DIRECTION = (1.0, 0.0, 0.0)
 
 # Directions in a spacing.json are usually rounded to a few decimals.
 DIRECTION_TOLERANCE = 1e-3
+
+# Outside of these, a pixel size or slice spacing is a slip of its unit.
+SMALLEST_SPACING_MM = 1e-6
+LARGEST_SPACING_MM = 1000.0
+LARGEST_COORDINATE_MM = 1e7
+
+# What `units` in a spacing.json may be, or may start with.
+MM = "mm"
+RELATIVE = "relative"
 
 _READ_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
@@ -64,7 +73,7 @@ class ImageStack:
         (S, 3, 3) unit directions as columns: x_dir (column to column), y_dir (row to row, down the
         image) and the plane's normal, pointing along the stack.
     units
-        What the lengths are called where they come from: "mm", or for example "relative".
+        What the lengths are called where they come from: "mm", or "relative" and what follows it.
     """
 
     source: Path
@@ -76,7 +85,7 @@ class ImageStack:
     slice_spacing: float
     origins: NDArray[np.float64]
     frames: NDArray[np.float64]
-    units: str = "mm"
+    units: str = MM
 
     def __post_init__(self) -> None:
         for field in ("pixel_size", "origins", "frames"):
@@ -136,8 +145,9 @@ def read_image_stack(
     """Return the stack of cross-section images in a folder or in a multipage TIFF file.
 
     Files are taken in natural order (slice_2 before slice_10). What is not given as an argument
-    comes from a ``spacing.json`` in the folder or in its parent. Without directions there, the
-    sections stand along +x, with +y to the right and +z up in the image.
+    comes from a ``spacing.json`` in the folder or in its parent; its ``pixel_spacing_mm`` may be
+    one number for square pixels. Without directions there, the sections stand along +x, with +y to
+    the right and +z up in the image.
 
     Parameters
     ----------
@@ -177,12 +187,15 @@ def read_image_stack(
         origins, frames = _separate_planes(spacing.frames, len(files), source, where)
         distance = _given(spacing.slice_spacing_mm, spacing.slice_spacing)
         if distance is None:
-            distance = float(np.linalg.norm(np.diff(origins, axis=0), axis=1).mean())
+            steps = np.linalg.norm(np.diff(origins, axis=0), axis=1)
+            distance = float(steps.mean()) if len(steps) else 0.0
+        else:
+            _check_spacing("slice spacing", distance, where)
     else:
         distance = _given(slice_spacing, spacing.slice_spacing_mm, spacing.slice_spacing)
         if distance is None:
             raise ImageStackError(_missing("slice spacing", source))
-        _check_positive("slice spacing", distance, where if slice_spacing is None else source)
+        _check_spacing("slice spacing", distance, where if slice_spacing is None else source)
         origins, frames = _parallel_planes(spacing, len(files), distance, where)
     return ImageStack(
         source=source,
@@ -194,14 +207,15 @@ def read_image_stack(
         slice_spacing=distance,
         origins=origins,
         frames=frames,
-        units=spacing.units,
+        units=MM if pixel_size is not None and slice_spacing is not None else spacing.units,
     )
 
 
 _Vector: TypeAlias = tuple[float, float, float]
 
 
-class _PlaneRecord(msgspec.Struct):
+@dataclass(frozen=True, slots=True)
+class _PlaneRecord:
     """One slice's plane in a spacing.json."""
 
     origin_mm: _Vector
@@ -210,14 +224,15 @@ class _PlaneRecord(msgspec.Struct):
     normal: _Vector | None = None
 
 
-class _SpacingRecord(msgspec.Struct):
+@dataclass(frozen=True, slots=True)
+class _SpacingRecord:
     """What is used of a spacing.json; pixel spacings there are row first, then column."""
 
     pixel_spacing_mm: tuple[float, float] | None = None
     pixel_spacing: tuple[float, float] | None = None
     slice_spacing_mm: float | None = None
     slice_spacing: float | None = None
-    units: str = "mm"
+    units: str = MM
     first_slice_origin_mm: _Vector | None = None
     col_dir: _Vector | None = None
     row_dir: _Vector | None = None
@@ -319,11 +334,162 @@ def _read_spacing(folder: Path) -> tuple[Path | None, _SpacingRecord]:
         path = place / SPACING_FILE
         if not path.is_file():
             continue
-        try:
-            return path, msgspec.json.decode(path.read_bytes(), type=_SpacingRecord)
-        except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise ImageStackError(f"{path} is not a usable {SPACING_FILE}: {error}") from error
+        return path, _spacing_record(_Keys(_json_content(path), str(path)))
     return None, _SpacingRecord()
+
+
+def _json_content(path: Path) -> object:
+    """Return what a JSON file holds."""
+    try:
+        return json.loads(path.read_bytes())
+    except OSError as error:
+        raise ImageStackError(f"{path} cannot be read: {error.strerror}") from error
+    except json.JSONDecodeError as error:
+        at = f" at line {error.lineno}, column {error.colno}"
+    except (ValueError, RecursionError):
+        at = ""
+    raise ImageStackError(
+        f"{path} is not written as JSON{at}; right would be, for example, "
+        f'{{"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}}'
+    )
+
+
+class _Keys:
+    """The keys of one object in a spacing.json; null is as good as a key that is not there."""
+
+    def __init__(self, content: object, where: str) -> None:
+        if not isinstance(content, dict):
+            raise ImageStackError(
+                f"{where} must hold keys and values in braces, not {_shown(content)}"
+            )
+        self._content = cast("dict[str, object]", content)
+        self._where = where
+
+    def number(self, key: str) -> float | None:
+        """Return the number of a key."""
+        value = self._content.get(key)
+        if value is None or _is_number(value):
+            return None if value is None else _as_float(value)
+        raise self._wrong(key, "one number, as 0.5", value)
+
+    def pair(self, key: str) -> tuple[float, float] | None:
+        """Return the two numbers of a key, or its one number twice."""
+        value = self._content.get(key)
+        if value is None:
+            return None
+        if _is_number(value):
+            return _as_float(value), _as_float(value)
+        numbers = _numbers(value, 2)
+        if numbers is None:
+            raise self._wrong(
+                key,
+                "one number or two (between rows, between columns), as 0.1 or [0.1, 0.1]",
+                value,
+            )
+        return numbers[0], numbers[1]
+
+    def vector(self, key: str) -> _Vector | None:
+        """Return the three numbers of a key."""
+        value = self._content.get(key)
+        if value is None:
+            return None
+        numbers = _numbers(value, 3)
+        if numbers is None or not all(abs(number) <= LARGEST_COORDINATE_MM for number in numbers):
+            raise self._wrong(
+                key, f"three numbers up to {LARGEST_COORDINATE_MM:g}, as [0, 0, 1]", value
+            )
+        return numbers[0], numbers[1], numbers[2]
+
+    def needed_vector(self, key: str) -> _Vector:
+        """Return the three numbers of a key that must be there."""
+        vector = self.vector(key)
+        if vector is None:
+            raise ImageStackError(f"{key} is missing in {self._where}: three numbers are needed")
+        return vector
+
+    def units(self, key: str) -> str:
+        """Return the name of the units, mm if there is none."""
+        value = self._content.get(key)
+        if value is None:
+            return MM
+        if isinstance(value, str) and (value == MM or value.startswith(RELATIVE)):
+            return value
+        raise self._wrong(
+            key, f'"{MM}", or start with "{RELATIVE}" where the scale is not known', value
+        )
+
+    def objects(self, key: str) -> "list[_Keys] | None":
+        """Return the objects in the list of a key."""
+        value = self._content.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, list):
+            raise self._wrong(
+                key, "a list with origin_mm, col_dir and row_dir of each image", value
+            )
+        items = cast("list[object]", value)
+        return [
+            _Keys(item, f"entry {number} of {key} in {self._where}")
+            for number, item in enumerate(items, start=1)
+        ]
+
+    def _wrong(self, key: str, right: str, value: object) -> ImageStackError:
+        return ImageStackError(f"{key} in {self._where} must be {right}, not {_shown(value)}")
+
+
+def _spacing_record(keys: _Keys) -> _SpacingRecord:
+    """Return the checked content of a spacing.json."""
+    planes = keys.objects("frames")
+    return _SpacingRecord(
+        pixel_spacing_mm=keys.pair("pixel_spacing_mm"),
+        pixel_spacing=keys.pair("pixel_spacing"),
+        slice_spacing_mm=keys.number("slice_spacing_mm"),
+        slice_spacing=keys.number("slice_spacing"),
+        units=keys.units("units"),
+        first_slice_origin_mm=keys.vector("first_slice_origin_mm"),
+        col_dir=keys.vector("col_dir"),
+        row_dir=keys.vector("row_dir"),
+        slice_dir=keys.vector("slice_dir"),
+        frames=None
+        if planes is None
+        else [
+            _PlaneRecord(
+                origin_mm=plane.needed_vector("origin_mm"),
+                col_dir=plane.needed_vector("col_dir"),
+                row_dir=plane.needed_vector("row_dir"),
+                normal=plane.vector("normal"),
+            )
+            for plane in planes
+        ],
+    )
+
+
+def _is_number(value: object) -> bool:
+    # In Python, true is an int.
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _as_float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _numbers(value: object, count: int) -> list[float] | None:
+    """Return a list of so many numbers, or None if it is something else."""
+    if not isinstance(value, list):
+        return None
+    items = cast("list[object]", value)
+    if len(items) != count or not all(_is_number(item) for item in items):
+        return None
+    return [_as_float(item) for item in items]
+
+
+def _shown(value: object) -> str:
+    """Return a value as it stands in the file, shortened to fit into a line."""
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def _given(*values: float | None) -> float | None:
@@ -338,9 +504,14 @@ def _missing(what: str, source: Path) -> str:
     )
 
 
-def _check_positive(what: str, value: float, where: Path) -> None:
+def _check_spacing(what: str, value: float, where: Path) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise ImageStackError(f"the {what} of {where} must be above 0 mm, not {value:g} mm")
+    if not SMALLEST_SPACING_MM <= value <= LARGEST_SPACING_MM:
+        raise ImageStackError(
+            f"the {what} of {where} must be from {SMALLEST_SPACING_MM:g} to "
+            f"{LARGEST_SPACING_MM:g} mm, not {value:g} mm, which looks like a slip of the unit"
+        )
 
 
 def _pixel_size(
@@ -359,7 +530,7 @@ def _pixel_size(
             raise ImageStackError(_missing("pixel size", source))
         pixels = (recorded[1], recorded[0])
     for value in pixels:
-        _check_positive("pixel size", value, where)
+        _check_spacing("pixel size", value, where)
     return np.array(pixels, dtype=np.float64)
 
 

@@ -237,16 +237,85 @@ def test_spacing_must_be_above_zero(write_stack: WriteStack, value: float) -> No
         fails(folder, rf"the slice spacing of {spacing} must be above 0 mm, not")
 
 
+@pytest.mark.parametrize("value", [1e-7, 1e-300, 1000.1, 1e300])
+def test_a_slip_of_the_unit_is_refused(write_stack: WriteStack, value: float) -> None:
+    folder = write_stack([grey(0)] * 2, PARALLEL)
+    right = r"must be from 1e-06 to 1000 mm, not .* mm, which looks like a slip of the unit"
+    fails(folder, rf"the pixel size of .* {right}", pixel_size=(value, 1.0))
+    fails(folder, rf"the slice spacing of .* {right}", slice_spacing=value)
+    spacing = folder / "spacing.json"
+    spacing.write_text(json.dumps(PARALLEL | {"pixel_spacing_mm": value}))
+    fails(folder, rf"the pixel size of {spacing} {right}")
+    spacing.write_text(json.dumps(PARALLEL | {"slice_spacing_mm": value, "frames": frames(2)}))
+    fails(folder, rf"the slice spacing of {spacing} {right}")
+
+
+@pytest.mark.parametrize("value", [1e-6, 1000.0])
+def test_the_limits_of_spacing_are_allowed(write_stack: WriteStack, value: float) -> None:
+    folder = write_stack([grey(0)] * 2)
+    stack = read_image_stack(folder, pixel_size=(value, value), slice_spacing=value)
+    assert stack.slice_spacing == value
+
+
+@pytest.mark.parametrize("key", ["pixel_spacing_mm", "pixel_spacing"])
+def test_one_number_makes_square_pixels(write_stack: WriteStack, key: str) -> None:
+    folder = write_stack([grey(0)] * 2, {key: 0.25, "slice_spacing_mm": 1})
+    assert read_image_stack(folder).pixel_size.tolist() == [0.25, 0.25]
+
+
+def test_arguments_are_mm(write_stack: WriteStack) -> None:
+    folder = write_stack([grey(0)] * 2, PARALLEL | {"units": "relative"})
+    assert read_image_stack(folder, pixel_size=(0.1, 0.1)).units == "relative"
+    assert read_image_stack(folder, pixel_size=(0.1, 0.1), slice_spacing=3.0).units == "mm"
+
+
+@pytest.mark.parametrize("units", ["cm", "MM", "", "m", "not relative", 1, ["mm"]])
+def test_unknown_units_are_refused(write_stack: WriteStack, units: Any) -> None:
+    folder = write_stack([grey(0)] * 2, PARALLEL | {"units": units})
+    fails(folder, r'units in .*spacing.json must be "mm", or start with "relative" .*, not ')
+
+
+@pytest.mark.parametrize("units", ["mm", "relative", "relative (voxels)"])
+def test_known_units_are_kept(write_stack: WriteStack, units: str) -> None:
+    folder = write_stack([grey(0)] * 2, PARALLEL | {"units": units})
+    assert read_image_stack(folder).units == units
+
+
+def test_one_image_with_its_frame_is_read(write_stack: WriteStack) -> None:
+    spacing = {"pixel_spacing_mm": 1.0, "frames": frames(1)}
+    assert len(read_image_stack(write_stack([grey(0)], spacing))) == 1
+
+
+EXAMPLE = r'right would be, for example, {"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}'
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"{ not json", "JSON is malformed"),
-        (b"\xff\xfe", "JSON is malformed"),
-        (b"[1, 2]", "Expected `object`, got `array`"),
-        (b'{"pixel_spacing_mm": 0.5}', r"Expected `array \| null`, got `float` .*pixel_spacing_mm"),
-        (b'{"pixel_spacing_mm": [0.5]}', r"Expected `array` of length 2"),
-        (b'{"slice_spacing_mm": "1 mm"}', r"Expected `float \| null`, got `str`"),
-        (b'{"slice_spacing_mm": NaN}', "JSON is malformed"),
+        (b"{ not json", rf"is not written as JSON at line 1, column 3; {EXAMPLE}"),
+        (b'{"units": "mm",\n}', rf"is not written as JSON at line [12], column .*; {EXAMPLE}"),
+        (b"", rf"is not written as JSON at line 1, column 1; {EXAMPLE}"),
+        (b"\xff\xfe", rf"is not written as JSON.*; {EXAMPLE}"),
+        (b"\xc3\x28", rf"is not written as JSON.*; {EXAMPLE}"),
+        (b"[" * 100_000, rf"is not written as JSON; {EXAMPLE}"),
+        (b"[1, 2]", r"must hold keys and values in braces, not \[1, 2\]"),
+        (
+            b'{"pixel_spacing_mm": [0.5]}',
+            r"pixel_spacing_mm in .* must be one number or two .*, as 0.1 or .*, not \[0.5\]",
+        ),
+        (b'{"pixel_spacing_mm": true}', r"pixel_spacing_mm in .* must be .*, not true"),
+        (b'{"pixel_spacing_mm": [1, "2"]}', r"pixel_spacing_mm in .* must be .*, not \[1, \"2\"\]"),
+        (
+            b'{"slice_spacing_mm": "1 mm"}',
+            r'slice_spacing_mm in .* must be one number, as 0.5, not "1 mm"',
+        ),
+        (b'{"col_dir": [0, 1]}', r"col_dir in .* must be three numbers .*, not \[0, 1\]"),
+        (b'{"row_dir": [0, 1e300, 0]}', r"row_dir in .* must be three numbers up to 1e\+07"),
+        (b'{"slice_dir": [0, NaN, 0]}', r"slice_dir in .* must be three numbers .*, not \[0, NaN"),
+        (b'{"frames": 3}', r"frames in .* must be a list with origin_mm, .* of each image, not 3"),
+        (b'{"frames": [{}, 3]}', r"entry 2 of frames in .* must hold keys and values .*, not 3"),
+        (b'{"frames": [{}]}', r"origin_mm is missing in entry 1 of frames in .*: three numbers"),
+        (b'{"units": "' + b"x" * 99 + b'"}', r'units in .*, not "x{36}\.\.\.$'),
     ],
 )
 def test_a_malformed_spacing_file_is_named(
@@ -254,7 +323,16 @@ def test_a_malformed_spacing_file_is_named(
 ) -> None:
     folder = write_stack([grey(0)] * 2)
     (folder / "spacing.json").write_bytes(content)
-    fails(folder, rf"spacing.json is not a usable spacing.json: .*{message}")
+    fails(folder, message)
+    fails(folder, rf"{folder / 'spacing.json'}")
+
+
+def test_a_spacing_that_is_not_a_number_is_refused(write_stack: WriteStack) -> None:
+    folder = write_stack([grey(0)] * 2)
+    spacing = folder / "spacing.json"
+    for number in ("NaN", "Infinity", "1e400", "1" + "0" * 400):
+        spacing.write_text(f'{{"pixel_spacing_mm": 1, "slice_spacing_mm": {number}}}')
+        fails(folder, rf"the slice spacing of {spacing} must be above 0 mm, not")
 
 
 def test_frames_must_match_the_images(write_stack: WriteStack) -> None:
