@@ -102,6 +102,7 @@ def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object
         "bytes_in": bytes_in,
         "bytes_out": output.stat().st_size,
         "seconds": built.seconds,
+        "warnings": list(built.warnings),
         "sections": [
             {
                 key: None if isinstance(value, float) and math.isnan(value) else value
@@ -156,6 +157,8 @@ def _print_report(built: "BuiltOrgan", bytes_in: int, output: Path, *, every_sec
     ]
     for name, value in lines:
         print(f"{name:<10} {value}")
+    for warning in built.warnings:
+        print(f"{'note':<10} {warning}")
     for section in without[:10]:
         print(f"left out   {section.name}: {section.problem}")
     if len(without) > 10:

@@ -108,6 +108,7 @@ def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
     assert found["length_mm"] == pytest.approx(50.8, abs=0.05)
     assert found["rms_error_px"] == pytest.approx(found["rms_error_mm"] / 0.125)
     assert found["rms_error_mm"] < found["tolerance_mm"]
+    assert found["warnings"] == []
     organ = read_organ(path)
     assert len(organ.keys) == found["sections_kept"]
 
@@ -118,6 +119,7 @@ def test_compress_report_lists_every_section(tmp_path: Path) -> None:
     assert sum(line.startswith("section_") for line in done.stdout.splitlines()) == 128
     assert "RMS px" in done.stdout
     assert "mm" in done.stdout
+    assert not any(line.startswith("note") for line in done.stdout.splitlines())
 
 
 def test_a_tighter_tolerance_keeps_more_sections(tmp_path: Path) -> None:
@@ -264,6 +266,51 @@ def test_compress_leaves_out_sections_without_an_edge_and_names_them(tmp_path: P
     assert done.returncode == 0, done.stderr
     assert "slice_1.png" in done.stdout
     assert "4 in, 3 found" in done.stdout
+
+
+def test_compress_notes_what_may_make_it_another_organ(tmp_path: Path) -> None:
+    shown = disc()
+    cv2.circle(shown, (7, 7), 5, 255, -1)
+    folder = stack(tmp_path / "stack", shown, disc(), shown, spacing=False)
+    (folder / "spacing.json").write_text(
+        '{"pixel_spacing": 0.1, "slice_spacing": 1, "units": "relative"}'
+    )
+    done = run("compress", folder, "-o", tmp_path / "duct.organ")
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    written = next(number for number, line in enumerate(lines) if line.startswith("written"))
+    parts, units = lines[written + 1 : written + 3]
+    assert parts.startswith("note       2 of 3 sections show another part of at least 5% of")
+    assert units == "note       the images' lengths are relative, not mm: one unit is taken as 1 mm"
+    done = run("compress", folder, "-o", tmp_path / "duct.organ", "--json")
+    warnings = json.loads(done.stdout)["warnings"]
+    assert [f"note       {warning}" for warning in warnings] == [parts, units]
+
+
+@pytest.mark.parametrize("key", ["--pixel-size", "--slice-spacing"])
+@pytest.mark.parametrize("value", [1e300, 1e-300])
+def test_compress_names_a_slip_of_the_unit(tmp_path: Path, key: str, value: float) -> None:
+    folder = stack(tmp_path / "stack", disc(), disc())
+    line = refused(("compress", folder, "-o", tmp_path / "duct.organ", key, value))
+    assert "from 1e-06 to 1000 mm" in line
+
+
+@pytest.mark.parametrize("pixel_size", ["1e-6", "1000", "1e-6,1000", "1000,1e-6"])
+@pytest.mark.parametrize("slice_spacing", ["1e-6", "1000"])
+def test_compress_says_nothing_else_at_the_limits_of_spacing(
+    tmp_path: Path, pixel_size: str, slice_spacing: str
+) -> None:
+    folder = stack(tmp_path / "stack", disc(), disc())
+    options = ("--pixel-size", pixel_size, "--slice-spacing", slice_spacing)
+    done = run("compress", folder, "-o", tmp_path / "duct.organ", *options)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_compress_does_not_take_the_background_for_the_organ(tmp_path: Path) -> None:
+    output = tmp_path / "duct.organ"
+    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", output, "--polarity", "dark"))
+    assert "the organ touches the image's border" in line
+    assert not output.exists()
 
 
 @pytest.mark.parametrize(
