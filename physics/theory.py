@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
-from physics.exact import Exact
+from physics.exact import Exact, Law
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.taut_string import TautString
@@ -51,7 +51,13 @@ THEORIES: dict[str, Callable[[], Theory]] = {
 """The theories by name, each with its own defaults."""
 
 
-def theory_named(name: str, *, q: float | Literal["fitted"] | None = None) -> Theory:
+def theory_named(
+    name: str,
+    *,
+    q: float | Literal["fitted"] | None = None,
+    shear: bool = False,
+    law: Law | None = None,
+) -> Theory:
     """Return the theory of that name.
 
     Parameters
@@ -60,6 +66,10 @@ def theory_named(name: str, *, q: float | Literal["fitted"] | None = None) -> Th
         One of `THEORIES`.
     q
         Factor of the axial coupling, or 'fitted', for the cubic only; its default when None.
+    shear
+        Whether sections shear, for the exact beam only.
+    law
+        Material law, for the exact beam only; linear when None. `neo-hooke` has shear in it.
 
     Returns
     -------
@@ -69,12 +79,16 @@ def theory_named(name: str, *, q: float | Literal["fitted"] | None = None) -> Th
     Raises
     ------
     ValueError
-        If there is no theory of that name, or it has no q.
+        If there is no theory of that name, or it has no such option.
     """
     if name not in THEORIES:
         raise ValueError(f"unknown theory {name!r}; there are: {', '.join(THEORIES)}")
-    if q is None:
-        return THEORIES[name]()
-    if name != "cubic":
+    if q is not None and name != "cubic":
         raise ValueError(f"q belongs to the cubic theory, the {name} theory has none")
-    return Cubic(q=q)
+    if (shear or law is not None) and name != "exact":
+        raise ValueError(f"shear and law belong to the exact theory, the {name} theory has none")
+    if name == "cubic" and q is not None:
+        return Cubic(q=q)
+    if name == "exact":
+        return Exact(shear=shear or law == "neo-hooke", law=law or "linear")
+    return THEORIES[name]()

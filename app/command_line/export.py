@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import PRESET_NAMES, organ_from
+from app.command_line.load import PRESET_NAMES, THEORY_HELP, chosen_theory, organ_from
 
 __all__ = ["export"]
 
@@ -30,9 +30,15 @@ def export(
             show_default="the first where the organ is long enough for it, else porcine-bile-duct",
         ),
     ] = None,
-    theory: Annotated[str, typer.Option(help="cubic or string.")] = "cubic",
+    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
     q: Annotated[
-        float | None, typer.Option(help="Axial coupling of the cubic theory; 0.5 if not given.")
+        str | None,
+        typer.Option(help="Cubic: axial coupling, a number or 'fitted'; 0.5 if not given."),
+    ] = None,
+    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
+    law: Annotated[
+        str | None,
+        typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
     ] = None,
     torn: Annotated[
         bool, typer.Option("--torn", help="The two pieces after the duct has torn.")
@@ -49,10 +55,9 @@ def export(
     from app.simulation.preset import preset_named
     from app.simulation.snapshot import pulled_snapshot, torn_snapshot
     from organ_geometry.mesh_file import check_mesh_path, write_mesh
-    from physics import theory_named
 
     check_mesh_path(output)
-    chosen = theory_named(theory, q=q)
+    chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
     at = 0.5 * dissection.beam.span if grasp is None else grasp

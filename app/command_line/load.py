@@ -1,7 +1,7 @@
 """What the commands share: an organ from a file or from the shipped images, and a theory's load."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from organ_geometry.organ import Organ
@@ -13,7 +13,16 @@ PRESET_NAMES = (
 )
 """For the help, which must not wait until the presets are read; a test compares."""
 
-__all__ = ["PRESET_NAMES", "equilibrium", "organ_from", "shipped_organ"]
+THEORY_HELP = "cubic, string, exact, fem or mass-spring."
+
+__all__ = [
+    "PRESET_NAMES",
+    "THEORY_HELP",
+    "chosen_theory",
+    "equilibrium",
+    "organ_from",
+    "shipped_organ",
+]
 
 
 def organ_from(path: Path | None) -> "Organ":
@@ -49,6 +58,40 @@ def shipped_organ() -> "Organ":
     from organ_geometry.organ_builder import build_organ
 
     return build_organ(read_image_stack(BILE_DUCT_PHANTOM)).organ
+
+
+def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":
+    """Return the theory that the options ask for.
+
+    Parameters
+    ----------
+    name
+        Name of the theory.
+    q
+        A number or "fitted", for the cubic.
+    shear, law
+        For the exact beam.
+
+    Returns
+    -------
+    Theory
+        The theory.
+
+    Raises
+    ------
+    ValueError
+        If there is no such theory, or it has no such option.
+    """
+    from physics import theory_named
+
+    if law not in (None, "linear", "neo-hooke"):
+        raise ValueError(f"--law must be linear or neo-hooke, not {law}")
+    number: float | Literal["fitted"] | None
+    try:
+        number = None if q is None else "fitted" if q == "fitted" else float(q)
+    except ValueError:
+        raise ValueError(f"--q must be a number or 'fitted', not {q}") from None
+    return theory_named(name, q=number, shear=shear, law=law)
 
 
 def equilibrium(

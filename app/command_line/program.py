@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import compress, export, solve, trainer
+from app.command_line import compress, export, solve, trainer, validate
 
 __all__ = ["main", "program"]
 
@@ -41,6 +41,7 @@ program.command("trainer")(trainer.trainer)
 program.command("compress")(compress.compress)
 program.command("export")(export.export)
 program.command("solve")(solve.solve)
+program.command("validate")(validate.validate)
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import PRESET_NAMES, equilibrium, organ_from
+from app.command_line.load import PRESET_NAMES, THEORY_HELP, chosen_theory, equilibrium, organ_from
 
 __all__ = ["solve"]
 
@@ -28,9 +28,15 @@ def solve(
     ] = None,
     force: Annotated[float | None, typer.Option(help="The grasper's whole force, N.")] = None,
     deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
-    theory: Annotated[str, typer.Option(help="cubic, string, fem or mass-spring.")] = "cubic",
+    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
     q: Annotated[
-        float | None, typer.Option(help="Axial coupling of the cubic theory; 0.5 if not given.")
+        str | None,
+        typer.Option(help="Cubic: axial coupling, a number or 'fitted'; 0.5 if not given."),
+    ] = None,
+    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
+    law: Annotated[
+        str | None,
+        typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
     ] = None,
     threshold: Annotated[
         float | None,
@@ -45,10 +51,10 @@ def solve(
     """
     from app.simulation.dissection import Dissection
     from app.simulation.preset import RoundBeam, preset_named
-    from physics import Beam, break_event, check_rupture, theory_named
+    from physics import Beam, break_event, check_rupture
     from physics.quantity import positive
 
-    chosen = theory_named(theory, q=q)
+    chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     round_beam = {
         "--span": span,
         "--diameter": diameter,

@@ -16,12 +16,14 @@ from organ_geometry.skin import BoundSkin, Skin, organ_skin
 from organ_geometry.tear import TornPiece
 from physics import (
     BreakEvent,
+    Cubic,
     Equilibrium,
+    NoEquilibrium,
     RuptureCheck,
+    Theory,
     break_event,
     check_rupture,
     critical_stations,
-    theory_named,
 )
 
 __all__ = ["Phase", "Reading", "Session", "Surface"]
@@ -132,7 +134,7 @@ class Session:
         walls = 2 if organ.hollow else 1
         area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
         self._edge_length = math.sqrt(area / vertices)
-        self._theory = theory_named("cubic")
+        self._theory: Theory = Cubic()
         self._tear: _Tear | None = None
         self._shape = 0
         self._take(preset or default_preset(organ))
@@ -143,9 +145,9 @@ class Session:
         return self._dissection
 
     @property
-    def theory(self) -> str:
-        """Name of the chosen theory."""
-        return self._theory.name
+    def theory(self) -> Theory:
+        """The chosen theory."""
+        return self._theory
 
     @property
     def grasp(self) -> float:
@@ -263,25 +265,33 @@ class Session:
         with self._lock:
             self._take(preset_named(name))
 
-    def choose_theory(self, name: str) -> None:
+    def choose_theory(self, theory: Theory) -> None:
         """Solve the duct by another theory, with that theory's own threshold.
 
         Parameters
         ----------
-        name
-            Name of the theory.
+        theory
+            The theory.
 
         Raises
         ------
         ValueError
-            If there is none of that name; nothing changes.
+            If the theory ends before the preset's break; nothing changes.
         """
-        theory = theory_named(name)
+        # Outside the lock: a theory's first solution may have to be compiled.
+        theory.under_deflection(self._dissection.beam, self._grasp, 0.0, np.empty(0))
         with self._lock:
-            if self._tear is None:
+            if self._tear is not None:
+                return
+            before = self._theory
+            try:
                 self._theory = theory
-                self._deepest = 0.0
                 self._calibrate()
+            except ValueError:
+                self._theory = before
+                self._calibrate()
+                raise
+            self._deepest = self._pulled.deflection
 
     def reset(self) -> None:
         """Let go of the duct and make it whole."""
@@ -315,7 +325,11 @@ class Session:
             before = self._force
             most = self._force_per_second * seconds
             self._force += min(max(self._force_wanted - before, -most), most)
-            self._solve()
+            try:
+                self._solve()
+            except NoEquilibrium:  # as far as the law carries
+                self._force = self._force_wanted = before
+                return True
             if self._check.broken:
                 self._start_tear(before)
             else:
@@ -366,7 +380,7 @@ class Session:
         Returns
         -------
         tuple[NDArray[np.float64], NDArray[np.float64]]
-            (count,) deflections, mm, and (count,) forces, N.
+            (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
         """
         with self._lock:
             beam, grasp, theory = self._dissection.beam, self._grasp, self._theory
@@ -375,9 +389,14 @@ class Session:
             )
             deflections = np.linspace(0.0, 1.15 * max(last, self._deepest), count)
             nowhere = np.empty(0)
-            forces = [
-                theory.under_deflection(beam, grasp, float(d), nowhere).force for d in deflections
-            ]
+            forces: list[float] = []
+            try:
+                forces.extend(
+                    theory.under_deflection(beam, grasp, deflection, nowhere).force
+                    for deflection in deflections.tolist()
+                )
+            except NoEquilibrium:
+                deflections = deflections[: len(forces)]
             return deflections, np.array(forces)
 
     def _take(self, preset: Preset) -> None:
@@ -402,16 +421,23 @@ class Session:
         self._preset_threshold = dissection.preset.threshold(self._theory, beam)
         self._threshold = self._preset_threshold
         event = break_event(self._theory, beam, middle, self._threshold)
-        if event is None:
-            far = BOUNDLESS_DEFLECTION * beam.span
-            limit = self._theory.under_deflection(beam, middle, far, np.empty(0)).force
-        else:
-            limit = FORCE_RANGE * event.force
+        limit = self._farthest_force(middle) if event is None else FORCE_RANGE * event.force
         self._force_limit = _rounded_up(limit)
         self._force_per_second = limit / FORCE_RANGE / RAMP_SECONDS
         self._force = min(self._force, self._force_limit)
         self._force_wanted = min(self._force_wanted, self._force_limit)
         self._refresh()
+
+    def _farthest_force(self, grasp: float) -> float:
+        """Return the force at a deflection that no duct needs, or where the theory ends, N."""
+        deflection = BOUNDLESS_DEFLECTION * self._dissection.beam.span
+        while True:
+            try:
+                return self._theory.under_deflection(
+                    self._dissection.beam, grasp, deflection, np.empty(0)
+                ).force
+            except NoEquilibrium:
+                deflection *= 0.8
 
     def _refresh(self) -> None:
         """Bring what depends on the inputs up to date."""

@@ -30,7 +30,7 @@ class ClientView:
         self.session = session
         self._client = client
         self._scene = Scene(client, session, look)
-        self._panel = Panel(client.gui, session)
+        self._panel = Panel(client.gui, session, self._refusal)
         self._phase = Phase.INTACT
         self._notice: viser.NotificationHandle | None = None
         self._panel_due = 0.0
@@ -60,6 +60,12 @@ class ClientView:
                 self._notice.remove()
                 self._notice = None
             self._phase = reading.phase
+
+    def _refusal(self, reason: str) -> None:
+        """Show why a choice could not be made."""
+        self._client.add_notification(
+            "Not possible", reason, color="yellow", auto_close_seconds=8.0
+        )
 
     def _tear_notice(self, reading: Reading) -> viser.NotificationHandle:
         """Show what has torn, where and at which force."""

@@ -12,20 +12,22 @@ from viser import theme, uplot
 from app.simulation.preset import OrganBeam
 from app.simulation.session import Phase, Reading, Session
 from app.trainer.readout import KPA_PER_MPA, readout_html
+from physics import Cubic, Exact, Fem, TautString, Theory
 
-__all__ = ["DISCLAIMER", "Panel"]
+__all__ = ["DISCLAIMER", "THEORIES", "Panel"]
 
 DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 330
 """px."""
 BRAND = (38, 166, 154)
-THEORY_LABELS = {
-    "cubic": "Cubic beam (Rayleigh)",
-    "string": "String (very large deflection)",
-    "exact": "Exact beam (any deflection)",
-    "fem": "Finite elements (the thesis's reference)",
+THEORIES: dict[str, Theory] = {
+    "Cubic beam (Rayleigh)": Cubic(),
+    "String (very large deflection)": TautString(),
+    "Exact beam": Exact(),
+    "Exact beam, shear, neo-Hookean": Exact(shear=True, law="neo-hooke"),
+    "Finite elements (the thesis's reference)": Fem(),
 }
-"""Theories that are quick enough to be stepped for a room of trainees."""
+"""Theories that are quick enough to be stepped for a room of trainees, by their label."""
 AXIS_COLOUR = "#c9ccd1"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 
@@ -44,9 +46,6 @@ is drawn, not computed.
 """
 
 
-_Input = viser.GuiSliderHandle[float] | viser.GuiDropdownHandle[str]
-
-
 class Panel:
     """One client's panel: it writes inputs into the session and shows its readings.
 
@@ -56,10 +55,12 @@ class Panel:
         The client's own GUI.
     session
         The client's session.
+    refused
+        Shows the client why a choice cannot be made.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._gui, self._session = gui, session
+    def __init__(self, gui: viser.GuiApi, session: Session, refused: Callable[[str], None]) -> None:
+        self._gui, self._session, self._refused = gui, session, refused
         gui.configure_theme(
             titlebar_content=theme.TitlebarConfig(
                 buttons=(),
@@ -150,8 +151,8 @@ class Panel:
         )
         self._theory = gui.add_dropdown(
             "Theory",
-            tuple(THEORY_LABELS.values()),
-            initial_value=THEORY_LABELS[session.theory],
+            tuple(THEORIES),
+            initial_value=_label(session.theory),
             hint="How the beam is solved; each theory has its own threshold",
         )
         reset = gui.add_button(
@@ -163,8 +164,8 @@ class Panel:
         _on_input(
             self._threshold, lambda value: session.set_threshold(_number(value) / KPA_PER_MPA)
         )
-        _on_input(self._preset, self._choose_preset)
-        _on_input(self._theory, self._choose_theory)
+        _on_choice(self._preset, self._choose_preset)
+        _on_choice(self._theory, self._choose_theory)
 
         @reset.on_click
         async def _(_: object) -> None:
@@ -174,18 +175,26 @@ class Panel:
     def _choose_preset(self, title: object) -> None:
         name = self._titles.get(str(title))
         if name is not None and name != self._session.dissection.preset.name:
-            self._session.choose_preset(name)
-            self._take_ranges()
+            self._choose(lambda: self._session.choose_preset(name))
 
     def _choose_theory(self, label: object) -> None:
-        for name, text in THEORY_LABELS.items():
-            if text == label and name != self._session.theory:
-                self._session.choose_theory(name)
-                self._take_ranges()
+        theory = THEORIES.get(str(label))
+        if theory is not None and theory != self._session.theory:
+            self._choose(lambda: self._session.choose_theory(theory))
+
+    def _choose(self, choice: Callable[[], None]) -> None:
+        """Make a choice, or say why it cannot be made, and show what holds then."""
+        try:
+            choice()
+        except ValueError as error:
+            self._refused(str(error))
+        self._take_ranges()
 
     def _take_ranges(self) -> None:
-        """Bring the sliders' ranges and values in line with the session's."""
+        """Bring the inputs' ranges and values in line with the session's."""
         session = self._session
+        self._preset.value = session.dissection.preset.title
+        self._theory.value = _label(session.theory)
         self._force.max = session.force_limit
         self._force.step = _step(session.force_limit)
         self._force.value = session.force_wanted
@@ -277,13 +286,27 @@ class Panel:
         )
 
 
-def _on_input(handle: _Input, take: Callable[[object], None]) -> None:
+def _on_choice(handle: viser.GuiDropdownHandle[str], take: Callable[[object], None]) -> None:
+    """Call back with what the browser chooses, in a thread of its own: it may take a while."""
+
+    @handle.on_update
+    def _(event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            take(handle.value)
+
+
+def _on_input(handle: viser.GuiSliderHandle[float], take: Callable[[object], None]) -> None:
     """Call back with what the browser sets, in order; not with what we set ourselves."""
 
     @handle.on_update
     async def _(event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
             take(handle.value)
+
+
+def _label(theory: Theory) -> str:
+    """Return the label of a theory that is offered."""
+    return next(label for label, offered in THEORIES.items() if offered == theory)
 
 
 def _number(value: object) -> float:

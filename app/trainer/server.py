@@ -7,13 +7,16 @@ import socket
 import threading
 import time
 
+import numpy as np
 import viser
 
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
+from app.trainer.panel import THEORIES
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from organ_geometry.organ import Organ
+from physics import Beam
 
 __all__ = ["DEFAULT_PORT", "TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
 
@@ -75,6 +78,8 @@ class Trainer:
         self._server.on_client_disconnect(self._disconnect)
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
+        # The other theories take their time to compile on a first start: nobody waits for them.
+        threading.Thread(target=_warm_theories, name="warming", daemon=True).start()
 
     @property
     def port(self) -> int:
@@ -161,6 +166,14 @@ def _taken(host: str, port: int, why: str) -> AddressTakenError:
     return AddressTakenError(
         f"cannot serve {host} port {port}: {why}; choose another with --port, or 0 for a free one"
     )
+
+
+def _warm_theories() -> None:
+    """Compile or load the theories that the panel offers."""
+    beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    for theory in THEORIES.values():
+        for grasp in (25.4, 20.0):
+            theory.under_force(beam, grasp, 1.0, np.array([grasp]))
 
 
 def _warm(organ: Organ) -> None:

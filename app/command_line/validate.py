@@ -1,0 +1,69 @@
+"""`bluntdissect validate`: the theories beside the thesis and ANSYS."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["validate"]
+
+
+def validate(
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder for validation.md and its figures (needs the extra 'report').",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Print the thesis's tables with our theories beside them, and write the validation page.
+
+    Example: bluntdissect validate -o docs
+    """
+    from app.validation.comparison import compared
+    from app.validation.figures import draw_figures
+    from app.validation.page import errors_table, page, rows_table
+    from app.validation.thesis_tables import TABLES
+    from organ_geometry.whole_file import write_whole
+
+    if output is not None and not output.is_dir():
+        raise ValueError(f"--output {output}: there is no such folder")
+    comparisons = [compared(table) for table in TABLES]
+    if output is not None:
+        folder = output / "validation"
+        folder.mkdir(exist_ok=True)
+        draw_figures({each.table.number: each for each in comparisons}, folder)
+        write_whole(output / "validation.md", page(comparisons).encode())
+    if as_json:
+        print(
+            json.dumps(
+                {
+                    "tables": {
+                        each.table.number: {
+                            column.name: {
+                                "max_error_percent": column.max_error,
+                                "mean_error_percent": column.mean_error,
+                            }
+                            for column in each.columns
+                        }
+                        for each in comparisons
+                    },
+                    "calculated": {
+                        each.table.number: {"max_abs_difference_in": each.calculated_difference}
+                        for each in comparisons
+                    },
+                }
+            )
+        )
+        return
+    for each in comparisons:
+        print(f"Table {each.table.number}: {each.table.title}; deflections, inch\n")
+        print(rows_table(each))
+    print("Errors against ANSYS, max / mean %\n")
+    print(errors_table(comparisons))
+    if output is not None:
+        print(f"{output / 'validation.md'} and its figures are written")

@@ -1,0 +1,151 @@
+"""The validation page: tables, figures and where beam theory stops being right."""
+
+import math
+from collections.abc import Sequence
+
+from app.validation.comparison import Comparison
+from app.validation.figures import FIGURES
+
+__all__ = ["errors_table", "page", "rows_table"]
+
+INTRODUCTION = """\
+# Validation
+
+Made by `bluntdissect validate -o docs`. The thesis compares its beam with 40 ANSYS beam
+elements at a span of 2 inch, under P on one half (the grasper's whole force is 2P). Deflections
+are in inch, loads in lbf, as published. Errors are against the ANSYS column, whose figures have
+three to five digits.
+
+ANSYS's elements here have no shear and leave a stretch factor out of the moment's balance.
+`fem` is that model, element by element, and reproduces the column; `exact` is the consistent
+geometrically exact beam, 2 to 3.5 % softer or stiffer at large deflections. With shear, and
+with a material law for large strains, the beam moves away from ANSYS and towards
+three-dimensional solids: **a smaller error against ANSYS is not a better duct.**
+"""
+
+LIMITS = """\
+## Where beam theory stops being right
+
+- **Short ducts and shear.** The bile duct of the thesis is under six diameters long. Its claim
+  that shear is negligible (5.2) does not hold: already at small loads the beam without shear is
+  23 to 30 % stiffer than a neo-Hookean solid of the same shape.
+- **The material's law.** At P = 0.4 lbf strains reach tens of percent. A linear law between
+  engineering stress and strain is one choice of many, and the choice moves the deflection by up
+  to 60 % at the largest loads of table 6.3.
+- **Edges at the clamps.** In a solid the stress at the edge of a clamp grows with every
+  refinement of the mesh: no threshold can be read off it. A beam's stress there is finite
+  because its sections stay plane. A threshold belongs to the theory and law that it was
+  calibrated with.
+- **The wall.** Sections keep their shape here. A hollow duct flattens where it is bent and
+  where it is held, which makes it softer; nothing here sees that.
+- **The tissue.** Young's moduli published for bile ducts and their neighbours differ by a
+  factor of about 200, the strength of a bile duct is not published, and tissue creeps, stiffens
+  and differs lengthwise and around. No validation of the beam says anything about a patient.
+"""
+
+
+def page(comparisons: Sequence[Comparison]) -> str:
+    """Return the page in Markdown.
+
+    Parameters
+    ----------
+    comparisons
+        The compared tables.
+
+    Returns
+    -------
+    str
+        The page.
+    """
+    parts = [INTRODUCTION, "## Errors against ANSYS, max / mean %\n", errors_table(comparisons)]
+    parts.append("## The thesis's own figures\n")
+    parts.append(
+        "Largest difference between what the thesis printed as 'calculated' and the same theory "
+        "here: "
+        + ", ".join(
+            f"table {each.table.number} {each.calculated_difference:.1e} inch"
+            for each in comparisons
+        )
+        + ". Half a unit of the last printed digit is 5e-10 inch; docs/theory.md says which "
+        "sections the thesis rounded.\n"
+    )
+    parts.append("## Figures\n")
+    parts += [f"![{title}](validation/{name}.svg)\n" for name, title in FIGURES.items()]
+    for comparison in comparisons:
+        table = comparison.table
+        parts.append(f"## Table {table.number}: {table.title}, E = {table.modulus:g} psi\n")
+        parts.append(rows_table(comparison))
+    parts.append(LIMITS)
+    return "\n".join(parts)
+
+
+def errors_table(comparisons: Sequence[Comparison]) -> str:
+    """Return the errors of every theory in Markdown.
+
+    Parameters
+    ----------
+    comparisons
+        The compared tables.
+
+    Returns
+    -------
+    str
+        A row for each theory, a column for each table.
+    """
+    head = ["theory", *(comparison.table.number for comparison in comparisons)]
+    rows = [
+        [
+            column.name,
+            *(
+                f"{comparison.columns[index].max_error:.3g} / "
+                f"{comparison.columns[index].mean_error:.3g}"
+                for comparison in comparisons
+            ),
+        ]
+        for index, column in enumerate(comparisons[0].columns)
+    ]
+    return _markdown(head, rows)
+
+
+def rows_table(comparison: Comparison) -> str:
+    """Return a table of the thesis with our columns beside it, in Markdown.
+
+    Parameters
+    ----------
+    comparison
+        The compared table.
+
+    Returns
+    -------
+    str
+        A row for each load.
+    """
+    head = ["P, lbf", "thesis", "ANSYS", *(column.name for column in comparison.columns)]
+    rows = [
+        [
+            f"{force:g}",
+            f"{float(calculated):.6f}",
+            f"{ansys:g}",
+            *(_deflection(column.deflections[index]) for column in comparison.columns),
+        ]
+        for index, (force, calculated, ansys) in enumerate(comparison.table.rows)
+    ]
+    return _markdown(head, rows)
+
+
+def _deflection(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.6f}"
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(line[index]) for line in (head, *rows)) for index in range(len(head))]
+    lines = [head, ["-" * (width - 1) + ":" for width in widths], *rows]
+    return (
+        "\n".join(
+            "| "
+            + " | ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+            + " |"
+            for line in lines
+        )
+        + "\n"
+    )
