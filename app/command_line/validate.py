@@ -24,20 +24,21 @@ def validate(
 
     Example: bluntdissect validate -o docs
     """
-    from app.validation.comparison import compared
+    from app.validation.comparison import compared, solid_errors
     from app.validation.figures import draw_figures
-    from app.validation.page import errors_table, page, rows_table
+    from app.validation.page import errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
     from organ_geometry.whole_file import write_whole
 
     if output is not None and not output.is_dir():
         raise ValueError(f"--output {output}: there is no such folder")
     comparisons = [compared(table) for table in TABLES]
+    solids = [solid_errors(table) for table in TABLES]
     if output is not None:
         folder = output / "validation"
         folder.mkdir(exist_ok=True)
         draw_figures({each.table.number: each for each in comparisons}, folder)
-        write_whole(output / "validation.md", page(comparisons).encode())
+        write_whole(output / "validation.md", page(comparisons, solids).encode())
     if as_json:
         print(
             json.dumps(
@@ -65,5 +66,7 @@ def validate(
         print(rows_table(each))
     print("Errors against ANSYS, max / mean %\n")
     print(errors_table(comparisons))
+    print("Errors against three-dimensional neo-Hookean solids, %\n")
+    print(solids_table(solids))
     if output is not None:
         print(f"{output / 'validation.md'} and its figures are written")

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.validation.converged_curves import SOLID, SOLID_OFF_CENTRE
 from app.validation.thesis_tables import INCH, LBF, Table
 from physics import Cubic, Exact, Fem, MassSpring, NoEquilibrium, TautString, Theory
 
-__all__ = ["COMPARED", "Column", "Comparison", "compared"]
+__all__ = ["COMPARED", "Column", "Comparison", "SolidErrors", "compared", "solid_errors"]
 
 COMPARED: Mapping[str, Theory] = {
     "cubic": Cubic(),
@@ -22,6 +23,9 @@ COMPARED: Mapping[str, Theory] = {
     "exact, shear, neo-hooke": Exact(shear=True, law="neo-hooke"),
 }
 """The theories that are compared, by the name of their column."""
+
+SOLID_CASES = {"6.1": "A", "6.2": "B", "6.3": "C"}
+"""What the solids of a table's duct are called among the converged curves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +94,9 @@ def compared(table: Table) -> Comparison:
     calculated = np.array([float(row[1]) for row in table.rows])
     columns: list[Column] = []
     for name, theory in COMPARED.items():
-        deflections = np.array([_deflection(theory, table, row[0]) for row in table.rows])
+        deflections = np.array(
+            [_deflected(theory, table, 0.5 * table.beam.span, 2.0 * row[0]) for row in table.rows]
+        )
         columns.append(Column(name, deflections, 100.0 * (deflections / ansys - 1.0)))
     own = COMPARED[table.theory]
     beam = table.rounded_beam
@@ -101,11 +107,64 @@ def compared(table: Table) -> Comparison:
     return Comparison(table, tuple(columns), float(np.abs(np.array(again) - calculated).max()))
 
 
-def _deflection(theory: Theory, table: Table, half_force: float) -> float:
-    """Return a theory's deflection, inch, under P, lbf, on one half; NaN if it has none."""
-    beam = table.beam
+@dataclass(frozen=True, slots=True)
+class SolidErrors:
+    """A theory's errors against three-dimensional neo-Hookean solids of one table's duct.
+
+    Attributes
+    ----------
+    name
+        Name of the theory's column.
+    table
+        Number of the table.
+    lowest, highest
+        Errors with a central grasp at the lowest and the highest load that the solids reach, %;
+        below zero where the beam is stiffer.
+    largest_off_centre
+        Error of largest size with a grasp at 30 % of the span, %.
+    """
+
+    name: str
+    table: str
+    lowest: float
+    highest: float
+    largest_off_centre: float
+
+
+def solid_errors(table: Table) -> tuple[SolidErrors, ...]:
+    """Return how near the theories come to solids of the table's duct.
+
+    Parameters
+    ----------
+    table
+        The thesis's table.
+
+    Returns
+    -------
+    tuple[SolidErrors, ...]
+        One for each theory, in the order of `COMPARED`.
+    """
+    case = SOLID_CASES[table.number]
+    span = table.beam.span
+    found: list[SolidErrors] = []
+    for name, theory in COMPARED.items():
+        central = [
+            100.0 * (_deflected(theory, table, 0.5 * span, 2.0 * half_force) / solid - 1.0)
+            for half_force, solid in SOLID[case].items()
+        ]
+        off_centre = [
+            100.0 * (_deflected(theory, table, 0.3 * span, force) / solid - 1.0)
+            for force, solid in SOLID_OFF_CENTRE[case].items()
+        ]
+        largest = max(off_centre, key=abs)
+        found.append(SolidErrors(name, table.number, central[0], central[-1], largest))
+    return tuple(found)
+
+
+def _deflected(theory: Theory, table: Table, grasp: float, force: float) -> float:
+    """Return a theory's deflection, inch, under a whole force, lbf; NaN if it has none."""
     try:
-        pulled = theory.under_force(beam, 0.5 * beam.span, 2.0 * half_force * LBF, np.empty(0))
+        pulled = theory.under_force(table.beam, grasp, force * LBF, np.empty(0))
     except NoEquilibrium:
         return float("nan")
     return pulled.deflection / INCH

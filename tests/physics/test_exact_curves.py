@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from converged_curves import (
+
+from app.validation.converged_curves import (
     DIAMETERS,
     MODULI,
     NO_SHEAR,
@@ -19,7 +20,6 @@ from converged_curves import (
     SOLID_OFF_CENTRE,
     Curve,
 )
-
 from physics import Beam, Exact
 
 LINEAR, SHEARED = Exact(), Exact(shear=True)

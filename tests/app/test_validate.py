@@ -1,0 +1,74 @@
+"""`bluntdissect validate`: its figures, its page and its pictures."""
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+from program import refused, run
+
+from app.validation.comparison import COMPARED
+from app.validation.figures import FIGURES
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def figures() -> dict[str, dict[str, dict[str, dict[str, float]]]]:
+    done = run("validate", "--json")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def test_json_has_every_theory_for_every_table(figures: dict[str, dict[str, dict]]) -> None:
+    assert set(figures) == {"tables", "calculated"}
+    for number in ("6.1", "6.2", "6.3"):
+        assert list(figures["tables"][number]) == list(COMPARED)
+        # Half a unit of the last printed digit, and a tenth of one for what the thesis rounded.
+        assert figures["calculated"][number]["max_abs_difference_in"] < 0.6e-9
+
+
+@pytest.mark.parametrize(
+    ("theory", "largest"),
+    [
+        ("fem", {"6.1": 0.45, "6.2": 0.5, "6.3": 0.02}),  # it is ANSYS's model
+        ("cubic, fitted q", {"6.1": 0.35, "6.2": 0.2, "6.3": 0.05}),
+        ("exact", {"6.1": 2.9, "6.2": 0.6, "6.3": 3.5}),
+        ("cubic", {"6.1": 9.5, "6.2": 8.8, "6.3": 11.1}),
+        ("mass-spring", {"6.1": 3.4, "6.2": 2.3, "6.3": 4.4}),
+    ],
+)
+def test_errors_against_ansys(
+    figures: dict[str, dict[str, dict]], theory: str, largest: dict[str, float]
+) -> None:
+    for number, limit in largest.items():
+        found = figures["tables"][number][theory]
+        assert found["max_error_percent"] < limit
+        assert found["mean_error_percent"] <= found["max_error_percent"]
+
+
+def test_page_and_figures_are_written_and_are_those_of_docs(tmp_path: Path) -> None:
+    done = run("validate", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "validation.md").read_text()
+    committed = (ROOT / "docs" / "validation.md").read_text()
+    # The columns that iterate may differ in a last digit from one machine to another.
+    strip = str.maketrans("", "", "0123456789")
+    assert page.translate(strip) == committed.translate(strip)
+    for name in FIGURES:
+        assert f"validation/{name}.svg" in page
+        assert (tmp_path / "validation" / f"{name}.svg").read_text().count("<path") > 10
+        picture = cv2.imread(str(tmp_path / "validation" / f"{name}.png"))
+        assert picture is not None
+        assert picture.std() > 10.0
+
+
+def test_words_say_what_is_compared() -> None:
+    done = run("validate")
+    for words in ("Table 6.1", "Table 6.2", "Table 6.3", "ANSYS", "solids", "mass-spring"):
+        assert words in done.stdout
+
+
+def test_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    assert "no such folder" in refused(("validate", "-o", tmp_path / "nowhere"))
