@@ -14,13 +14,13 @@ from app.simulation.session import Phase, Reading, Session
 from app.trainer.readout import KPA_PER_MPA, readout_html
 from physics import Cubic, Exact, Fem, TautString, Theory
 
-__all__ = ["DISCLAIMER", "THEORIES", "Panel"]
+__all__ = ["DISCLAIMER", "OFFERED_THEORIES", "Panel"]
 
 DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 330
 """px."""
 BRAND = (38, 166, 154)
-THEORIES: dict[str, Theory] = {
+OFFERED_THEORIES: dict[str, Theory] = {
     "Cubic beam (Rayleigh)": Cubic(),
     "String (very large deflection)": TautString(),
     "Exact beam": Exact(),
@@ -151,7 +151,7 @@ class Panel:
         )
         self._theory = gui.add_dropdown(
             "Theory",
-            tuple(THEORIES),
+            tuple(OFFERED_THEORIES),
             initial_value=_label(session.theory),
             hint="How the beam is solved; each theory has its own threshold",
         )
@@ -178,7 +178,7 @@ class Panel:
             self._choose(lambda: self._session.choose_preset(name))
 
     def _choose_theory(self, label: object) -> None:
-        theory = THEORIES.get(str(label))
+        theory = OFFERED_THEORIES.get(str(label))
         if theory is not None and theory != self._session.theory:
             self._choose(lambda: self._session.choose_theory(theory))
 
@@ -306,7 +306,7 @@ def _on_input(handle: viser.GuiSliderHandle[float], take: Callable[[object], Non
 
 def _label(theory: Theory) -> str:
     """Return the label of a theory that is offered."""
-    return next(label for label, offered in THEORIES.items() if offered == theory)
+    return next(label for label, offered in OFFERED_THEORIES.items() if offered == theory)
 
 
 def _number(value: object) -> float:

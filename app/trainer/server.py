@@ -12,7 +12,7 @@ import viser
 
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
-from app.trainer.panel import THEORIES
+from app.trainer.panel import OFFERED_THEORIES
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from organ_geometry.organ import Organ
@@ -171,7 +171,7 @@ def _taken(host: str, port: int, why: str) -> AddressTakenError:
 def _warm_theories() -> None:
     """Compile or load the theories that the panel offers."""
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
-    for theory in THEORIES.values():
+    for theory in OFFERED_THEORIES.values():
         for grasp in (25.4, 20.0):
             theory.under_force(beam, grasp, 1.0, np.array([grasp]))
 

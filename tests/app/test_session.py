@@ -1,17 +1,29 @@
 """Sessions: they bend by what the beam says, tear where and when it says, and start anew."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from simulated import SECONDS, phantom, pull, settle, tear
 
 from app.simulation.preset import preset_named, presets
 from app.simulation.session import Phase, Session
-from physics import Cubic, TautString, calibrated_threshold, theory_named
+from app.trainer.panel import OFFERED_THEORIES
+from physics import (
+    Beam,
+    Cubic,
+    Equilibrium,
+    NoEquilibrium,
+    TautString,
+    calibrated_threshold,
+    theory_named,
+)
 
 BREAK = 0.8 * 4.4482216152605
 """The thesis's P = 0.4 lbf on each half, N."""
@@ -188,10 +200,10 @@ def test_any_number_from_a_browser_is_clamped_or_ignored(value: float, name: str
 
 
 @pytest.mark.parametrize("name", list(presets()))
-@pytest.mark.parametrize("theory", ["cubic", "string"])
-def test_every_preset_can_be_pulled_to_its_break(name: str, theory: str) -> None:
+@pytest.mark.parametrize("label", list(OFFERED_THEORIES))
+def test_every_preset_can_be_pulled_to_its_break_by_every_theory(name: str, label: str) -> None:
     session = Session(phantom(), preset_named(name), vertices=600)
-    session.choose_theory(theory_named(theory))
+    session.choose_theory(OFFERED_THEORIES[label])
     event = session.reading().breaks_at
     assert event is not None
     assert event.force < session.force_limit
@@ -199,6 +211,52 @@ def test_every_preset_can_be_pulled_to_its_break(name: str, theory: str) -> None
     torn = session.reading().breaks_at
     assert torn is not None
     assert torn.force == pytest.approx(event.force, rel=1e-9)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The cubic beam of a law that ends at a deflection, mm."""
+
+    end: float
+    name: ClassVar[str] = "ending"
+
+    def under_force(
+        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        deflection = Cubic().deflection(beam, grasp, force)
+        return self.under_deflection(beam, grasp, deflection, stations)
+
+    def under_deflection(
+        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        if deflection > self.end:
+            raise NoEquilibrium(f"this law ends at {self.end} mm")
+        return Cubic().under_deflection(beam, grasp, deflection, stations)
+
+
+def test_a_pull_stops_where_the_law_ends(session: Session) -> None:
+    session.choose_theory(Ending(13.0))
+    session.set_threshold(session.threshold_range[1])
+    pull(session, session.force_limit)
+    reading = session.reading()
+    assert reading.breaks_at is None
+    assert reading.phase is Phase.INTACT
+    assert 12.0 < reading.deflection <= 13.0
+    assert session.force_wanted == reading.force
+    deflections, forces = session.curve()
+    assert len(deflections) == len(forces) > 2
+    assert deflections[-1] <= 13.0
+    pull(session, 1.0)
+    assert session.reading().force == 1.0
+
+
+def test_a_law_that_ends_before_the_break_is_refused(session: Session) -> None:
+    pull(session, 1.0)
+    before = session.reading()
+    with pytest.raises(NoEquilibrium):
+        session.choose_theory(Ending(12.0))  # the duct breaks at 12.8 mm
+    assert session.theory == Cubic()
+    assert session.reading() == before
 
 
 def test_each_theory_has_its_own_threshold_for_the_same_break(session: Session) -> None:
