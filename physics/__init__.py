@@ -4,6 +4,7 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.exact import BeyondLaw, Exact, ExactSolver
+from physics.exact_along import ExactAlong
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.mass_spring import MassSpring
@@ -31,6 +32,7 @@ __all__ = [
     "Cubic",
     "Equilibrium",
     "Exact",
+    "ExactAlong",
     "ExactSolver",
     "Fem",
     "FittedQ",

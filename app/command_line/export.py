@@ -60,6 +60,7 @@ def export(
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
+    chosen = dissection.theory_for(chosen)
     at = 0.5 * dissection.beam.span if grasp is None else grasp
     take = torn_snapshot if torn else pulled_snapshot
     snapshot = take(dissection, chosen, grasp=at, force=force, edge_length=edge_length)

@@ -71,7 +71,8 @@ def solve(
                 raise ValueError(f"preset {preset} brings its own beam; leave out --organ")
             beam = duct.round_beam()
         else:
-            beam = Dissection.of(organ_from(organ), duct).beam
+            dissection = Dissection.of(organ_from(organ), duct)
+            beam, chosen = dissection.beam, dissection.theory_for(chosen)
         limit = duct.threshold(chosen, beam) if threshold is None else threshold
     else:
         if span is None or diameter is None or modulus is None:

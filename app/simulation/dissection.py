@@ -5,14 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.preset import DEFAULT_PRESET, Preset, RoundBeam, preset_named
+from app.simulation.preset import DEFAULT_PRESET, OrganBeam, Preset, RoundBeam, preset_named
 from organ_geometry.driving_points import DrivingPoints, driving_points
 from organ_geometry.organ import Organ
 from organ_geometry.tear import TornPiece, torn_pieces
-from physics import Beam, Equilibrium, RuptureCheck
+from physics import Beam, Equilibrium, Exact, ExactAlong, RuptureCheck, Theory, VaryingBeam
 
 __all__ = ["Dissection", "default_preset", "organ_beam"]
 
+SECTIONS_ALONG = 64
+"""Sections that stand for an organ along a varying beam."""
 DRIVING_POINTS_PER_SPAN = 60
 """A bend of one span, followed to a hundredth of the duct's radius."""
 
@@ -88,6 +90,38 @@ class Dissection:
     def beam_stations(self) -> NDArray[np.float64]:
         """(D,) where each driving point is on the beam, mm; those behind a clamp are at it."""
         return np.clip(self.driving.stations - self.clamps[0], 0.0, self.beam.span)
+
+    def theory_for(self, theory: Theory) -> Theory:
+        """Return a theory as it solves this organ.
+
+        Parameters
+        ----------
+        theory
+            The theory that was chosen.
+
+        Returns
+        -------
+        Theory
+            The exact beam along the organ's own sections where the preset takes those; every
+            other theory as it is, with `beam`.
+        """
+        if not (isinstance(theory, Exact) and isinstance(self.preset.beam, OrganBeam)):
+            return theory
+        stations = np.linspace(0.0, self.beam.span, SECTIONS_ALONG)
+        sections = self.organ.section_properties(
+            self.clamps[0] + stations, direction=self.frame[:, 2]
+        )
+        return ExactAlong(
+            theory,
+            VaryingBeam(
+                stations=stations,
+                areas=sections.area,
+                second_moments=sections.second_moment,
+                fibre_distances=sections.fibre_distance,
+                modulus=self.beam.modulus,
+                poisson_ratio=self.beam.poisson_ratio,
+            ),
+        )
 
     def axis_point(self, station: float) -> NDArray[np.float64]:
         """Return a point of the axis at rest.

@@ -383,7 +383,7 @@ class Session:
             (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
         """
         with self._lock:
-            beam, grasp, theory = self._dissection.beam, self._grasp, self._theory
+            beam, grasp, theory = self._dissection.beam, self._grasp, self._solved
             last = (
                 self._breaks_at.deflection if self._breaks_at else BOUNDLESS_DEFLECTION * beam.span
             )
@@ -417,10 +417,11 @@ class Session:
     def _calibrate(self) -> None:
         """Take the preset's threshold for the theory, and the range of forces it calls for."""
         dissection = self._dissection
+        self._solved = dissection.theory_for(self._theory)
         beam, middle = dissection.beam, 0.5 * dissection.beam.span
-        self._preset_threshold = dissection.preset.threshold(self._theory, beam)
+        self._preset_threshold = dissection.preset.threshold(self._solved, beam)
         self._threshold = self._preset_threshold
-        event = break_event(self._theory, beam, middle, self._threshold)
+        event = break_event(self._solved, beam, middle, self._threshold)
         limit = self._farthest_force(middle) if event is None else FORCE_RANGE * event.force
         self._force_limit = _rounded_up(limit)
         self._force_per_second = limit / FORCE_RANGE / RAMP_SECONDS
@@ -433,7 +434,7 @@ class Session:
         deflection = BOUNDLESS_DEFLECTION * self._dissection.beam.span
         while True:
             try:
-                return self._theory.under_deflection(
+                return self._solved.under_deflection(
                     self._dissection.beam, grasp, deflection, np.empty(0)
                 ).force
             except NoEquilibrium:
@@ -442,7 +443,7 @@ class Session:
     def _refresh(self) -> None:
         """Bring what depends on the inputs up to date."""
         beam = self._dissection.beam
-        self._breaks_at = break_event(self._theory, beam, self._grasp, self._threshold)
+        self._breaks_at = break_event(self._solved, beam, self._grasp, self._threshold)
         self._critical = critical_stations(beam, self._grasp)
         self._stale = True
         self._solve()
@@ -451,8 +452,8 @@ class Session:
         """Find the equilibrium under the present force and hold it against the threshold."""
         beam, grasp = self._dissection.beam, self._grasp
         stations = self._dissection.beam_stations
-        self._pulled = self._theory.under_force(beam, grasp, self._force, stations)
-        loaded = self._theory.under_force(beam, grasp, self._force, self._critical)
+        self._pulled = self._solved.under_force(beam, grasp, self._force, stations)
+        loaded = self._solved.under_force(beam, grasp, self._force, self._critical)
         self._check = check_rupture(loaded, self._threshold)
         self._deepest = max(self._deepest, self._pulled.deflection)
 

@@ -266,7 +266,9 @@ class Panel:
         session = self._session
         preset, beam = session.dissection.preset, session.dissection.beam
         own = isinstance(preset.beam, OrganBeam)
-        section = "the organ's weakest section" if own else "a full round bar"
+        section = (
+            "the organ's weakest section (the exact beam takes all)" if own else "a full round bar"
+        )
         geometry = (
             f"{beam.span:.1f} mm between the clamps, {section}: area {beam.area:.1f} mm², "
             f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "

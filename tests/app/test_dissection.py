@@ -10,7 +10,7 @@ from tubes import LENGTH, RADIUS, tube
 from app.simulation.dissection import Dissection, default_preset, organ_beam
 from app.simulation.preset import preset_named, presets
 from organ_geometry.organ import Organ
-from physics import Cubic
+from physics import Cubic, Exact, Fem
 
 
 def shortened(organ: Organ, factor: float) -> Organ:
@@ -46,6 +46,39 @@ def test_organ_preset_takes_the_weakest_section_of_the_organ() -> None:
     assert beam.second_moment == pytest.approx(math.pi / 4 * (outer**4 - inner**4), rel=0.02)
     assert beam.fibre_distance == pytest.approx(outer, rel=0.01)
     assert beam.modulus == 9.03
+
+
+def test_exact_beam_solves_the_organ_s_own_sections_along_it() -> None:
+    organ = tube(wall=1.0)
+    dissection = Dissection.of(organ, preset_named("porcine-gallbladder"))
+    along = dissection.theory_for(Exact())
+    at = np.array([25.4])
+    weakest = Exact().under_force(dissection.beam, 25.4, 5.0, at).deflection
+    varying = along.under_force(dissection.beam, 25.4, 5.0, at)
+    # The waist is the weakest section, the rest is up to a tenth wider: stiffer, by less than the
+    # widest section alone would be.
+    assert 0.6 * weakest < varying.deflection < 0.98 * weakest
+    area = varying.normal_force[0] / varying.normal_stress[0]
+    assert area == pytest.approx(dissection.beam.area, rel=0.01)  # the waist is at 24 mm
+    for theory in (Cubic(), Fem()):
+        assert dissection.theory_for(theory) is theory
+    thesis = Dissection.of(organ, preset_named("thesis-bile-duct"))
+    assert thesis.theory_for(Exact()) == Exact()
+
+
+def test_exact_beam_along_an_even_organ_is_that_of_its_section() -> None:
+    organ = tube(wall=1.0)
+    even = Organ(
+        organ.axis, organ.frames, organ.keys, organ.outer[[0, 0, 0]],
+        None if organ.lumen is None else organ.lumen[[0, 0, 0]],
+    )  # fmt: skip
+    dissection = Dissection.of(even, preset_named("porcine-gallbladder"))
+    at = np.array([10.0, 25.4])
+    for exact in (Exact(), Exact(shear=True), Exact(shear=True, law="neo-hooke")):
+        along = dissection.theory_for(exact).under_force(dissection.beam, 20.0, 5.0, at)
+        constant = exact.under_force(dissection.beam, 20.0, 5.0, at)
+        assert along.deflection == pytest.approx(constant.deflection, rel=1e-9)
+        assert along.total_stress == pytest.approx(constant.total_stress, rel=1e-6)
 
 
 def test_long_organ_is_clamped_in_its_middle_and_stays_at_rest_outside() -> None:
