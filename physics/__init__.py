@@ -9,6 +9,7 @@ from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.mass_spring import MassSpring
 from physics.mass_spring_chain import MassSpringChain
+from physics.pull import Pull
 from physics.rayleigh import BentBeam, RayleighBeam, Support
 from physics.rupture import (
     BreakEvent,
@@ -39,6 +40,7 @@ __all__ = [
     "MassSpring",
     "MassSpringChain",
     "NoEquilibrium",
+    "Pull",
     "RayleighBeam",
     "RuptureCheck",
     "Support",

@@ -1,6 +1,6 @@
 """A pulled beam at rest: where its axis is and what it carries."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,26 @@ class Equilibrium:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    def part(self, where: slice) -> "Equilibrium":
+        """Return the same equilibrium at some of its stations.
+
+        Parameters
+        ----------
+        where
+            Which stations.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium; its arrays are views.
+        """
+        arrays: dict[str, NDArray[np.float64]] = {
+            field.name: getattr(self, field.name)[where]
+            for field in fields(self)
+            if isinstance(getattr(self, field.name), np.ndarray)
+        }
+        return replace(self, **arrays)
 
     @property
     def total_stress(self) -> NDArray[np.float64]:

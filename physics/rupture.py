@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.pull import Pull
 from physics.quantity import positive
 from physics.theory import Theory
 
@@ -89,8 +90,13 @@ class BreakEvent:
     check: RuptureCheck
 
 
-def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.float64]:
-    """Return stations that hold every place where the stress can be highest.
+def critical_stations(
+    beam: Beam, grasp: float, count: int = 41, *, also: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Return stations among which the stress is highest.
+
+    On a beam of constant section that is at a clamp or at the grasp; one that varies needs the
+    stations of its narrow places as well.
 
     Parameters
     ----------
@@ -100,14 +106,17 @@ def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.f
         Distance of the grasp from the first clamp, mm.
     count
         How many stations to spread over the span.
+    also
+        (N,) further stations, mm.
 
     Returns
     -------
     NDArray[np.float64]
-        (count or count + 1,) both clamps, the grasp and the stations between, mm.
+        (M,) both clamps, the grasp and the stations between, growing, mm.
     """
     beam.grasped_at(grasp)
-    return np.union1d(np.linspace(0.0, beam.span, count), [grasp])
+    stations = np.union1d(np.linspace(0.0, beam.span, count), [grasp])
+    return stations if also is None else np.union1d(stations, also)
 
 
 def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
@@ -199,10 +208,11 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
     """
     positive(threshold, "threshold", "MPa")
     stations = critical_stations(beam, grasp)
+    pull = Pull(theory, beam, grasp)
 
     def reaches(deflection: float) -> bool:
         try:
-            pulled = theory.under_deflection(beam, grasp, deflection, stations)
+            pulled = pull.to_deflection(deflection, stations)
         except NoEquilibrium:
             return True
         return float(pulled.total_stress.max()) >= threshold
@@ -215,7 +225,7 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (low, middle) if reaches(middle) else (middle, high)
     try:
-        pulled = theory.under_deflection(beam, grasp, high, stations)
+        pulled = pull.to_deflection(high, stations)
     except NoEquilibrium:
         return None
     return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

@@ -6,7 +6,13 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import PRESET_NAMES, THEORY_HELP, chosen_theory, organ_from
+from app.command_line.load import (
+    PRESET_NAMES,
+    THEORY_HELP,
+    chosen_theory,
+    organ_from,
+    theory_options,
+)
 
 __all__ = ["export"]
 
@@ -58,6 +64,7 @@ def export(
 
     check_mesh_path(output)
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
+    options = theory_options(chosen)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
     chosen = dissection.theory_for(chosen)
@@ -73,6 +80,7 @@ def export(
         "faces": sum(len(faces) for _, faces in snapshot.parts.values()),
         "preset": dissection.preset.name,
         "theory": chosen.name,
+        **options,
         "force_N": snapshot.force,
         "deflection_mm": snapshot.deflection,
     }

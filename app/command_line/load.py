@@ -22,6 +22,7 @@ __all__ = [
     "equilibrium",
     "organ_from",
     "shipped_organ",
+    "theory_options",
 ]
 
 
@@ -92,6 +93,28 @@ def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> 
     except ValueError:
         raise ValueError(f"--q must be a number or 'fitted', not {q}") from None
     return theory_named(name, q=number, shear=shear, law=law)
+
+
+def theory_options(theory: "Theory") -> dict[str, object]:
+    """Return what a theory was asked for beyond its name.
+
+    Parameters
+    ----------
+    theory
+        The theory.
+
+    Returns
+    -------
+    dict[str, object]
+        q of the cubic; shear and law of the exact beam; nothing else.
+    """
+    from physics import Cubic, Exact
+
+    if isinstance(theory, Cubic):
+        return {"q": theory.q}
+    if isinstance(theory, Exact):
+        return {"shear": theory.shear, "law": theory.law}
+    return {}
 
 
 def equilibrium(

@@ -1,5 +1,6 @@
 """The program `bluntdissect`: its commands, and how it says what went wrong."""
 
+import os
 import sys
 from typing import Annotated
 
@@ -10,6 +11,8 @@ from app.command_line import compress, export, solve, trainer, validate
 __all__ = ["main", "program"]
 
 WRONG_INPUT, OUR_FAULT = 2, 1
+TRACEBACK = "BLUNTDISSECT_TRACEBACK"
+"""Environment variable with which an error shows where it comes from."""
 
 program = typer.Typer(
     name="bluntdissect",
@@ -55,6 +58,8 @@ def _status() -> int:
     except typer.TyperException as error:
         return _say(f"{error.format_message().rstrip('.')}; --help says what is right", WRONG_INPUT)
     except (ValueError, OSError) as error:
+        if os.environ.get(TRACEBACK):
+            raise
         return _say(str(error), WRONG_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _say("stopped", 130)

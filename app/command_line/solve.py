@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import PRESET_NAMES, THEORY_HELP, chosen_theory, equilibrium, organ_from
+from app.command_line.load import (
+    PRESET_NAMES,
+    THEORY_HELP,
+    chosen_theory,
+    equilibrium,
+    organ_from,
+    theory_options,
+)
 
 __all__ = ["solve"]
 
@@ -55,6 +62,7 @@ def solve(
     from physics.quantity import positive
 
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
+    options = theory_options(chosen)
     round_beam = {
         "--span": span,
         "--diameter": diameter,
@@ -101,13 +109,14 @@ def solve(
         "bending_stress_MPa": check.bending_stress,
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
+        **options,
     }
     if as_json:
         print(json.dumps(result))
         return
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
-        ("theory", chosen.name),
+        ("theory", ", ".join([chosen.name, *(f"{key} {value}" for key, value in options.items())])),
         ("force", f"{pulled.force:.6g} N"),
         ("deflection", f"{pulled.deflection:.6g} mm"),
         ("normal stress", f"{1e3 * check.normal_stress:.6g} kPa"),

@@ -38,6 +38,8 @@ def trainer(
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
     tissue = organ_from(organ)
+    if stop.is_set():
+        return
 
     from app.trainer.server import Trainer
 

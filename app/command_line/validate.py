@@ -35,9 +35,7 @@ def validate(
     comparisons = [compared(table) for table in TABLES]
     solids = [solid_errors(table) for table in TABLES]
     if output is not None:
-        folder = output / "validation"
-        folder.mkdir(exist_ok=True)
-        draw_figures({each.table.number: each for each in comparisons}, folder)
+        draw_figures({each.table.number: each for each in comparisons}, output / "validation")
         write_whole(output / "validation.md", page(comparisons, solids).encode())
     if as_json:
         print(

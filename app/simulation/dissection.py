@@ -11,7 +11,7 @@ from organ_geometry.organ import Organ
 from organ_geometry.tear import TornPiece, torn_pieces
 from physics import Beam, Equilibrium, Exact, ExactAlong, RuptureCheck, Theory, VaryingBeam
 
-__all__ = ["Dissection", "default_preset", "organ_beam"]
+__all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
 
 SECTIONS_ALONG = 64
 """Sections that stand for an organ along a varying beam."""
@@ -72,7 +72,7 @@ class Dissection:
         """
         if isinstance(preset.beam, RoundBeam):
             beam = preset.round_beam()
-            if not holds(organ, beam.span):
+            if not fits(organ, preset):
                 raise ValueError(
                     f"preset {preset.name} clamps {beam.span:g} mm of duct and this organ is "
                     f"{organ.length:.1f} mm long; take a preset with the organ's own sections"
@@ -91,6 +91,12 @@ class Dissection:
         """(D,) where each driving point is on the beam, mm; those behind a clamp are at it."""
         return np.clip(self.driving.stations - self.clamps[0], 0.0, self.beam.span)
 
+    @property
+    def key_stations(self) -> NDArray[np.float64]:
+        """(N,) where the organ's key sections between the clamps are on the beam, mm."""
+        stations = self.organ.key_stations - self.clamps[0]
+        return stations[(stations > 0.0) & (stations < self.beam.span)]
+
     def theory_for(self, theory: Theory) -> Theory:
         """Return a theory as it solves this organ.
 
@@ -107,7 +113,8 @@ class Dissection:
         """
         if not (isinstance(theory, Exact) and isinstance(self.preset.beam, OrganBeam)):
             return theory
-        stations = np.linspace(0.0, self.beam.span, SECTIONS_ALONG)
+        even = np.linspace(0.0, self.beam.span, SECTIONS_ALONG)
+        stations = np.union1d(even, self.key_stations)
         sections = self.organ.section_properties(
             self.clamps[0] + stations, direction=self.frame[:, 2]
         )
@@ -198,6 +205,28 @@ class Dissection:
         )
 
 
+PIECES = ("first_piece", "second_piece")
+"""Names of the two pieces of a torn organ: the one in the first clamp and the other."""
+
+
+def fits(organ: Organ, preset: Preset) -> bool:
+    """Return whether an organ is long enough for a preset.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    preset
+        The preset.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
+    return not isinstance(preset.beam, RoundBeam) or holds(organ, preset.beam.span_mm)
+
+
 def holds(organ: Organ, span: float) -> bool:
     """Return whether an organ is long enough to be clamped over a span.
 
@@ -231,7 +260,7 @@ def default_preset(organ: Organ) -> Preset:
         takes the organ's own sections.
     """
     thesis = preset_named(DEFAULT_PRESET)
-    return thesis if holds(organ, thesis.round_beam().span) else preset_named("porcine-bile-duct")
+    return thesis if fits(organ, thesis) else preset_named("porcine-bile-duct")
 
 
 def organ_beam(organ: Organ, preset: Preset) -> Beam:

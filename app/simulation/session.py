@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation import tear_course
-from app.simulation.dissection import Dissection, default_preset
+from app.simulation.dissection import PIECES, Dissection, default_preset, fits
 from app.simulation.preset import Preset, preset_named, presets
 from organ_geometry.organ import Organ
 from organ_geometry.skin import BoundSkin, Skin, organ_skin
 from organ_geometry.tear import TornPiece
 from physics import (
+    Beam,
     BreakEvent,
     Cubic,
     Equilibrium,
     NoEquilibrium,
+    Pull,
     RuptureCheck,
     Theory,
     break_event,
@@ -110,6 +112,64 @@ class _Tear:
     elapsed: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Model:
+    """What is solved: found in full before a session takes it, so that a refusal changes nothing.
+
+    Attributes
+    ----------
+    dissection
+        The organ between its clamps.
+    theory
+        The theory that was chosen.
+    solved
+        The theory as it solves this organ.
+    threshold
+        The preset's threshold for it, MPa.
+    force_limit
+        Largest force the grasper gives, N.
+    force_per_second
+        How fast the pull grows, N/s.
+    """
+
+    dissection: Dissection
+    theory: Theory
+    solved: Theory
+    threshold: float
+    force_limit: float
+    force_per_second: float
+
+    @classmethod
+    def of(cls, organ: Organ, preset: Preset, theory: Theory) -> "_Model":
+        dissection = Dissection.of(organ, preset)
+        solved, beam = dissection.theory_for(theory), dissection.beam
+        threshold = preset.threshold(solved, beam)
+        middle = 0.5 * beam.span
+        event = break_event(solved, beam, middle, threshold)
+        if event is None:
+            limit = _farthest_force(solved, beam, middle)
+        else:
+            limit = FORCE_RANGE * event.force
+        return cls(
+            dissection,
+            theory,
+            solved,
+            threshold,
+            _rounded_up(limit),
+            limit / FORCE_RANGE / RAMP_SECONDS,
+        )
+
+
+def _farthest_force(theory: Theory, beam: Beam, grasp: float) -> float:
+    """Return the force at a deflection that no duct needs, or where the theory ends, N."""
+    deflection = BOUNDLESS_DEFLECTION * beam.span
+    while True:
+        try:
+            return theory.under_deflection(beam, grasp, deflection, np.empty(0)).force
+        except NoEquilibrium:
+            deflection *= 0.8
+
+
 class Session:
     """One duct under one grasper, stepped in time. Safe to call from several threads.
 
@@ -133,31 +193,34 @@ class Session:
         self._organ = organ
         walls = 2 if organ.hollow else 1
         area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
-        self._edge_length = math.sqrt(area / vertices)
-        self._theory: Theory = Cubic()
+        self._edge_length = min(math.sqrt(area / vertices), organ.mean_radius)
+        self._skin = organ_skin(organ, edge_length=self._edge_length)
         self._tear: _Tear | None = None
         self._shape = 0
-        self._take(preset or default_preset(organ))
+        self._force: float = 0.0
+        self._force_wanted: float = 0.0
+        self._deepest: float = 0.0
+        self._start(_Model.of(organ, preset or default_preset(organ), Cubic()))
 
     @property
     def dissection(self) -> Dissection:
         """The dissection of the chosen preset."""
-        return self._dissection
+        return self._model.dissection
 
     @property
     def theory(self) -> Theory:
         """The chosen theory."""
-        return self._theory
+        return self._model.theory
 
     @property
     def grasp(self) -> float:
-        """Distance of the grasp from the first clamp, mm."""
-        return self._grasp
+        """Distance of the grasp from the first clamp that was asked for, mm."""
+        return self._grasp_wanted
 
     @property
     def grasp_range(self) -> tuple[float, float]:
         """Where the grasper can hold, mm from the first clamp."""
-        span = self._dissection.beam.span
+        span = self._model.dissection.beam.span
         return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
 
     @property
@@ -168,18 +231,18 @@ class Session:
     @property
     def force_limit(self) -> float:
         """Largest force the grasper gives, N."""
-        return self._force_limit
+        return self._model.force_limit
 
     @property
     def threshold(self) -> float:
-        """Stress at which the duct tears, MPa."""
-        return self._threshold
+        """Stress at which the duct tears that was asked for, MPa."""
+        return self._threshold_wanted
 
     @property
     def threshold_range(self) -> tuple[float, float]:
         """How far the threshold may be moved, MPa."""
         low, high = THRESHOLD_RANGE
-        return low * self._preset_threshold, high * self._preset_threshold
+        return low * self._model.threshold, high * self._model.threshold
 
     @property
     def shape(self) -> int:
@@ -199,14 +262,7 @@ class Session:
         list[Preset]
             The presets.
         """
-        offered: list[Preset] = []
-        for preset in presets().values():
-            try:
-                Dissection.of(self._organ, preset)
-            except ValueError:
-                continue
-            offered.append(preset)
-        return offered
+        return [preset for preset in presets().values() if fits(self._organ, preset)]
 
     def set_force(self, force: float) -> None:
         """Ask for a force; the pull grows or falls to it in the next steps.
@@ -216,41 +272,35 @@ class Session:
         force
             The grasper's whole force, N.
         """
-        with self._lock:
-            if self._tear is None and math.isfinite(force):
-                self._force_wanted = min(max(float(force), 0.0), self._force_limit)
+        if self._tear is None and math.isfinite(force):
+            self._force_wanted = min(max(float(force), 0.0), self._model.force_limit)
 
     def set_grasp(self, grasp: float) -> None:
-        """Move the grasp.
+        """Ask for another grasp, taken with the next step.
 
         Parameters
         ----------
         grasp
             Distance from the first clamp, mm.
         """
-        with self._lock:
-            if self._tear is None and math.isfinite(grasp):
-                low, high = self.grasp_range
-                self._grasp = min(max(float(grasp), low), high)
-                self._deepest = 0.0
-                self._refresh()
+        if self._tear is None and math.isfinite(grasp):
+            low, high = self.grasp_range
+            self._grasp_wanted = min(max(float(grasp), low), high)
 
     def set_threshold(self, threshold: float) -> None:
-        """Set the stress at which the duct tears.
+        """Ask for another stress at which the duct tears, taken with the next step.
 
         Parameters
         ----------
         threshold
             Normal plus bending stress, MPa.
         """
-        with self._lock:
-            if self._tear is None and math.isfinite(threshold):
-                low, high = self.threshold_range
-                self._threshold = min(max(float(threshold), low), high)
-                self._refresh()
+        if self._tear is None and math.isfinite(threshold):
+            low, high = self.threshold_range
+            self._threshold_wanted = min(max(float(threshold), low), high)
 
     def choose_preset(self, name: str) -> None:
-        """Start anew with another preset.
+        """Start anew with another preset; a torn duct is reset first, by `reset`.
 
         Parameters
         ----------
@@ -260,10 +310,13 @@ class Session:
         Raises
         ------
         ValueError
-            If there is none of that name or the organ is too short for it; nothing changes.
+            If there is none of that name, the organ is too short for it, or the theory ends before
+            its break; nothing changes.
         """
+        model = _Model.of(self._organ, preset_named(name), self._model.theory)
         with self._lock:
-            self._take(preset_named(name))
+            if self._tear is None:
+                self._start(model)
 
     def choose_theory(self, theory: Theory) -> None:
         """Solve the duct by another theory, with that theory's own threshold.
@@ -279,19 +332,15 @@ class Session:
             If the theory ends before the preset's break; nothing changes.
         """
         # Outside the lock: a theory's first solution may have to be compiled.
-        theory.under_deflection(self._dissection.beam, self._grasp, 0.0, np.empty(0))
+        model = _Model.of(self._organ, self._model.dissection.preset, theory)
         with self._lock:
-            if self._tear is not None:
-                return
-            before = self._theory
-            try:
-                self._theory = theory
-                self._calibrate()
-            except ValueError:
-                self._theory = before
-                self._calibrate()
-                raise
-            self._deepest = self._pulled.deflection
+            if self._tear is None:
+                self._model = model
+                self._threshold_wanted = model.threshold
+                self._force_wanted = min(self._force_wanted, model.force_limit)
+                self._force = min(self._force, model.force_limit)
+                self._deepest = 0.0
+                self._refresh()
 
     def reset(self) -> None:
         """Let go of the duct and make it whole."""
@@ -301,7 +350,7 @@ class Session:
             if self._tear is not None:
                 self._tear = None
                 self._show_whole()
-            self._refresh()
+            self._stale = True
 
     def step(self, seconds: float) -> bool:
         """Advance the duct in time.
@@ -319,22 +368,26 @@ class Session:
         with self._lock:
             if self._tear is not None:
                 return self._step_tear(self._tear, seconds)
+            moved = self._grasp != self._grasp_wanted
+            if moved or self._threshold != self._threshold_wanted:
+                self._deepest = 0.0 if moved else self._deepest
+                self._refresh()
             if self._force == self._force_wanted and not self._stale:
                 return False
             self._stale = False
-            before = self._force
-            most = self._force_per_second * seconds
-            self._force += min(max(self._force_wanted - before, -most), most)
+            before = self._force, self._deepest
+            most = self._model.force_per_second * seconds
+            self._force += min(max(self._force_wanted - self._force, -most), most)
             try:
                 self._solve()
             except NoEquilibrium:  # as far as the law carries
-                self._force = self._force_wanted = before
+                self._force = self._force_wanted = before[0]
                 return True
             if self._check.broken:
-                self._start_tear(before)
+                self._start_tear(*before)
             else:
-                self._skin.deform(
-                    self._dissection.move(self._pulled, self._transforms),
+                self._bound.deform(
+                    self._model.dissection.move(self._pulled, self._transforms),
                     self._surfaces[0].vertices,
                 )
             return True
@@ -355,10 +408,12 @@ class Session:
                 phase, force, shown = Phase.TEARING, tear.event.force, 1.0
             else:
                 phase, force, shown = Phase.TORN, 0.0, 0.0
-            rest = self._dissection.frame.T @ (
-                self._dissection.axis_point(self._grasp) - self._dissection.axis_point(0.0)
+            dissection = self._model.dissection
+            rest = dissection.frame.T @ (
+                dissection.axis_point(self._grasp) - dissection.axis_point(0.0)
             )
             deflection = shown * self._pulled.deflection
+            slide = shown * self._slide
             return Reading(
                 phase=phase,
                 force=force,
@@ -366,7 +421,7 @@ class Session:
                 check=self._check,
                 breaks_at=tear.event if tear else self._breaks_at,
                 deepest=self._deepest,
-                hook=(float(rest[0]), float(rest[1]), float(rest[2]) + deflection),
+                hook=(float(rest[0]) + slide, float(rest[1]), float(rest[2]) + deflection),
             )
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -383,95 +438,77 @@ class Session:
             (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
         """
         with self._lock:
-            beam, grasp, theory = self._dissection.beam, self._grasp, self._solved
+            beam = self._model.dissection.beam
             last = (
                 self._breaks_at.deflection if self._breaks_at else BOUNDLESS_DEFLECTION * beam.span
             )
             deflections = np.linspace(0.0, 1.15 * max(last, self._deepest), count)
-            nowhere = np.empty(0)
-            forces: list[float] = []
-            try:
-                forces.extend(
-                    theory.under_deflection(beam, grasp, deflection, nowhere).force
-                    for deflection in deflections.tolist()
-                )
-            except NoEquilibrium:
-                deflections = deflections[: len(forces)]
-            return deflections, np.array(forces)
+            pull = Pull(self._model.solved, beam, self._grasp)
+        nowhere = np.empty(0)
+        forces: list[float] = []
+        try:
+            forces.extend(pull.to_deflection(each, nowhere).force for each in deflections.tolist())
+        except NoEquilibrium:
+            deflections = deflections[: len(forces)]
+        return deflections, np.array(forces)
 
-    def _take(self, preset: Preset) -> None:
-        """Start anew with a preset; raises before anything has changed."""
-        dissection = Dissection.of(self._organ, preset)
-        self._dissection = dissection
-        self._skin = organ_skin(self._organ, edge_length=self._edge_length).bound_to(
-            dissection.driving
-        )
-        self._transforms = dissection.rest_transforms()
-        self._grasp = 0.5 * dissection.beam.span
+    def _start(self, model: "_Model") -> None:
+        """Start anew with a model that has been found."""
+        self._model = model
+        self._bound = self._skin.bound_to(model.dissection.driving)
+        self._transforms = model.dissection.rest_transforms()
+        self._grasp_wanted = 0.5 * model.dissection.beam.span
+        self._threshold_wanted = model.threshold
         self._force = self._force_wanted = 0.0
         self._deepest = 0.0
         self._tear = None
         self._show_whole()
-        self._calibrate()
-
-    def _calibrate(self) -> None:
-        """Take the preset's threshold for the theory, and the range of forces it calls for."""
-        dissection = self._dissection
-        self._solved = dissection.theory_for(self._theory)
-        beam, middle = dissection.beam, 0.5 * dissection.beam.span
-        self._preset_threshold = dissection.preset.threshold(self._solved, beam)
-        self._threshold = self._preset_threshold
-        event = break_event(self._solved, beam, middle, self._threshold)
-        limit = self._farthest_force(middle) if event is None else FORCE_RANGE * event.force
-        self._force_limit = _rounded_up(limit)
-        self._force_per_second = limit / FORCE_RANGE / RAMP_SECONDS
-        self._force = min(self._force, self._force_limit)
-        self._force_wanted = min(self._force_wanted, self._force_limit)
         self._refresh()
 
-    def _farthest_force(self, grasp: float) -> float:
-        """Return the force at a deflection that no duct needs, or where the theory ends, N."""
-        deflection = BOUNDLESS_DEFLECTION * self._dissection.beam.span
+    def _refresh(self) -> None:
+        """Bring what depends on the inputs up to date; where the law ends, give way."""
+        self._grasp, self._threshold = self._grasp_wanted, self._threshold_wanted
+        beam, solved = self._model.dissection.beam, self._model.solved
+        self._breaks_at = break_event(solved, beam, self._grasp, self._threshold)
+        stations = self._model.dissection.beam_stations
+        critical = critical_stations(beam, self._grasp, also=self._model.dissection.key_stations)
+        self._driven = slice(0, stations.size)
+        self._loaded = slice(stations.size, None)
+        self._stations = np.concatenate([stations, critical])
+        self._grasped = stations.size + int(np.searchsorted(critical, self._grasp))
+        self._pull = Pull(solved, beam, self._grasp)
+        self._stale = True
         while True:
             try:
-                return self._solved.under_deflection(
-                    self._dissection.beam, grasp, deflection, np.empty(0)
-                ).force
+                self._solve()
             except NoEquilibrium:
-                deflection *= 0.8
-
-    def _refresh(self) -> None:
-        """Bring what depends on the inputs up to date."""
-        beam = self._dissection.beam
-        self._breaks_at = break_event(self._solved, beam, self._grasp, self._threshold)
-        self._critical = critical_stations(beam, self._grasp)
-        self._stale = True
-        self._solve()
+                self._force *= 0.9
+                self._force_wanted = self._force
+            else:
+                return
 
     def _solve(self) -> None:
         """Find the equilibrium under the present force and hold it against the threshold."""
-        beam, grasp = self._dissection.beam, self._grasp
-        stations = self._dissection.beam_stations
-        self._pulled = self._solved.under_force(beam, grasp, self._force, stations)
-        loaded = self._solved.under_force(beam, grasp, self._force, self._critical)
-        self._check = check_rupture(loaded, self._threshold)
-        self._deepest = max(self._deepest, self._pulled.deflection)
+        pulled = self._pull.to_force(self._force, self._stations)
+        self._pulled = pulled.part(self._driven)
+        self._slide = float(pulled.along[self._grasped]) - self._grasp
+        self._check = check_rupture(pulled.part(self._loaded), self._threshold)
+        self._deepest = max(self._deepest, pulled.deflection)
 
     def _show_whole(self) -> None:
-        rest = self._skin.skin
-        self._surfaces = (Surface("skin", rest, rest.vertices.copy()),)
+        self._surfaces = (Surface("skin", self._skin, self._skin.vertices.copy()),)
         self._shape += 1
         self._stale = True
 
-    def _start_tear(self, force_before: float) -> None:
+    def _start_tear(self, force_before: float, deepest_before: float) -> None:
         """Tear the duct at the load that met the criterion, between the last step and this."""
         at_break = self._force
         if self._breaks_at is not None:
             at_break = min(max(self._breaks_at.force, force_before), self._force)
-        self._force = at_break
+        self._force, self._deepest = at_break, deepest_before
         self._solve()
-        pieces = self._dissection.torn_at(self._check, edge_length=self._edge_length)
-        driving = self._dissection.driving
+        pieces = self._model.dissection.torn_at(self._check, edge_length=self._edge_length)
+        driving = self._model.dissection.driving
         self._tear = _Tear(
             pulled=self._pulled,
             event=BreakEvent(at_break, self._pulled.deflection, self._check),
@@ -480,7 +517,7 @@ class Session:
         )
         self._surfaces = tuple(
             Surface(name, piece.skin, piece.skin.vertices.copy())
-            for name, piece in zip(("first_piece", "second_piece"), pieces, strict=True)
+            for name, piece in zip(PIECES, pieces, strict=True)
         )
         self._shape += 1
         self._draw_tear(self._tear)
@@ -496,7 +533,7 @@ class Session:
 
     def _draw_tear(self, tear: _Tear) -> None:
         front, part = tear_course.front(tear.elapsed), tear_course.swing(tear.elapsed)
-        self._dissection.move(tear.pulled, self._transforms, part=part)
+        self._model.dissection.move(tear.pulled, self._transforms, part=part)
         for surface, piece, bound in zip(self._surfaces, tear.pieces, tear.bound, strict=True):
             bound.deform(self._transforms, surface.vertices)
             piece.open(front, surface.vertices)

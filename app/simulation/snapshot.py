@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation import tear_course
-from app.simulation.dissection import Dissection
+from app.simulation.dissection import PIECES, Dissection
 from organ_geometry.skin import organ_skin
 from physics import BreakEvent, Theory, break_event
 
@@ -120,7 +120,7 @@ def torn_snapshot(
         raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
     if force is not None and not math.isfinite(force):
         raise ValueError(f"force must be a finite number of N, got {force}")
-    if force is not None and abs(force) < event.force:
+    if force is not None and force < event.force:
         raise ValueError(
             f"force of {force:g} N does not tear {dissection.preset.name}, it breaks at "
             f"{event.force:.4g} N; give that or more, or no force"
@@ -129,7 +129,7 @@ def torn_snapshot(
     pieces = dissection.torn_at(event.check, edge_length=edge_length)
     parts = {
         name: (piece.open(gone, piece.skin.vertices.copy()), piece.skin.faces)
-        for name, piece in zip(("first_piece", "second_piece"), pieces, strict=True)
+        for name, piece in zip(PIECES, pieces, strict=True)
     }
     return Snapshot(parts, event.force, 0.0)
 

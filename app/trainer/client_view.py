@@ -28,7 +28,7 @@ class ClientView:
 
     def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
         self.session = session
-        self._client = client
+        self.client = client
         self._scene = Scene(client, session, look)
         self._panel = Panel(client.gui, session, self._refusal)
         self._phase = Phase.INTACT
@@ -63,16 +63,14 @@ class ClientView:
 
     def _refusal(self, reason: str) -> None:
         """Show why a choice could not be made."""
-        self._client.add_notification(
-            "Not possible", reason, color="yellow", auto_close_seconds=8.0
-        )
+        self.client.add_notification("Not possible", reason, color="yellow", auto_close_seconds=8.0)
 
     def _tear_notice(self, reading: Reading) -> viser.NotificationHandle:
         """Show what has torn, where and at which force."""
         check, event = reading.check, reading.breaks_at
         place = f"{check.station:.1f} mm from the left clamp"
         force = f" at F = {event.force:.2f} N" if event else ""
-        return self._client.add_notification(
+        return self.client.add_notification(
             "The duct is torn",
             f"It tore {place}{force}. Press Reset for a new one.",
             color="red",

@@ -16,17 +16,19 @@ __all__ = ["Scene"]
 TISSUE = (192, 124, 80)
 INSIDE = (138, 48, 40)
 """sRGB colours of the outer wall, and of the lumen and torn tissue."""
+SAME_STAGE = 0.01
+"""Change of the span that the eye does not see: a megabyte need not be sent anew for it."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drawn:
-    """A mesh in the browser and the surface whose first vertices it shows."""
+    """A mesh in the browser and the surface's vertices that it shows."""
 
     mesh: viser.MeshHandle
     surface: Surface
-    vertices: int
+    used: NDArray[np.int32]
 
 
 class Scene:
@@ -65,7 +67,7 @@ class Scene:
             if self._session.shape != self._shape:
                 self._rebuild()
             for drawn in self._drawn:
-                drawn.mesh.vertices = drawn.surface.vertices[: drawn.vertices]
+                drawn.mesh.vertices = drawn.surface.vertices[drawn.used]
             lift = LIFT_AFTER_TEAR * stage.radius if reading.phase is Phase.TORN else 0.0
             stage.place_hook(np.add(reading.hook, (0.0, 0.0, lift)), (0.0, 0.0, 1.0))
 
@@ -90,24 +92,26 @@ class Scene:
         dissection = self._session.dissection
         if self._stage is not None and self._clamps == dissection.clamps:
             return self._stage
-        if self._stage is not None:
-            self._stage.remove()
         self._clamps = dissection.clamps
         first, last = dissection.organ.axis_at(np.array(dissection.clamps))
-        self._stage = Stage(
-            self._client.scene,
-            span=float(np.linalg.norm(last - first)),
-            radius=dissection.organ.mean_radius,
-            look=self._look,
-            tissue=TISSUE,
-        )
+        span = float(np.linalg.norm(last - first))
+        if self._stage is not None and abs(span / self._stage.span - 1.0) > SAME_STAGE:
+            self._stage.remove()
+            self._stage = None
+        if self._stage is None:
+            self._stage = Stage(
+                self._client.scene,
+                span=span,
+                radius=dissection.organ.mean_radius,
+                look=self._look,
+                tissue=TISSUE,
+            )
+            self._stage.frame_camera(self._client)
         # The organ stands where its images stand; the stage has its first clamp at the origin.
         turn = transforms.SO3.from_matrix(dissection.frame.T)
         self._client.scene.add_frame(
             "/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first)
         )
-        self._shape = -1
-        self._stage.frame_camera(self._client)
         return self._stage
 
     def _rebuild(self) -> None:
@@ -130,11 +134,11 @@ class Scene:
         faces: NDArray[np.int32],
         color: tuple[int, int, int],
     ) -> None:
-        used = int(faces.max()) + 1
+        used, renumbered = np.unique(faces, return_inverse=True)
         mesh = self._client.scene.add_mesh_simple(
             f"/organ/{name}",
-            surface.vertices[:used],
-            faces.astype(np.uint32),
+            surface.vertices[used],
+            renumbered.reshape(faces.shape).astype(np.uint32),
             color=color,
             side="double",
             # viser's shadow camera is made for metres: in mm its bias darkens what it lights.

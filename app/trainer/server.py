@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import viser
+from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
@@ -106,13 +107,27 @@ class Trainer:
             self._server.stop()
 
     def _connect(self, client: viser.ClientHandle) -> None:
-        view = ClientView(client, Session(self._organ), self._look)
+        try:
+            view = ClientView(client, Session(self._organ), self._look)
+        except Exception:
+            self._fault(client)
+            return
         with self._views_lock:
-            self._views[client.client_id] = view
+            # viser runs this in a pool: a tab closed meanwhile has been disconnected already.
+            if client.client_id in self._server.get_clients():
+                self._views[client.client_id] = view
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
         with self._views_lock:
             self._views.pop(client.client_id, None)
+
+    def _fault(self, client: viser.ClientHandle) -> None:
+        """Log the fault that has just stopped a client's session, and tell the client."""
+        log.exception("the session of client %d has stopped", client.client_id)
+        client.add_notification(
+            "This duct has stopped", "A fault of the program. Reload the page for a new one.",
+            color="red",
+        )  # fmt: skip
 
     def _run(self) -> None:
         period = 1.0 / TICKS_PER_SECOND
@@ -129,14 +144,9 @@ class Trainer:
                 except Exception:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
-                        gone = self._views.get(number) is not view
-                    if not gone:
-                        log.exception("the session of client %d has stopped", number)
-                        self._drop(number)
-
-    def _drop(self, number: int) -> None:
-        with self._views_lock:
-            self._views.pop(number, None)
+                        there = self._views.pop(number, None) is view
+                    if there:
+                        self._fault(view.client)
 
 
 def _serve(host: str, port: int) -> viser.ViserServer:
@@ -156,6 +166,9 @@ def _serve(host: str, port: int) -> viser.ViserServer:
     # viser prints an address of its own, whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
+    # Any client could ask viser for a public tunnel to this server.
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")

@@ -2,6 +2,7 @@
 # pyright: reportUnknownMemberType=false, reportArgumentType=false
 """The thesis's figures 6.1, 6.7 and 6.8, drawn again with our theories beside ANSYS."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from app.validation.comparison import COMPARED, Comparison
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3, Table
+from organ_geometry.whole_file import write_whole
 from physics import NoEquilibrium
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> list[Path]
     comparisons
         The compared tables, by number.
     folder
-        Where to write them.
+        Where to write them; made if it is not there.
 
     Returns
     -------
@@ -58,6 +60,7 @@ def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> list[Path]
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ValueError("figures need matplotlib: pip install 'bluntdissect[report]'") from error
+    folder.mkdir(exist_ok=True)
     written: list[Path] = []
     for name, title in FIGURES.items():
         figure = Figure(figsize=(7.0, 4.6), dpi=120, layout="constrained")
@@ -110,8 +113,11 @@ def _saved(figure: "Figure", path: Path) -> list[Path]:
     import matplotlib as mpl
 
     files = [path.with_suffix(".png"), path.with_suffix(".svg")]
+    png, svg = BytesIO(), BytesIO()
     # Without a date and with a fixed salt the same figure is the same file.
     with mpl.rc_context({"svg.hashsalt": path.name, "svg.fonttype": "none"}):
-        figure.savefig(files[0])
-        figure.savefig(files[1], metadata={"Date": None})
+        figure.savefig(png, format="png")
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+    write_whole(files[0], png.getvalue())
+    write_whole(files[1], svg.getvalue())
     return files

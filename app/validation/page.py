@@ -12,7 +12,7 @@ INTRODUCTION = """\
 # Validation
 
 Made by `bluntdissect validate -o docs`. The thesis compares its beam with 40 ANSYS beam
-elements at a span of 2 inch, under P on one half (the grasper's whole force is 2P). Deflections
+elements on a half of 1 inch, under P on that half (the grasper's whole force is 2P). Deflections
 are in inch, loads in lbf, as published. Errors are against the ANSYS column, whose figures have
 three to five digits.
 

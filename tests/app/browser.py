@@ -72,7 +72,9 @@ def trainer_page(
         yield trainer
         assert not errors, errors
         elsewhere = [
-            url for url in requests if not url.startswith((address, "data:", "blob:", "ws:"))
+            url
+            for url in requests
+            if not url.startswith((address, address.replace("http", "ws", 1), "data:", "blob:"))
         ]
         assert not elsewhere, elsewhere
     finally:

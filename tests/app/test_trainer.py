@@ -9,6 +9,8 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -17,8 +19,10 @@ from browser import TrainerPage, running_browser, trainer_page
 from playwright.sync_api import Browser, expect
 from program import command, refused
 from simulated import phantom
+from viser import ClientHandle, _messages
 
 from app.simulation.session import Phase, Session
+from app.trainer import server
 from app.trainer.server import AddressTakenError, Trainer
 from organ_geometry.organ_file import write_organ
 from physics import Beam, Cubic, TautString
@@ -296,6 +300,24 @@ def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) ->
 )
 def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
     assert words in refused(("trainer", *arguments))
+
+
+def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
+    handlers = trainer._server._websock_server._incoming_handlers
+    assert _messages.ViewerCameraMessage not in handlers  # it is the clients' own
+    assert _messages.ShareUrlRequest not in handlers
+    assert _messages.ShareUrlDisconnect not in handlers
+
+
+def test_a_tab_that_closes_while_it_connects_leaves_nothing(
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "ClientView", lambda *_: object())
+    before = set(trainer._views)
+    gone = cast("ClientHandle", SimpleNamespace(client_id=10**6))
+    trainer._disconnect(gone)
+    trainer._connect(gone)
+    assert set(trainer._views) == before
 
 
 def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:

@@ -5,6 +5,7 @@ import pytest
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_1, TABLE_6_2, TABLE_6_3, TABLES, Table
 from physics import Cubic, TautString
 
+
 def calculated_by(table: Table) -> Cubic | TautString:
     """The theory that the thesis calculated a table with."""
     return Cubic(q=0.5) if table.theory == "cubic" else TautString()

@@ -1,0 +1,65 @@
+"""Pulls: one load after the other is what each load is by itself."""
+
+import numpy as np
+import pytest
+
+from physics import (
+    Beam,
+    Cubic,
+    Equilibrium,
+    Exact,
+    ExactAlong,
+    Fem,
+    Pull,
+    TautString,
+    Theory,
+    VaryingBeam,
+)
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+ALONG = ExactAlong(Exact(shear=True), VaryingBeam.of(DUCT, 5))
+STATIONS = np.array([0.0, 12.0, 25.4, 50.8])
+
+
+@pytest.mark.parametrize(
+    "theory",
+    [Cubic(), TautString(), Fem(), Exact(), Exact(shear=True, law="neo-hooke"), ALONG],
+    ids=lambda theory: f"{theory.name}",
+)
+@pytest.mark.parametrize("grasp", [25.4, 12.0])
+def test_loads_in_a_row_are_those_by_themselves(theory: Theory, grasp: float) -> None:
+    pull = Pull(theory, DUCT, grasp)
+    for force in (0.5, 0.6, 3.0, 1.0, 0.0, 5.0):
+        one, other = (
+            pull.to_force(force, STATIONS),
+            theory.under_force(DUCT, grasp, force, STATIONS),
+        )
+        same(one, other)
+        back = pull.to_deflection(one.deflection, STATIONS)
+        assert back.force == pytest.approx(force, rel=1e-9, abs=1e-9)
+
+
+def same(one: Equilibrium, other: Equilibrium) -> None:
+    for name in ("force", "deflection", "strain_energy"):
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-8, abs=1e-9)
+    for name in ("along", "across", "rotation", "moment", "total_stress"):
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-6, abs=1e-7)
+
+
+def test_part_of_an_equilibrium_is_the_same_at_fewer_stations() -> None:
+    whole = Cubic().under_force(DUCT, 25.4, 2.0, STATIONS)
+    part = whole.part(slice(1, 3))
+    same(part, Cubic().under_force(DUCT, 25.4, 2.0, STATIONS[1:3]))
+    assert part.stations.tolist() == [12.0, 25.4]
+
+
+def test_grasp_lies_between_the_clamps() -> None:
+    for theory in (Cubic(), Exact()):
+        with pytest.raises(ValueError, match="grasp must lie"):
+            Pull(theory, DUCT, 60.0)
+
+
+def test_sections_and_beam_have_one_span() -> None:
+    longer = Beam.round(span=60.0, diameter=8.89, modulus=0.310264)
+    with pytest.raises(ValueError, match="span of the beam must be that of the sections"):
+        ALONG.under_force(longer, 25.4, 1.0, STATIONS)
