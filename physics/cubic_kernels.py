@@ -1,9 +1,9 @@
 """The cubic's deflection in compiled code: for use inside other kernels, and for arrays of forces.
 
-The one real root of F = k1 delta + k3 delta^3 by Cardano, without the cancellation that his formula
-has as written: with x = F/k1, w = |x| sqrt(k3/k1) and c the cube root of w/2 + sqrt(w^2/4 + 1/27),
-delta = x / (c^2 + 1/3 + 1/(9 c^2)). Nothing branches and nothing is called, so that the loop over an
-array runs in vectors.
+The one real root of F = k1 delta + k3 delta^3 by Cardano, without the cancellation that his
+formula has as written: with x = F/k1, w = |x| sqrt(k3/k1) and c the cube root of
+w/2 + sqrt(w^2/4 + 1/27), delta = x / (c^2 + 1/3 + 1/(9 c^2)). Nothing branches and nothing is
+called, so that the loop over an array runs in vectors.
 """
 
 import math
@@ -23,9 +23,21 @@ FAR = 1e9
 
 @njit(cache=True, error_model="numpy")
 def cubic_deflection(bending: float, stretching: float, force: float) -> float:
-    """Return the deflection, mm, under a force, N, with k1, N/mm, above 0 and k3, N/mm^3, not below.
+    """Return the deflection under a force, within 1e-13 of the root wherever F/k1 is finite.
 
-    Within 1e-13 of the root for every finite force whose F/k1 is finite.
+    Parameters
+    ----------
+    bending
+        k1, N/mm, above 0.
+    stretching
+        k3, N/mm^3, not below 0.
+    force
+        F, the grasper's whole force, N.
+
+    Returns
+    -------
+    float
+        Displacement of the grasp along the pull, mm.
     """
     linear = force / bending
     half = 0.5 * abs(linear) * math.sqrt(stretching / bending)
