@@ -102,7 +102,7 @@ def measure_physics(console: Console) -> dict[str, object]:
     console.print("A call is one from Python. / first, / call: over the first row, over its call.")
     notes = {engine.key: engine.note for engine in engines if engine.note}
     for note in notes.values():
-        console.print(note, highlight=False, markup=False)
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
     console.print(f"cubic, array of forces: {rate / 1e6:.0f} million a second", highlight=False)
     return {
         **{f"{engine.key}_us": engine.time for engine in engines},
