@@ -104,7 +104,9 @@ def client_figures() -> dict[str, float]:
         If the trainer does not start.
     """
     figures: dict[str, float] = {}
-    command = [sys.executable, "-c", "from app.command_line import main; main()"]
+    # A client that leaves while it is being drawn is a warning of viser's, here by intent.
+    program = "from app.command_line import main; main()"
+    command = [sys.executable, "-W", "ignore::UserWarning", "-c", program]
     with subprocess.Popen(
         [*command, "trainer", "--port", "0"], stdout=subprocess.PIPE, text=True
     ) as process:
