@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
+from physics.cubic_kernels import fill_cubic_deflections
 from physics.equilibrium import Equilibrium
 from physics.fitted_q import FITTED_Q
 from physics.quantity import finite, stations_on
@@ -130,6 +131,64 @@ class Cubic:
         if abs(argument) < 1e-8:
             return force / k1  # sinh(asinh(z)/3) = z/3 here to the last digit
         return 2.0 / scale * math.sinh(math.asinh(argument) / 3.0)
+
+    def deflections(
+        self,
+        beam: Beam,
+        grasp: float,
+        forces: NDArray[np.float64],
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the deflections under many forces, each on its own, in nanoseconds a force.
+
+        With q fitted they are found one by one, in microseconds.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        forces
+            (N,) the grasper's whole forces, N.
+        out
+            (N,) array of floats to fill and return, which may be `forces`; a new one when None.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N,) displacements of the grasp along the pull, mm.
+
+        Raises
+        ------
+        ValueError
+            If the forces are not a row of finite numbers, or `out` is no such row of that length.
+
+        Examples
+        --------
+        >>> duct = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+        >>> Cubic().deflections(duct, 25.4, np.array([0.0, 3.5, -3.5])).round(2).tolist()
+        [0.0, 12.7, -12.7]
+        """
+        row = np.asarray(forces, dtype=np.float64)
+        if row.ndim != 1:
+            raise ValueError(f"forces must be a row of forces in N, got shape {row.shape}")
+        if not np.isfinite(row).all():
+            first = row[~np.isfinite(row)][0]
+            raise ValueError(f"forces must be finite numbers of N, got {first}")
+        if out is None:
+            out = np.empty_like(row)
+        elif out.shape != row.shape or out.dtype != np.float64:
+            raise ValueError(
+                f"out must be {row.size} float64 in a row for as many forces, "
+                f"got {out.dtype} of shape {out.shape}"
+            )
+        if isinstance(self.q, str):
+            beam.grasped_at(grasp)
+            out[:] = [self._deflection_by_law(beam, grasp, force) for force in row.tolist()]
+        else:
+            fill_cubic_deflections(*self.stiffness(beam, grasp), row, out)
+        return out
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
         """Return the grasper's whole force at a deflection.

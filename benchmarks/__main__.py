@@ -1,0 +1,160 @@
+"""Measure the physics and the trainer in one run: a table, and the figures in build/bench.json.
+
+Run from the root of the repository: ``make bench``, or ``python -m benchmarks``.
+"""
+
+import json
+import platform
+from pathlib import Path
+
+import llvmlite.binding
+import numba
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
+from benchmarks.duct import DUCT, FORCE
+from benchmarks.engine import Engine
+from benchmarks.exact_beam import exact_engines
+from benchmarks.peers import peer_engines
+from benchmarks.session_step import step_figures
+from benchmarks.spring_chain import spring_chain_engine
+from benchmarks.trainer_clients import CLIENTS, client_figures
+
+FIGURES = Path(__file__).parents[1] / "build" / "bench.json"
+COMPILED, CALLED = "exact_centre_warm", "exact_python_call"
+"""What the others are compared with: ours inside compiled code, and as a Python call."""
+
+
+def machine() -> dict[str, str | int]:
+    """Return what the figures were measured on.
+
+    Returns
+    -------
+    dict[str, str | int]
+        System, processor and versions.
+    """
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": str(llvmlite.binding.get_host_cpu_name()),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+    }
+
+
+def physics_table(engines: list[Engine]) -> Table:
+    """Return times, errors and ratios as a table.
+
+    Parameters
+    ----------
+    engines
+        What was timed.
+
+    Returns
+    -------
+    Table
+        A row for each engine.
+    """
+    times = {engine.key: engine.time for engine in engines}
+    table = Table(
+        title=f"A duct of {DUCT.span:g} mm under {FORCE:.3f} N; warm: 1 % load steps",
+        title_justify="left",
+        title_style="",
+        box=None,
+        pad_edge=False,
+    )
+    table.add_column("")
+    for heading in ("us a solve", "off by %", "/ first", "/ call"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for engine in engines:
+        ratios = ["", ""]
+        if engine.time is not None and not engine.key.startswith("exact"):
+            ours = (times[COMPILED], times[CALLED])
+            ratios = [f"{engine.time / time:.3g}" if time else "" for time in ours]
+        table.add_row(
+            engine.title,
+            "-" if engine.time is None else f"{engine.time:.3g}",
+            "" if engine.error is None else f"{100.0 * engine.error:+.4f}",
+            *ratios,
+        )
+    return table
+
+
+def measure_physics(console: Console) -> dict[str, object]:
+    """Print and return the figures of the physics.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+
+    Returns
+    -------
+    dict[str, object]
+        `<key>_us` for each engine, None where there is none; `errors` and `notes` by key.
+    """
+    with console.status("Compiling and timing beams ..."):
+        engines = [*exact_engines(), cubic_engine(), spring_chain_engine(), *peer_engines()]
+        rate = cubic_array_rate()
+    console.print(physics_table(engines))
+    console.print("A call is one from Python. / first, / call: over the first row, over its call.")
+    notes = {engine.key: engine.note for engine in engines if engine.note}
+    for note in notes.values():
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
+    console.print(f"cubic, array of forces: {rate / 1e6:.0f} million a second", highlight=False)
+    return {
+        **{f"{engine.key}_us": engine.time for engine in engines},
+        "cubic_array_per_s": rate,
+        "errors": {engine.key: engine.error for engine in engines},
+        "notes": notes,
+    }
+
+
+def measure_trainer(console: Console) -> dict[str, float]:
+    """Print and return the figures of the trainer.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+
+    Returns
+    -------
+    dict[str, float]
+        Those of `step_figures` and `client_figures`.
+    """
+    with console.status("Timing the trainer ..."):
+        figures = step_figures() | client_figures()
+    lines = [
+        "",
+        f"Trainer: a step (beam, criterion, skin) {figures['step_us']:.0f} us, its skin "
+        f"({figures['vertices']:.0f} vertices) {figures['skin_us']:.0f} us",
+    ]
+    lines += [
+        f"{clients} client{'s' if clients > 1 else ''}: "
+        f"{figures[f'frames_per_second_{clients}']:.1f} frames a second each, "
+        f"{figures[f'processor_percent_{clients}']:.0f} % of one core"
+        for clients in CLIENTS
+    ]
+    for line in lines:
+        console.print(line, highlight=False)
+    return figures
+
+
+def main() -> None:
+    """Measure, print, and write the figures."""
+    console = Console()
+    figures = {
+        "machine": machine(),
+        "physics": measure_physics(console),
+        "trainer": measure_trainer(console),
+    }
+    FIGURES.parent.mkdir(exist_ok=True)
+    FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    console.print("\nFigures: build/bench.json", highlight=False)
+
+
+if __name__ == "__main__":
+    main()

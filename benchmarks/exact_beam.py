@@ -1,0 +1,143 @@
+"""Time of a solve of the exact beam, inside compiled code and from Python, on one core."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from benchmarks.duct import CENTRE, DUCT, FORCE, OFF_CENTRE, relative_error, walk_about
+from benchmarks.engine import Engine
+from benchmarks.stopwatch import microseconds
+from physics import Exact
+from physics import exact_kernels as kernels
+
+__all__ = ["exact_engines"]
+
+THEORIES = {
+    "exact": ("exact", Exact()),
+    "exact_shear": ("exact, shear", Exact(shear=True)),
+    "exact_neo_hooke": ("exact, neo-hooke", Exact(shear=True, law="neo-hooke")),
+}
+"""Keys of the figures, titles and theories."""
+GRASPS = {"centre": ("centre", CENTRE), "offcentre": ("30 %", OFF_CENTRE)}
+SOLVES = 5000
+COLD_SOLVES = 1000
+
+
+@njit  # not cached: a cache does not notice a change in the kernels' file
+def walk(
+    state: kernels.State, law: int, grasp: int, control: int, loads: NDArray[np.float64]
+) -> int:
+    """Solve for one load after the other; return how many were not found."""
+    missed = 0
+    for load in loads:
+        missed += kernels.solve(state, law, grasp, control, load) != kernels.FOUND
+    return missed
+
+
+def compiled(theory: Exact, grasp: float, control: int) -> float:
+    """Return the time of a warm solve inside compiled code, us.
+
+    Parameters
+    ----------
+    theory
+        The theory.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    control
+        `kernels.BY_FORCE` or `kernels.BY_DEFLECTION`.
+
+    Returns
+    -------
+    float
+        The time.
+
+    Raises
+    ------
+    RuntimeError
+        If a load was not found.
+    """
+    solver = theory.solver(DUCT, grasp)
+    solver.solve_force(FORCE)
+    state, law, part = solver._state, solver._law, solver._part
+    entry = kernels.FORCE if control == kernels.BY_FORCE else kernels.DEFLECTION
+    loads = walk_about(float(state[4][entry]), SOLVES)
+    if walk(state, law, part, control, loads):
+        raise RuntimeError("a load of the walk was not found")
+    return microseconds(lambda: walk(state, law, part, control, loads), SOLVES)
+
+
+def called(theory: Exact, grasp: float) -> float:
+    """Return the time of a warm solve by force called from Python, us.
+
+    Parameters
+    ----------
+    theory
+        The theory.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+
+    Returns
+    -------
+    float
+        The time.
+    """
+    solve = theory.solver(DUCT, grasp).solve_force
+    loads = walk_about(FORCE, SOLVES).tolist()
+
+    def again() -> None:
+        for load in loads:
+            solve(load)
+
+    return microseconds(again, SOLVES)
+
+
+def cold(theory: Exact, grasp: float) -> float:
+    """Return the time of a solve by force from rest, called from Python, us.
+
+    Parameters
+    ----------
+    theory
+        The theory.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+
+    Returns
+    -------
+    float
+        The time.
+    """
+    solver = theory.solver(DUCT, grasp)
+
+    def again() -> None:
+        for _ in range(COLD_SOLVES):
+            solver.rest()
+            solver.solve_force(FORCE)
+
+    return microseconds(again, COLD_SOLVES)
+
+
+def exact_engines() -> list[Engine]:
+    """Return the exact beam's times: each law and grasp, by force and by deflection, warm and cold.
+
+    Returns
+    -------
+    list[Engine]
+        The times.
+    """
+    engines: list[Engine] = []
+    for name, (law, theory) in THEORIES.items():
+        for place, (at, grasp) in GRASPS.items():
+            error = relative_error(theory.deflection(DUCT, grasp, FORCE), theory, grasp)
+            warm, pulled = compiled(theory, grasp, kernels.BY_FORCE), f"{law}, {at}"
+            held = compiled(theory, grasp, kernels.BY_DEFLECTION)
+            key = name if name != "exact" and place == "centre" else f"{name}_{place}"
+            call = "exact" if key == "exact_centre" else key
+            asked, unloaded = called(theory, grasp), cold(theory, grasp)
+            timed = [
+                Engine(f"{key}_warm", pulled, warm, error),
+                Engine(f"{key}_deflection_warm", f"{pulled}, by deflection", held, error),
+                Engine(f"{call}_python_call", f"{pulled}, a call", asked, error),
+                Engine(f"{call}_cold", f"{pulled}, a cold call", unloaded, error),
+            ]
+            engines += [engine.checked() for engine in timed]
+    return engines
