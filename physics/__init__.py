@@ -7,6 +7,7 @@ from physics.exact import BeyondLaw, Exact, ExactSolver
 from physics.exact_along import ExactAlong
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
+from physics.ligament_section import LigamentSection, ligament
 from physics.mass_spring import MassSpring
 from physics.mass_spring_chain import MassSpringChain
 from physics.pull import Pull
@@ -20,6 +21,13 @@ from physics.rupture import (
     critical_stations,
 )
 from physics.taut_string import TautString
+from physics.tear_growth import (
+    TearPath,
+    tear_by_pull,
+    tear_under_force,
+    tear_under_grip,
+    torn_beam,
+)
 from physics.theory import THEORIES, Theory, theory_named
 from physics.varying_beam import VaryingBeam
 
@@ -37,6 +45,7 @@ __all__ = [
     "ExactSolver",
     "Fem",
     "FittedQ",
+    "LigamentSection",
     "MassSpring",
     "MassSpringChain",
     "NoEquilibrium",
@@ -45,6 +54,7 @@ __all__ = [
     "RuptureCheck",
     "Support",
     "TautString",
+    "TearPath",
     "Theory",
     "VaryingBeam",
     "break_event",
@@ -52,5 +62,10 @@ __all__ = [
     "check_rupture",
     "critical_stations",
     "fitted_to",
+    "ligament",
+    "tear_by_pull",
+    "tear_under_force",
+    "tear_under_grip",
     "theory_named",
+    "torn_beam",
 ]

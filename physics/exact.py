@@ -283,6 +283,7 @@ class ExactSolver:
         if not self._half:
             second = 1.0 - _bounds(self._part, 1.0 - at, gyration)[-2::-1]
             self._bounds = np.concatenate([self._bounds, second])
+        self._bounds = _at_steps(self._bounds, self._part, beam)
         count = self._bounds.size - 1
         nodes = np.zeros((kernels.NODE_ROWS, count + 1))
         elements = np.zeros((kernels.ELEMENT_ROWS, count))
@@ -300,9 +301,12 @@ class ExactSolver:
         at[0::2] = middles - kernels.GAUSS * lengths
         at[1::2] = middles + kernels.GAUSS * lengths
         areas, second_moments, _, shear_areas = _sections_at(self._beam, at * self._span)
+        offsets = _offsets_at(self._beam, at * self._span) / self._span
+        self._line[kernels.ECCENTRIC] = float(np.any(offsets != 0.0))
         nu = self._beam.poisson_ratio
         if self._law == kernels.LINEAR:
             points = np.zeros((kernels.LINEAR_ROWS, at.size))
+            points[kernels.OFFSET] = offsets
             points[kernels.BENDING] = second_moments / (mean_area * self._span**2)
             points[kernels.KK] = points[kernels.BENDING]
             points[kernels.STRETCHING] = mean_area / areas
@@ -315,6 +319,7 @@ class ExactSolver:
         self._line[kernels.SHRINK] = lateral_constant(nu)
         self._line[kernels.POISSON] = nu
         points = np.zeros((kernels.NEO_HOOKE_ROWS, at.size))
+        points[kernels.OFFSET] = offsets
         points[kernels.AREA] = areas / mean_area
         constant = isinstance(self._beam, Beam)
         for i in range(1 if constant else at.size):
@@ -410,7 +415,8 @@ class ExactSolver:
         `normal_stress` is N/A, the mean over the section, and `bending_stress` what the outermost
         fibre has beyond it; their sum is that fibre's first Piola stress along the axis.
         `shear_force` is the force across the turned section. At the grasp the part under the
-        larger tension is reported.
+        larger tension is reported. Where the centroid lies off the axis, `moment` is that about
+        the axis and the stresses are those of the moment about the centroid.
 
         Parameters
         ----------
@@ -441,7 +447,8 @@ class ExactSolver:
         moment = samples[kernels.BENT] * self._force_unit * self._span
         normal_stress = tension / areas
         if self._law == kernels.LINEAR:
-            bending_stress = np.abs(moment) * fibre_distances / second_moments
+            about_centroid = moment + _offsets_at(self._beam, at) * tension
+            bending_stress = np.abs(about_centroid) * fibre_distances / second_moments
         else:
             outer = self._outer_stress(samples, fibre_distances / self._span)
             bending_stress = np.maximum(outer - normal_stress, 0.0)
@@ -488,7 +495,13 @@ def _mirrored(beam: Beam | VaryingBeam, grasp: float) -> bool:
         return False
     if isinstance(beam, Beam):
         return True
-    rows = (beam.areas, beam.second_moments, beam.fibre_distances, beam.shear_areas)
+    rows = (
+        beam.areas,
+        beam.second_moments,
+        beam.fibre_distances,
+        beam.shear_areas,
+        beam.offsets,
+    )
     return bool(
         np.allclose(beam.stations, beam.span - beam.stations[::-1], rtol=0, atol=1e-12 * beam.span)
         and all(row is None or np.allclose(row, row[::-1], rtol=1e-12, atol=0) for row in rows)
@@ -531,6 +544,37 @@ def _sections_at(
         )
     fibre_distances = np.interp(at, beam.stations, beam.fibre_distances)
     return areas, second_moments, fibre_distances, shear_areas
+
+
+def _offsets_at(beam: Beam | VaryingBeam, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distances of the centroids from the axis at places, mm."""
+    if isinstance(beam, Beam) or beam.offsets is None:
+        return np.zeros(at.shape)
+    return np.interp(at, beam.stations, beam.offsets)
+
+
+def _at_steps(
+    bounds: NDArray[np.float64], grasp: int, beam: Beam | VaryingBeam
+) -> NDArray[np.float64]:
+    """Return the bounds drawn so that one of them lies at each step of the sections."""
+    # Across a step the curvature jumps, which an element's curve cannot follow. The bounds at the
+    # clamps and the grasp stay; a part with more steps than bounds is left as it is.
+    if isinstance(beam, Beam):
+        return bounds
+    steps = np.unique(beam.stations[1:][np.diff(beam.stations) == 0.0]) / beam.span
+    anchors: list[int] = [0]
+    places: list[float] = [0.0]
+    for first, last in ((0, grasp), (grasp, bounds.size - 1)):
+        inside = steps[(steps > bounds[first]) & (steps < bounds[last])]
+        if inside.size < last - first:
+            for k, step in enumerate(inside):
+                nearest = int(np.argmin(np.abs(bounds - step)))
+                anchors.append(min(max(nearest, anchors[-1] + 1), last - inside.size + k))
+                places.append(float(step))
+        if last > first:
+            anchors.append(last)
+            places.append(float(bounds[last]))
+    return np.interp(bounds, bounds[anchors], places)
 
 
 def _bounds(count: int, length: float, gyration: float) -> NDArray[np.float64]:

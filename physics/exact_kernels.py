@@ -19,6 +19,10 @@ tridiagonal with a border of h and p. By Sylvester's law of inertia the pivots c
 which the energy can fall: an equilibrium is stable when there are as many negative pivots as
 unknown forces.
 
+A section whose centroid lies off the axis by e, towards the pull, has the energy of the same
+section on the axis at the stretch lam - e kappa of its centroid: psi gets a term - e n kappa,
+whatever the law.
+
 The strains of the neo-Hookean section have no closed form. Each Gauss point keeps them and their
 derivatives, brings them up to date by one Newton step whenever the rotations have moved, and what
 that step leaves is condensed too: the whole converges as one Newton method.
@@ -59,23 +63,25 @@ ELEMENT_ROWS = 7
 # derivatives of psi by theta (T), h, p and kappa (K), where X = -psi_h and Y = -psi_p; the section.
 ANGLE, SIN, COS, KAPPA = range(4)
 MOMENT, T, X, Y, TT, TH, TP, HH, HP, PP, KK, KT, KH, KP = range(4, 18)
-BENDING, STRETCHING, SHEARING = range(18, 21)
-LINEAR_ROWS = 21
+OFFSET = 18
+BENDING, STRETCHING, SHEARING = range(19, 22)
+LINEAR_ROWS = 22
 # The same for a neo-Hookean section, and its strains, their derivatives, and what the law makes
 # of them.
-AREA, REACH, WEIGHT, DEFICIT = range(18, 22)
-LAM, GAM, LAM_N, LAM_Q, GAM_Q, LAM_K, GAM_K, LAW_N, LAW_Q, LAW_K, STIFFNESS = range(22, 33)
-NEO_HOOKE_ROWS = 33
+AREA, REACH, WEIGHT, DEFICIT = range(19, 23)
+LAM, GAM, LAM_N, LAM_Q, GAM_Q, LAM_K, GAM_K, LAW_N, LAW_Q, LAW_K, STIFFNESS = range(23, 34)
+NEO_HOOKE_ROWS = 34
 
 # Rows of `fibres`: three blocks of as many columns as `points`, the middle and the two outer ones.
 STRETCH, SHEAR, VOLUME, PULL, PULL_S, PULL_G, CROSS, CROSS_G = range(8)
 FIBRE_ROWS = 8
 
 # Entries of `line`: the unknown forces (of both parts across), load, negative pivots too many;
-# constants of the material; the last equilibrium before a failure.
+# constants of the material; the last equilibrium before a failure; whether a centroid is off axis.
 H, P1, P2, FORCE, DEFLECTION, NEGATIVE = range(6)
 SHEAR_MODULUS, RATIO, SHRINK, POISSON, LAST_FORCE, LAST_DEFLECTION = range(6, 12)
-LINE_SIZE = 12
+ECCENTRIC = 12
+LINE_SIZE = 13
 
 GAUSS = 0.5 / math.sqrt(3.0)
 """Distance of a Gauss point from the middle of its element, in lengths of the element."""
@@ -411,6 +417,27 @@ def fill_neo_hooke(
         points[KP, i] = -lam_k * sin - gam_k * cos
 
 
+@njit(cache=True, error_model="numpy")
+def add_offsets(points: Array, first: int, last: int, h: float, p: float) -> None:
+    """Add the term - e n kappa of psi, for centroids off the axis."""
+    for i in range(first, last):
+        offset = points[OFFSET, i]
+        sin, cos = points[SIN, i], points[COS, i]
+        n, q = h * cos + p * sin, p * cos - h * sin
+        stretch = offset * points[KAPPA, i]
+        along, across = stretch * cos, stretch * sin
+        points[MOMENT, i] -= offset * n
+        points[T, i] -= stretch * q
+        points[X, i] += along
+        points[Y, i] += across
+        points[TT, i] += stretch * n
+        points[TH, i] += across
+        points[TP, i] -= along
+        points[KT, i] -= offset * q
+        points[KH, i] -= offset * cos
+        points[KP, i] -= offset * sin
+
+
 @njit(cache=True)
 def _fill(state: State, law: int, grasp: int, rounds: int) -> None:
     """Fill `points` for the present rotations and forces."""
@@ -429,13 +456,18 @@ def _fill(state: State, law: int, grasp: int, rounds: int) -> None:
     if law == LINEAR:
         fill_linear(points, 0, half, h, p1)
         fill_linear(points, half, count, h, p2)
-        return
-    shrink, poisson = line[SHRINK], line[POISSON]
-    fill_strains(points, fibres, 0, half, h, p1, shrink, poisson)
-    fill_strains(points, fibres, half, count, h, p2, shrink, poisson)
-    fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
-    fill_neo_hooke(points, fibres, 0, half, h, p1, shrink, poisson)
-    fill_neo_hooke(points, fibres, half, count, h, p2, shrink, poisson)
+        if line[ECCENTRIC] != 0.0:
+            points[KT : KP + 1] = 0.0
+    else:
+        shrink, poisson = line[SHRINK], line[POISSON]
+        fill_strains(points, fibres, 0, half, h, p1, shrink, poisson)
+        fill_strains(points, fibres, half, count, h, p2, shrink, poisson)
+        fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
+        fill_neo_hooke(points, fibres, 0, half, h, p1, shrink, poisson)
+        fill_neo_hooke(points, fibres, half, count, h, p2, shrink, poisson)
+    if line[ECCENTRIC] != 0.0:
+        add_offsets(points, 0, half, h, p1)
+        add_offsets(points, half, count, h, p2)
 
 
 @njit(cache=True)
@@ -730,8 +762,9 @@ def _verdict(points: Array, fibres: Array, line: Array, law: int, grasp: int) ->
     if line[NEGATIVE] != 0.0:
         return UNSTABLE
     # A section never turns past the force that turns it. The linear law with shear, which softens
-    # in tension, has other equilibria where some do: stable, but not to be had by pulling.
-    if law == NEO_HOOKE or points[SHEARING, 0] == 0.0:
+    # in tension, has other equilibria where some do: stable, but not to be had by pulling. A
+    # centroid off the axis turns sections by itself.
+    if law == NEO_HOOKE or points[SHEARING, 0] == 0.0 or line[ECCENTRIC] != 0.0:
         return FOUND
     h = line[H]
     sign = 1.0 if line[FORCE] >= 0.0 else -1.0
@@ -911,6 +944,13 @@ def _neo_hooke_strains(
 
 
 @njit(cache=True)
+def _offset(points: Array, e: int, f: float) -> float:
+    """Return the centroid's distance from the axis at the part f of element e."""
+    b = min(max((f - 0.5 + GAUSS) / (2.0 * GAUSS), 0.0), 1.0)
+    return (1.0 - b) * points[OFFSET, 2 * e] + b * points[OFFSET, 2 * e + 1]
+
+
+@njit(cache=True)
 def _strains(
     state: State,
     law: int,
@@ -922,9 +962,11 @@ def _strains(
     moment: float,
     by_moment: bool,
 ) -> tuple[float, float, float]:
-    """Return lam, gam and kappa at the part f of element e."""
+    """Return the centroid's lam and gam and kappa at the part f of element e."""
     points = state[2]
     i, j = 2 * e, 2 * e + 1
+    if by_moment:
+        moment += _offset(points, e, f) * n
     if law == NEO_HOOKE:
         return _neo_hooke_strains(state, i if f < 0.5 else j, n, q, kappa, moment, by_moment)
     b = min(max((f - 0.5 + GAUSS) / (2.0 * GAUSS), 0.0), 1.0)
@@ -990,6 +1032,7 @@ def sample(
                 sin, cos = math.sin(theta), math.cos(theta)
                 n, q = h * cos + p * sin, p * cos - h * sin
                 lam, gam, _ = _strains(state, law, e, part, n, q, kappa, 0.0, False)
+                lam += _offset(points, e, part) * kappa
                 x += w * (lam * cos - gam * sin)
                 y += w * (lam * sin + gam * cos)
         if f in (0.0, 1.0):
@@ -1019,7 +1062,7 @@ def strain_energy(state: State, law: int, grasp: int) -> float:
         n, q = h * cos + p * sin, p * cos - h * sin
         if law == LINEAR:
             density = 0.5 * (
-                points[MOMENT, i] * points[KAPPA, i]
+                points[BENDING, i] * points[KAPPA, i] * points[KAPPA, i]
                 + points[STRETCHING, i] * n * n
                 + points[SHEARING, i] * q * q
             )

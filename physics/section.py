@@ -37,6 +37,11 @@ class Ring:
         return max(squares - difference, 0.0) / (squares + difference)
 
     @property
+    def height(self) -> float:
+        """Extent across the axis it bends around, mm: the outer diameter; an ellipse's axis."""
+        return 4.0 * math.sqrt(self.second_moment / self.area / (1.0 + self.hole))
+
+    @property
     def fibres(self) -> tuple[float, float]:
         """Distance of two outer fibres, mm, and the part of the area each of them stands for.
 

@@ -35,11 +35,15 @@ class VaryingBeam:
     shear_areas
         (K,) areas times shear coefficients, mm^2; those of rings of the same area and second
         moment when None.
+    offsets
+        (K,) distances of the sections' centroids from the straight axis that the clamps hold,
+        mm, above zero towards the pull; all on the axis when None.
 
     Raises
     ------
     ValueError
-        If a row is not one number above zero per section, the stations do not run from 0 upwards,
+        If a row is not one number per section, or one of them is not above zero (an offset:
+        not finite), the stations do not run from 0 upwards,
         the modulus is not above zero, or Poisson's ratio is out of range.
     """
 
@@ -50,6 +54,7 @@ class VaryingBeam:
     modulus: float
     poisson_ratio: float = 0.3
     shear_areas: NDArray[np.float64] | None = None
+    offsets: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         stations = _locked(self.stations)
@@ -69,6 +74,7 @@ class VaryingBeam:
             ("second_moments", "mm^4"),
             ("fibre_distances", "mm"),
             ("shear_areas", "mm^2"),
+            ("offsets", "mm"),
         ):
             value = getattr(self, name)
             if value is None:
@@ -79,8 +85,9 @@ class VaryingBeam:
                     f"{name} must have one number of {unit} per station, {stations.size}, "
                     f"got shape {row.shape}"
                 )
-            positive(float(row.min()), f"every one of {name}", unit)
-            positive(float(row.max()), f"every one of {name}", unit)
+            check = finite if name == "offsets" else positive
+            check(float(row.min()), f"every one of {name}", unit)
+            check(float(row.max()), f"every one of {name}", unit)
             object.__setattr__(self, name, row)
         positive(self.modulus, "modulus", "MPa")
         if not 0.0 <= finite(self.poisson_ratio, "poisson_ratio", "(no unit)") < 0.5:
