@@ -24,7 +24,7 @@ def validate(
 
     Example: bluntdissect validate -o docs
     """
-    from app.validation.comparison import compared, solid_errors
+    from app.validation.comparison import compared, held_out_errors, solid_errors
     from app.validation.figures import draw_figures
     from app.validation.page import errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
@@ -36,7 +36,7 @@ def validate(
     solids = [solid_errors(table) for table in TABLES]
     if output is not None:
         draw_figures({each.table.number: each for each in comparisons}, output / "validation")
-        write_whole(output / "validation.md", page(comparisons, solids).encode())
+        write_whole(output / "validation.md", page(comparisons, solids, held_out_errors()).encode())
     if as_json:
         print(
             json.dumps(
