@@ -177,24 +177,7 @@ class Exact:
     def under_force(
         self, beam: Beam | VaryingBeam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force, pulled up from rest.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium; see `ExactSolver.sample`.
-        """
+        """Return the equilibrium under a force, pulled up from rest; see `Theory`."""
         solver = self.solver(beam, grasp)
         solver.solve_force(force)
         return solver.sample(stations)
@@ -206,24 +189,7 @@ class Exact:
         deflection: float,
         stations: NDArray[np.float64],
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp, pulled up from rest.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium; see `ExactSolver.sample`.
-        """
+        """Return the equilibrium at a deflection, pulled up from rest; see `Theory`."""
         solver = self.solver(beam, grasp)
         solver.solve_deflection(deflection)
         return solver.sample(stations)

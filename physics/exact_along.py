@@ -33,48 +33,14 @@ class ExactAlong:
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force.
-
-        Parameters
-        ----------
-        beam
-            A constant beam of the same span; its section does not count.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium under a force; see `Theory`."""
         self._check_span(beam)
         return self.exact.under_force(self.sections, grasp, force, stations)
 
     def under_deflection(
         self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        beam
-            A constant beam of the same span; its section does not count.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
         self._check_span(beam)
         return self.exact.under_deflection(self.sections, grasp, deflection, stations)
 

@@ -89,24 +89,7 @@ class Fem:
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium under a force; see `Theory`."""
         at = stations_on(beam.span, stations)
         pulled = self._pulled(beam, grasp, finite(force, "force", "N"), by_force=True)
         return self._sampled(beam, pulled, at)
@@ -114,24 +97,7 @@ class Fem:
     def under_deflection(
         self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
         at = stations_on(beam.span, stations)
         deflection = finite(deflection, "deflection", "mm")
         pulled = self._pulled(beam, grasp, deflection, by_force=False)

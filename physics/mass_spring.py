@@ -121,24 +121,7 @@ class MassSpring:
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium under a force; see `Theory`."""
         chain = self.chain(beam, grasp)
         chain.pull(force)
         # The cubic's deflection is near enough to start from.
@@ -149,24 +132,7 @@ class MassSpring:
     def under_deflection(
         self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
         chain = self.chain(beam, grasp)
         chain.hold(finite(deflection, "deflection", "mm"))
         chain.bend(deflection)

@@ -85,47 +85,13 @@ class TautString:
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium under a force; see `Theory`."""
         return self._taut(beam, grasp, force, self.deflection(beam, grasp, force), stations)
 
     def under_deflection(
         self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-        """
+        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
         return self._taut(beam, grasp, self.force(beam, grasp, deflection), deflection, stations)
 
     def _taut(

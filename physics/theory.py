@@ -31,13 +31,59 @@ class Theory(Protocol):
     def under_force(
         self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium under a force, N, at a grasp, mm, sampled at stations, mm."""
+        """Return the equilibrium under a force.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        force
+            The grasper's whole force, N.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+
+        Raises
+        ------
+        ValueError
+            If the grasp is not between the clamps, the force is not finite or a station is not on
+            the span; as `NoEquilibrium` if the theory ends before the force.
+        """
         ...
 
     def under_deflection(
         self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
-        """Return the equilibrium at a deflection, mm, of the grasp, sampled at stations, mm."""
+        """Return the equilibrium at a deflection of the grasp.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        grasp
+            Distance of the grasp from the first clamp, mm.
+        deflection
+            Displacement of the grasp along the pull, mm.
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+
+        Raises
+        ------
+        ValueError
+            If the grasp is not between the clamps, the deflection is not finite or a station is
+            not on the span; as `NoEquilibrium` if the theory ends before the deflection.
+        """
         ...
 
 

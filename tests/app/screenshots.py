@@ -43,8 +43,7 @@ def main(folder: Path) -> None:
                         tab.page.get_by_role("tab", name="Model").click()
                         take(tab, folder / "trainer-model.jpg")
                         tab.page.get_by_role("tab", name="Train").click()
-                    session = trainer.sessions[max(trainer.sessions)]
-                    session.set_force(3.0)
+                    tab.slide("Force F (N)", 3.0)
                     tab.wait_for_force(3.0)
                     name = "pulled" if size == "wide" else f"pulled-{size}"
                     take(tab, folder / f"trainer-{name}.jpg")
