@@ -149,7 +149,7 @@ def _print_report(built: "BuiltOrgan", bytes_in: int, output: Path, *, every_sec
         (
             "RMS error",
             f"{built.rms_error_px:.3f} px, {built.rms_error_mm:.4f} mm, "
-            f"largest {built.max_error_mm:.4f} mm (edge points to the organ)",
+            f"largest {built.max_error_mm:.4f} mm either way",
         ),
         ("bytes", f"{bytes_in:,} in, {bytes_out:,} out, ratio {bytes_in / bytes_out:,.0f}"),
         ("time", f"{built.seconds:.2f} s"),
