@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.exact_along import ExactAlong
 from physics.pull import Pull
 from physics.quantity import positive
 from physics.theory import Theory
@@ -91,12 +92,12 @@ class BreakEvent:
 
 
 def critical_stations(
-    beam: Beam, grasp: float, count: int = 41, *, also: NDArray[np.float64] | None = None
+    beam: Beam, grasp: float, count: int = 41, *, theory: Theory | None = None
 ) -> NDArray[np.float64]:
     """Return stations among which the stress is highest.
 
-    On a beam of constant section that is at a clamp or at the grasp; one that varies needs the
-    stations of its narrow places as well.
+    On a beam of constant section that is at a clamp or at the grasp; a theory that solves
+    varying sections needs the stations of its narrow places as well.
 
     Parameters
     ----------
@@ -106,8 +107,8 @@ def critical_stations(
         Distance of the grasp from the first clamp, mm.
     count
         How many stations to spread over the span.
-    also
-        (N,) further stations, mm.
+    theory
+        The theory that reads the stresses, where it may have sections of its own.
 
     Returns
     -------
@@ -116,7 +117,9 @@ def critical_stations(
     """
     beam.grasped_at(grasp)
     stations = np.union1d(np.linspace(0.0, beam.span, count), [grasp])
-    return stations if also is None else np.union1d(stations, also)
+    if isinstance(theory, ExactAlong):
+        return np.union1d(stations, theory.sections.stations)
+    return stations
 
 
 def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
@@ -179,7 +182,7 @@ def calibrated_threshold(theory: Theory, beam: Beam, grasp: float, force: float)
         Highest normal plus bending stress at that force, MPa.
     """
     positive(force, "force at the break", "N")
-    stations = critical_stations(beam, grasp)
+    stations = critical_stations(beam, grasp, theory=theory)
     return float(theory.under_force(beam, grasp, force, stations).total_stress.max())
 
 
@@ -207,7 +210,7 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
         can follow.
     """
     positive(threshold, "threshold", "MPa")
-    stations = critical_stations(beam, grasp)
+    stations = critical_stations(beam, grasp, theory=theory)
     pull = Pull(theory, beam, grasp)
 
     def reaches(deflection: float) -> bool:

@@ -153,7 +153,7 @@ def equilibrium(
     if (force is None) == (deflection is None):
         raise ValueError("give either --force (N) or --deflection (mm)")
     at = 0.5 * beam.span if grasp is None else grasp
-    stations = critical_stations(beam, at)
+    stations = critical_stations(beam, at, theory=theory)
     if force is not None:
         return theory.under_force(beam, at, force, stations)
     assert deflection is not None  # noqa: S101

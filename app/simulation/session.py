@@ -140,10 +140,9 @@ class _Model:
     force_per_second: float
 
     @classmethod
-    def of(cls, organ: Organ, preset: Preset, theory: Theory) -> "_Model":
-        dissection = Dissection.of(organ, preset)
+    def of(cls, dissection: Dissection, theory: Theory) -> "_Model":
         solved, beam = dissection.theory_for(theory), dissection.beam
-        threshold = preset.threshold(solved, beam)
+        threshold = dissection.preset.threshold(solved, beam)
         middle = 0.5 * beam.span
         event = break_event(solved, beam, middle, threshold)
         if event is None:
@@ -200,7 +199,8 @@ class Session:
         self._force: float = 0.0
         self._force_wanted: float = 0.0
         self._deepest: float = 0.0
-        self._start(_Model.of(organ, preset or default_preset(organ), Cubic()))
+        dissection = Dissection.of(organ, preset or default_preset(organ))
+        self._start(_Model.of(dissection, Cubic()))
 
     @property
     def dissection(self) -> Dissection:
@@ -313,7 +313,8 @@ class Session:
             If there is none of that name, the organ is too short for it, or the theory ends before
             its break; nothing changes.
         """
-        model = _Model.of(self._organ, preset_named(name), self._model.theory)
+        dissection = Dissection.of(self._organ, preset_named(name))
+        model = _Model.of(dissection, self._model.theory)
         with self._lock:
             if self._tear is None:
                 self._start(model)
@@ -332,7 +333,7 @@ class Session:
             If the theory ends before the preset's break; nothing changes.
         """
         # Outside the lock: a theory's first solution may have to be compiled.
-        model = _Model.of(self._organ, self._model.dissection.preset, theory)
+        model = _Model.of(self._model.dissection, theory)
         with self._lock:
             if self._tear is None:
                 self._model = model
@@ -408,12 +409,9 @@ class Session:
                 phase, force, shown = Phase.TEARING, tear.event.force, 1.0
             else:
                 phase, force, shown = Phase.TORN, 0.0, 0.0
-            dissection = self._model.dissection
-            rest = dissection.frame.T @ (
-                dissection.axis_point(self._grasp) - dissection.axis_point(0.0)
-            )
             deflection = shown * self._pulled.deflection
             slide = shown * self._slide
+            rest = self._grasp_at_rest
             return Reading(
                 phase=phase,
                 force=force,
@@ -468,10 +466,14 @@ class Session:
     def _refresh(self) -> None:
         """Bring what depends on the inputs up to date; where the law ends, give way."""
         self._grasp, self._threshold = self._grasp_wanted, self._threshold_wanted
-        beam, solved = self._model.dissection.beam, self._model.solved
+        dissection, solved = self._model.dissection, self._model.solved
+        beam = dissection.beam
+        self._grasp_at_rest = dissection.frame.T @ (
+            dissection.axis_point(self._grasp) - dissection.axis_point(0.0)
+        )
         self._breaks_at = break_event(solved, beam, self._grasp, self._threshold)
-        stations = self._model.dissection.beam_stations
-        critical = critical_stations(beam, self._grasp, also=self._model.dissection.key_stations)
+        stations = dissection.beam_stations
+        critical = critical_stations(beam, self._grasp, theory=solved)
         self._driven = slice(0, stations.size)
         self._loaded = slice(stations.size, None)
         self._stations = np.concatenate([stations, critical])

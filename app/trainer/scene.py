@@ -51,6 +51,7 @@ class Scene:
         self._drawn: list[_Drawn] = []
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
+        self._arch = 0.0
         self.draw(session.reading())
 
     def draw(self, reading: Reading) -> None:
@@ -77,15 +78,11 @@ class Scene:
 
     def _lift(self, stage: Stage, reading: Reading) -> float:
         """Return how high the picture must show the duct: its arch at rest and the break above."""
-        dissection = self._session.dissection
-        first, last = dissection.clamps
-        axis = dissection.organ.axis_at(np.linspace(first, last, 41)) - dissection.axis_point(0.0)
-        arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))
         event = reading.breaks_at
         pulled = max(reading.deepest, 0.0 if event is None else event.deflection)
         tenth = 0.1 * stage.span
         # In steps, so that the camera moves with the choice of a duct, not with every figure.
-        return max(3.0, np.ceil((arch + 1.1 * pulled) / tenth)) * tenth
+        return max(3.0, np.ceil((self._arch + 1.1 * pulled) / tenth)) * tenth
 
     def _set_stage(self) -> Stage:
         """Return the stage for the session's clamps, setting it anew when they have moved."""
@@ -95,6 +92,8 @@ class Scene:
         self._clamps = dissection.clamps
         first, last = dissection.organ.axis_at(np.array(dissection.clamps))
         span = float(np.linalg.norm(last - first))
+        axis = dissection.organ.axis_at(np.linspace(*dissection.clamps, 41)) - first
+        self._arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))
         if self._stage is not None and abs(span / self._stage.span - 1.0) > SAME_STAGE:
             self._stage.remove()
             self._stage = None

@@ -11,17 +11,16 @@ import numpy as np
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
+from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
 from app.trainer.panel import OFFERED_THEORIES
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from organ_geometry.organ import Organ
-from physics import Beam
 
-__all__ = ["DEFAULT_PORT", "TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
+__all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
 
-DEFAULT_PORT = 8080
 TICKS_PER_SECOND = 30.0
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
@@ -58,7 +57,7 @@ class Trainer:
         organ: Organ,
         *,
         host: str = "127.0.0.1",
-        port: int = DEFAULT_PORT,
+        port: int,
         look: Look = "full",
     ) -> None:
         self._organ, self._host = organ, host
@@ -183,9 +182,10 @@ def _taken(host: str, port: int, why: str) -> AddressTakenError:
 
 def _warm_theories() -> None:
     """Compile or load the theories that the panel offers."""
-    beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    beam = preset_named(DEFAULT_PRESET).round_beam()
+    middle = 0.5 * beam.span
     for theory in OFFERED_THEORIES.values():
-        for grasp in (25.4, 20.0):
+        for grasp in (middle, 0.8 * middle):
             theory.under_force(beam, grasp, 1.0, np.array([grasp]))
 
 

@@ -10,6 +10,9 @@ from app.validation.thesis_tables import LBF, PSI
 from physics import (
     Beam,
     Cubic,
+    Exact,
+    ExactAlong,
+    VaryingBeam,
     break_event,
     calibrated_threshold,
     check_rupture,
@@ -118,3 +121,26 @@ def test_distance_to_break_runs_from_one_to_zero() -> None:
 
 def test_a_threshold_out_of_reach_is_no_event() -> None:
     assert break_event(Cubic(), DUCT, 25.4, 1e12) is None
+
+
+def test_a_narrow_place_between_the_even_stations_is_where_it_breaks() -> None:
+    """A waist of 0.2 mm at 30.3 mm, which no fortieth of the span meets."""
+    area, moment = DUCT.area, DUCT.second_moment
+    waist = VaryingBeam(
+        stations=np.array([0.0, 30.2, 30.3, 30.4, 50.8]),
+        areas=area * np.array([1.0, 1.0, 0.25, 1.0, 1.0]),
+        second_moments=moment * np.array([1.0, 1.0, 0.0625, 1.0, 1.0]),
+        fibre_distances=DUCT.fibre_distance * np.array([1.0, 1.0, 0.5, 1.0, 1.0]),
+        modulus=DUCT.modulus,
+    )
+    theory = ExactAlong(Exact(), waist)
+    assert 30.3 not in critical_stations(DUCT, 25.4)
+    assert 30.3 in critical_stations(DUCT, 25.4, theory=theory)
+    event = break_event(theory, DUCT, 25.4, 0.2)
+    assert event is not None
+    assert event.check.station == 30.3
+    even = break_event(Exact(), DUCT, 25.4, 0.2)
+    assert even is not None
+    assert event.force < even.force
+    threshold = calibrated_threshold(theory, DUCT, 25.4, event.force)
+    assert threshold == pytest.approx(0.2, rel=1e-6)
