@@ -2,6 +2,7 @@
 # pyright: reportUnknownMemberType=false, reportArgumentType=false
 """The thesis's figure 7.1 for any organ: all sections, key and driving points, kept sections."""
 
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,10 +47,8 @@ def check_figure_target(path: Path) -> None:
     if path.suffix.lower() not in FIGURE_SUFFIXES:
         raise ValueError(f"a figure must end in {', '.join(FIGURE_SUFFIXES)}, not {path}")
     check_target(path)
-    try:
-        import matplotlib  # noqa: F401, ICN001
-    except ImportError as error:
-        raise ValueError("figures need matplotlib: pip install 'bluntdissect[report]'") from error
+    if find_spec("matplotlib") is None:
+        raise ValueError("figures need matplotlib: pip install 'bluntdissect[report]'")
 
 
 def draw_organ_figure(
@@ -128,17 +127,13 @@ def _rings(organ: Organ, wall: Wall) -> list[NDArray[np.float64]]:
 
 
 def _turned(organ: Organ) -> NDArray[np.float64]:
-    """Return the (3, 3) turn, on the right of points, to the picture: right, up, to the viewer.
-
-    The organ's long side stands up with its first section on top, its widest side lies across, and
-    the eye looks down on the sections a little.
-    """
+    """Return the (3, 3) turn, on the right of points, to the picture: right, up, to the viewer."""
+    # The long side stands up, the first section on top; the widest side lies across.
     _, _, sides = np.linalg.svd(organ.axis - organ.axis.mean(axis=0), full_matrices=False)
-    long = sides[0] if sides[0] @ (organ.axis[0] - organ.axis[-1]) > 0.0 else -sides[0]
-    wide = sides[1] - (sides[1] @ long) * long
-    wide /= np.linalg.norm(wide)
-    to_viewer = np.cross(wide, long)
-    up = np.cos(LOOKING_DOWN) * long - np.sin(LOOKING_DOWN) * to_viewer
+    first_to_last = organ.axis[-1] - organ.axis[0]
+    long: NDArray[np.float64] = sides[0] if sides[0] @ first_to_last < 0.0 else -sides[0]
+    wide: NDArray[np.float64] = sides[1]
+    up = np.cos(LOOKING_DOWN) * long - np.sin(LOOKING_DOWN) * np.cross(wide, long)
     return np.column_stack([wide, up, np.cross(wide, up)])
 
 
