@@ -133,8 +133,10 @@ def _turned(organ: Organ) -> NDArray[np.float64]:
     first_to_last = organ.axis[-1] - organ.axis[0]
     long: NDArray[np.float64] = sides[0] if sides[0] @ first_to_last < 0.0 else -sides[0]
     wide: NDArray[np.float64] = sides[1]
-    up = np.cos(LOOKING_DOWN) * long - np.sin(LOOKING_DOWN) * np.cross(wide, long)
-    return np.column_stack([wide, up, np.cross(wide, up)])
+    up: NDArray[np.float64] = np.cos(LOOKING_DOWN) * long - np.sin(LOOKING_DOWN) * np.cross(
+        wide, long
+    )
+    return np.array([wide, up, np.cross(wide, up)]).T
 
 
 def _far_order(rings: list[NDArray[np.float64]]) -> list[int]:
