@@ -1,46 +1,39 @@
 """A stack of cross-section images and where each image stands in space."""
 
-import json
-import math
-import re
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, cast
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-GreyImage: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+from organ_geometry.dicom_series import read_series
+from organ_geometry.grey_image import GreyImage, ImageStackError, Slices, list_text
+from organ_geometry.grey_levels import (
+    GreyLevels,
+    LabelSlices,
+    Window,
+    WindowedSlices,
+    check_window,
+    grey_levels,
+)
+from organ_geometry.image_files import IMAGE_SUFFIXES, TIFF_SUFFIXES, file_slices, files_in
+from organ_geometry.image_planes import ImagePlanes, planes_of_files
+from organ_geometry.image_region import CroppedSlices, Region, cropped_planes, image_region
+from organ_geometry.image_volume import (
+    INDEX_AXES,
+    Axis,
+    VolumeSlices,
+    along_axis,
+    axis_number,
+    even_step,
+    read_volume,
+)
+from organ_geometry.medical_file import is_dicom_file, is_volume_file, read_header, volume_files
+from organ_geometry.spacing_file import MM
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
-TIFF_SUFFIXES = frozenset({".tif", ".tiff"})
-SPACING_FILE = "spacing.json"
-
-# Image up is +z and the organ runs along +x, so that a duct lies as the trainer shows it.
-DEFAULT_COLUMN_DIRECTION = (0.0, 1.0, 0.0)
-DEFAULT_ROW_DIRECTION = (0.0, 0.0, -1.0)
-DEFAULT_SLICE_DIRECTION = (1.0, 0.0, 0.0)
-
-# Directions in a spacing.json are usually rounded to a few decimals.
-DIRECTION_TOLERANCE = 1e-3
-
-# Outside of these, a pixel size or slice spacing is a slip of its unit.
-SMALLEST_SPACING_MM = 1e-6
-LARGEST_SPACING_MM = 1000.0
-LARGEST_COORDINATE_MM = 1e7
-
-# What `units` in a spacing.json may be, or may start with.
-MM = "mm"
-RELATIVE = "relative"
-
-_READ_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-
-
-class ImageStackError(ValueError):
-    """A stack of images that cannot be used, with one line saying what would be right."""
+__all__ = ["GreyImage", "ImageStack", "ImageStackError", "read_image_stack"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,13 +46,11 @@ class ImageStack:
     Attributes
     ----------
     source
-        The folder, or the multipage TIFF file.
+        The folder or file.
     names
         (S,) name of each section, for messages and reports.
-    files
-        (S,) file of each image; the same file S times when `paged`.
-    paged
-        Whether the images are the pages of one file.
+    slices
+        Where the images come from.
     shape
         (2,) rows H and columns W of every image.
     pixel_size
@@ -74,18 +65,28 @@ class ImageStack:
         image) and the plane's normal, pointing along the stack.
     units
         What the lengths are called where they come from: "mm", or "relative" and what follows it.
+    bytes_in
+        Size of the files that the images come from, bytes.
+    level_offset, level_step
+        A level L of an image stands for the value ``level_offset + level_step * L`` of its source,
+        such as HU.
+    notes
+        What should be known about how the images were read, a sentence each.
     """
 
     source: Path
     names: tuple[str, ...]
-    files: tuple[Path, ...]
-    paged: bool
+    slices: Slices
     shape: tuple[int, int]
     pixel_size: NDArray[np.float64]
     slice_spacing: float
     origins: NDArray[np.float64]
     frames: NDArray[np.float64]
     units: str = MM
+    bytes_in: int = 0
+    level_offset: float = 0.0
+    level_step: float = 1.0
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for field in ("pixel_size", "origins", "frames"):
@@ -96,8 +97,15 @@ class ImageStack:
     def __len__(self) -> int:
         return len(self.names)
 
+    @property
+    def planes(self) -> ImagePlanes:
+        """Where the images stand."""
+        return ImagePlanes(
+            self.pixel_size, self.slice_spacing, self.origins, self.frames, self.units
+        )
+
     def image(self, index: int) -> GreyImage:
-        """Return one image, read from its file now.
+        """Return one image, read from its file now or out of a volume; threads may call at once.
 
         Parameters
         ----------
@@ -114,15 +122,7 @@ class ImageStack:
         ImageStackError
             If the file is not a readable image or its size is not that of the first image.
         """
-        page = index if self.paged else None
-        image = _read_grey(self.files[index], page, self.names[index])
-        if image.shape != self.shape:
-            raise ImageStackError(
-                f"all images of a stack must have one size: {self.names[0]} has "
-                f"{_size_text(self.shape)} and {self.names[index]} has "
-                f"{_size_text(image.shape)} pixels (in {self.source})"
-            )
-        return image
+        return self.slices.image(index)
 
     def images(self) -> Iterator[GreyImage]:
         """Yield the images in order; only one is held at a time.
@@ -137,466 +137,251 @@ class ImageStack:
 
 
 def read_image_stack(
-    folder: Path,
+    path: Path,
     *,
     pixel_size: tuple[float, float] | None = None,
     slice_spacing: float | None = None,
+    axis: Axis | None = None,
+    label: int | None = None,
+    window: Window | None = None,
+    roi: Region | None = None,
 ) -> ImageStack:
-    """Return the stack of cross-section images in a folder or in a multipage TIFF file.
+    """Return the stack of cross-section images in a folder, a multipage TIFF or a volume file.
 
-    Files are taken in natural order (slice_2 before slice_10). What is not given as an argument
-    comes from a ``spacing.json`` in the folder or in its parent; its ``pixel_spacing_mm`` may be
-    one number for square pixels. Without directions there, the sections stand along +x, with +y to
-    the right and +z up in the image.
+    A folder holds PNG, JPEG, TIFF or BMP images, taken in natural order (slice_2 before slice_10),
+    or one DICOM series, taken in the order of its places. Of a volume (NIfTI, NRRD, MetaImage) the
+    images across its last axis are taken. Medical images stand in LPS mm, as their files say.
+
+    What is not given of image files' sizes comes from a ``spacing.json`` in the folder or in its
+    parent; its ``pixel_spacing_mm`` may be one number for square pixels. Without directions there,
+    the sections stand along +x, with +y to the right and +z up in the image.
 
     Parameters
     ----------
-    folder
-        Folder of PNG, JPEG, TIFF or BMP images, or one multipage TIFF file.
+    path
+        Folder of images or of DICOM files; multipage TIFF, NIfTI, NRRD or MetaImage file; or one
+        DICOM file of a series, which is then read from its folder.
     pixel_size
         Distance between pixel centres, mm: from column to column (x), then from row to row (y).
         Note that a ``spacing.json`` has the row spacing first.
     slice_spacing
         Distance between neighbouring sections, mm. Given, it wins over one frame per slice too: the
         sections are then stacked straight.
+    axis
+        Axis that the images are across: "i" (rows), "j" (columns), "k" (through the images, the
+        default) or 0, 1, 2; or "x", "y", "z" for the one of these nearest to that direction. Any
+        other than "k" reads the stack into memory.
+    label
+        The label whose masks are wanted, of label images.
+    window
+        (2,) lowest and highest value to keep (of CT: HU); values beyond are set to these.
+    roi
+        Columns and rows to keep, and if wanted sections: (x0, y0, x1, y1) or (x0, y0, x1, y1,
+        first, last), from 0, the last ones included, in the images across `axis`.
 
     Returns
     -------
     ImageStack
-        The sections; only the first image has been read.
+        The sections; of a folder, only the first image has been read.
 
     Raises
     ------
     ImageStackError
-        If there are no images, the first is unreadable, or the spacing is missing or wrong.
+        If there are no images, the first is unreadable, the spacing is missing or wrong, the label
+        or axis is not there or the region is not inside.
     """
-    source = Path(folder)
-    files, paged = _image_files(source)
-    names = (
-        tuple(f"{file.name} page {page}" for page, file in enumerate(files))
-        if paged
-        else tuple(file.name for file in files)
-    )
-    first = _read_grey(files[0], 0 if paged else None, names[0])
-    rows, columns = first.shape
-
-    spacing_path, spacing = _read_spacing(files[0].parent)
-    where = spacing_path or source
-    pixels = _pixel_size(source, where, pixel_size, spacing)
-    if slice_spacing is None and spacing.frames is not None:
-        origins, frames = _separate_planes(spacing.frames, len(files), source, where)
-        distance = _given(spacing.slice_spacing_mm, spacing.slice_spacing)
-        if distance is None:
-            steps = np.linalg.norm(np.diff(origins, axis=0), axis=1)
-            distance = float(steps.mean()) if len(steps) else 0.0
-        else:
-            _check_spacing("slice spacing", distance, where)
-    else:
-        distance = _given(slice_spacing, spacing.slice_spacing_mm, spacing.slice_spacing)
-        if distance is None:
-            raise ImageStackError(_missing("slice spacing", source))
-        _check_spacing("slice spacing", distance, where if slice_spacing is None else source)
-        origins, frames = _parallel_planes(spacing, len(files), distance, where)
-    return ImageStack(
-        source=source,
-        names=names,
-        files=files,
-        paged=paged,
-        shape=(rows, columns),
-        pixel_size=pixels,
-        slice_spacing=distance,
-        origins=origins,
-        frames=frames,
-        units=MM if pixel_size is not None and slice_spacing is not None else spacing.units,
-    )
-
-
-_Vector: TypeAlias = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _PlaneRecord:
-    """One slice's plane in a spacing.json."""
-
-    origin_mm: _Vector
-    col_dir: _Vector
-    row_dir: _Vector
-    normal: _Vector | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _SpacingRecord:
-    """What is used of a spacing.json; pixel spacings there are row first, then column."""
-
-    pixel_spacing_mm: tuple[float, float] | None = None
-    pixel_spacing: tuple[float, float] | None = None
-    slice_spacing_mm: float | None = None
-    slice_spacing: float | None = None
-    units: str = MM
-    first_slice_origin_mm: _Vector | None = None
-    col_dir: _Vector | None = None
-    row_dir: _Vector | None = None
-    slice_dir: _Vector | None = None
-    frames: list[_PlaneRecord] | None = None
-
-
-def _image_files(source: Path) -> tuple[tuple[Path, ...], bool]:
-    """Return the file of each image in natural order, and whether they are pages of one file."""
-    if source.is_file():
-        if source.suffix.lower() not in TIFF_SUFFIXES:
-            raise ImageStackError(
-                f"{source} is one file and not a multipage TIFF: give a folder of images or a .tif"
-            )
-        return (source,) * _page_count(source), True
-    if not source.is_dir():
-        raise ImageStackError(f"there is no folder of images at {source}")
-    files = sorted(
-        (
-            file
-            for file in source.iterdir()
-            if file.suffix.lower() in IMAGE_SUFFIXES
-            and not file.name.startswith(".")
-            and file.is_file()
-        ),
-        key=lambda file: _natural_key(file.name),
-    )
-    if not files:
+    source = Path(path)
+    if label is not None and window is not None:
         raise ImageStackError(
-            f"the folder {source} holds no images: PNG, JPEG, TIFF or BMP files are read"
+            "a label and a window cannot be given together: a label has no levels"
         )
-    if len(files) == 1 and files[0].suffix.lower() in TIFF_SUFFIXES:
-        pages = _page_count(files[0])
-        if pages > 1:
-            return (files[0],) * pages, True
-    return tuple(files), False
+    if window is not None:
+        check_window(window)
+    stack = _whole_stack(source, pixel_size, slice_spacing, label, window)
+    if axis is not None:
+        stack = _across(stack, axis)
+    return stack if roi is None else _cropped(stack, roi)
 
 
-def _natural_key(name: str) -> tuple[list[str | int], str]:
-    """Return a sorting key by which slice_2 comes before slice_10."""
-    parts = re.split(r"([0-9]+)", name.casefold())
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
-
-
-def _page_count(file: Path) -> int:
-    """Return the number of pages of a TIFF file."""
-    try:
-        with _quiet_decoders():
-            count = cv2.imcount(str(file), _READ_GREY)
-    except cv2.error:
-        count = 0
-    if count < 1:
-        raise ImageStackError(f"{file.name} cannot be read as an image (in {file.parent})")
-    return count
-
-
-@contextmanager
-def _quiet_decoders() -> Generator[None]:
-    """Keep OpenCV's own lines about a broken file off the error stream: one error tells it."""
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-
-
-def _read_grey(file: Path, page: int | None, name: str) -> GreyImage:
-    """Return one image as 8 or 16 bit grey."""
-    try:
-        with _quiet_decoders():
-            if page is None:
-                data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
-                image = cv2.imdecode(data, _READ_GREY)
-            else:
-                _, pages = cv2.imreadmulti(str(file), start=page, count=1, flags=_READ_GREY)
-                image = pages[0] if pages else None
-    except (OSError, cv2.error):
-        image = None
-    if image is None:
-        raise ImageStackError(f"{name} cannot be read as an image (in {file.parent})")
-    if page is None and file.suffix.lower() in TIFF_SUFFIXES and _page_count(file) > 1:
-        raise ImageStackError(
-            f"{name} has several pages (in {file.parent}): give a multipage TIFF alone"
-        )
-    if image.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)}:
-        raise ImageStackError(
-            f"{name} has {image.dtype} pixels (in {file.parent}); 8 or 16 bit grey is read"
-        )
-    return image  # pyright: ignore[reportReturnType]
-
-
-def _size_text(shape: tuple[int, ...]) -> str:
-    return f"{shape[1]} x {shape[0]}"
-
-
-def _read_spacing(folder: Path) -> tuple[Path | None, _SpacingRecord]:
-    """Return the spacing.json of a folder or its parent, and its path if there is one."""
-    for place in (folder, folder.resolve().parent):
-        path = place / SPACING_FILE
-        if not path.is_file():
-            continue
-        return path, _spacing_record(_Keys(_json_content(path), str(path)))
-    return None, _SpacingRecord()
-
-
-def _json_content(path: Path) -> object:
-    """Return what a JSON file holds."""
-    try:
-        return json.loads(path.read_bytes())
-    except OSError as error:
-        raise ImageStackError(f"{path} cannot be read: {error.strerror}") from error
-    except json.JSONDecodeError as error:
-        at = f" at line {error.lineno}, column {error.colno}"
-    except (ValueError, RecursionError):
-        at = ""
-    raise ImageStackError(
-        f"{path} is not written as JSON{at}; right would be, for example, "
-        f'{{"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}}'
-    )
-
-
-class _Keys:
-    """The keys of one object in a spacing.json; null is as good as a key that is not there."""
-
-    def __init__(self, content: object, where: str) -> None:
-        if not isinstance(content, dict):
-            raise ImageStackError(
-                f"{where} must hold keys and values in braces, not {_shown(content)}"
-            )
-        self._content = cast("dict[str, object]", content)
-        self._where = where
-
-    def number(self, key: str) -> float | None:
-        """Return the number of a key."""
-        value = self._content.get(key)
-        if value is None or _is_number(value):
-            return None if value is None else _as_float(value)
-        raise self._wrong(key, "one number, as 0.5", value)
-
-    def pair(self, key: str) -> tuple[float, float] | None:
-        """Return the two numbers of a key, or its one number twice."""
-        value = self._content.get(key)
-        if value is None:
-            return None
-        if _is_number(value):
-            return _as_float(value), _as_float(value)
-        numbers = _numbers(value, 2)
-        if numbers is None:
-            raise self._wrong(
-                key,
-                "one number or two (between rows, between columns), as 0.1 or [0.1, 0.1]",
-                value,
-            )
-        return numbers[0], numbers[1]
-
-    def vector(self, key: str) -> _Vector | None:
-        """Return the three numbers of a key."""
-        value = self._content.get(key)
-        if value is None:
-            return None
-        numbers = _numbers(value, 3)
-        if numbers is None or not all(abs(number) <= LARGEST_COORDINATE_MM for number in numbers):
-            raise self._wrong(
-                key, f"three numbers up to {LARGEST_COORDINATE_MM:g}, as [0, 0, 1]", value
-            )
-        return numbers[0], numbers[1], numbers[2]
-
-    def needed_vector(self, key: str) -> _Vector:
-        """Return the three numbers of a key that must be there."""
-        vector = self.vector(key)
-        if vector is None:
-            raise ImageStackError(f"{key} is missing in {self._where}: three numbers are needed")
-        return vector
-
-    def units(self, key: str) -> str:
-        """Return the name of the units, mm if there is none."""
-        value = self._content.get(key)
-        if value is None:
-            return MM
-        if isinstance(value, str) and (value == MM or value.startswith(RELATIVE)):
-            return value
-        raise self._wrong(
-            key, f'"{MM}", or start with "{RELATIVE}" where the scale is not known', value
-        )
-
-    def objects(self, key: str) -> "list[_Keys] | None":
-        """Return the objects in the list of a key."""
-        value = self._content.get(key)
-        if value is None:
-            return None
-        if not isinstance(value, list):
-            raise self._wrong(
-                key, "a list with origin_mm, col_dir and row_dir of each image", value
-            )
-        items = cast("list[object]", value)
-        return [
-            _Keys(item, f"entry {number} of {key} in {self._where}")
-            for number, item in enumerate(items, start=1)
-        ]
-
-    def _wrong(self, key: str, right: str, value: object) -> ImageStackError:
-        return ImageStackError(f"{key} in {self._where} must be {right}, not {_shown(value)}")
-
-
-def _spacing_record(keys: _Keys) -> _SpacingRecord:
-    """Return the checked content of a spacing.json."""
-    planes = keys.objects("frames")
-    return _SpacingRecord(
-        pixel_spacing_mm=keys.pair("pixel_spacing_mm"),
-        pixel_spacing=keys.pair("pixel_spacing"),
-        slice_spacing_mm=keys.number("slice_spacing_mm"),
-        slice_spacing=keys.number("slice_spacing"),
-        units=keys.units("units"),
-        first_slice_origin_mm=keys.vector("first_slice_origin_mm"),
-        col_dir=keys.vector("col_dir"),
-        row_dir=keys.vector("row_dir"),
-        slice_dir=keys.vector("slice_dir"),
-        frames=None
-        if planes is None
-        else [
-            _PlaneRecord(
-                origin_mm=plane.needed_vector("origin_mm"),
-                col_dir=plane.needed_vector("col_dir"),
-                row_dir=plane.needed_vector("row_dir"),
-                normal=plane.vector("normal"),
-            )
-            for plane in planes
-        ],
-    )
-
-
-def _is_number(value: object) -> bool:
-    # In Python, true is an int.
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _as_float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
-def _numbers(value: object, count: int) -> list[float] | None:
-    """Return a list of so many numbers, or None if it is something else."""
-    if not isinstance(value, list):
-        return None
-    items = cast("list[object]", value)
-    if len(items) != count or not all(_is_number(item) for item in items):
-        return None
-    return [_as_float(item) for item in items]
-
-
-def _shown(value: object) -> str:
-    """Return a value as it stands in the file, shortened to fit into a line."""
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
-def _given(*values: float | None) -> float | None:
-    """Return the first value that is given."""
-    return next((value for value in values if value is not None), None)
-
-
-def _missing(what: str, source: Path) -> str:
-    return (
-        f"the {what} of {source} is missing: give --pixel-size and --slice-spacing or a "
-        f"{SPACING_FILE} in the folder or its parent"
-    )
-
-
-def _check_spacing(what: str, value: float, where: Path) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise ImageStackError(f"the {what} of {where} must be above 0 mm, not {value:g} mm")
-    if not SMALLEST_SPACING_MM <= value <= LARGEST_SPACING_MM:
-        raise ImageStackError(
-            f"the {what} of {where} must be from {SMALLEST_SPACING_MM:g} to "
-            f"{LARGEST_SPACING_MM:g} mm, not {value:g} mm, which looks like a slip of the unit"
-        )
-
-
-def _pixel_size(
+def _whole_stack(
     source: Path,
-    where: Path,
-    argument: tuple[float, float] | None,
-    spacing: _SpacingRecord,
-) -> NDArray[np.float64]:
-    """Return the checked (2,) pixel size, mm, column to column first."""
-    if argument is not None:
-        pixels = argument
-        where = source
+    pixel_size: tuple[float, float] | None,
+    slice_spacing: float | None,
+    label: int | None,
+    window: Window | None,
+) -> ImageStack:
+    """Return a stack as it is stored."""
+    if not source.exists():
+        raise ImageStackError(f"there is no folder of images at {source}, and no file")
+    if source.is_dir() and _holds_dicom(source):
+        stack = _dicom_stack(source, window)
+    elif source.is_dir() or source.suffix.lower() in TIFF_SUFFIXES:
+        return _file_stack(source, pixel_size, slice_spacing, label, window)
+    elif is_volume_file(source):
+        stack = _volume_stack(source, label, window)
+        label = None
+    elif is_dicom_file(source):
+        depth = read_header(source).size[2:]
+        stack = (
+            _volume_stack(source, label, window)
+            if depth and depth[0] > 1
+            else _dicom_stack(source, window)
+        )
     else:
-        recorded = spacing.pixel_spacing_mm or spacing.pixel_spacing
-        if recorded is None:
-            raise ImageStackError(_missing("pixel size", source))
-        pixels = (recorded[1], recorded[0])
-    for value in pixels:
-        _check_spacing("pixel size", value, where)
-    return np.array(pixels, dtype=np.float64)
-
-
-def _parallel_planes(
-    spacing: _SpacingRecord, count: int, distance: float, where: Path
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (S, 3) origins, mm, and (S, 3, 3) frames of parallel planes."""
-    column = spacing.col_dir or DEFAULT_COLUMN_DIRECTION
-    row = spacing.row_dir or DEFAULT_ROW_DIRECTION
-    along = np.array(spacing.slice_dir or DEFAULT_SLICE_DIRECTION)
-    if abs(float(np.linalg.norm(along)) - 1.0) > DIRECTION_TOLERANCE:
-        raise ImageStackError(f"slice_dir in {where} must have length 1, not {along.tolist()}")
-    frame = _frame(column, row, along, where)
-    first = np.array(spacing.first_slice_origin_mm or (0.0, 0.0, 0.0))
-    steps = distance * np.arange(count)
-    origins = first + steps[:, np.newaxis] * (along / np.linalg.norm(along))
-    return origins, np.broadcast_to(frame, (count, 3, 3)).copy()
-
-
-def _separate_planes(
-    records: list[_PlaneRecord], count: int, source: Path, where: Path
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (S, 3) origins, mm, and (S, 3, 3) frames, one plane for each image."""
-    if len(records) != count:
         raise ImageStackError(
-            f"{where} has {len(records)} frames and {source} has {count} images: "
-            f"one frame for each image is needed"
+            f"{source} is one file and not a multipage TIFF, DICOM, NIfTI (.nii, .nii.gz), NRRD "
+            f"or MetaImage (.mhd, .mha) file: give one of these or a folder of images"
         )
-    origins = np.array([record.origin_mm for record in records])
-    frames = np.array(
-        [
-            _frame(
-                record.col_dir,
-                record.row_dir,
-                np.cross(record.col_dir, record.row_dir)
-                if record.normal is None
-                else np.array(record.normal),
-                where,
-            )
-            for record in records
-        ]
+    if label is not None:
+        raise ImageStackError(f"{source} has grey values and no labels")
+    planes = stack.planes.with_sizes(pixel_size, slice_spacing, source)
+    return _standing(stack, planes)
+
+
+def _holds_dicom(folder: Path) -> bool:
+    """Return whether a folder holds DICOM files; images beside them could be meant too."""
+    files = files_in(folder)
+    dicom = sum(is_dicom_file(file) for file in files)
+    if not dicom:
+        return False
+    images = sum(file.suffix.lower() in IMAGE_SUFFIXES for file in files)
+    if images:
+        raise ImageStackError(
+            f"{folder} holds {dicom} DICOM files and {images} other images: "
+            f"put the ones wanted into a folder of their own"
+        )
+    return True
+
+
+def _file_stack(
+    source: Path,
+    pixel_size: tuple[float, float] | None,
+    slice_spacing: float | None,
+    label: int | None,
+    window: Window | None,
+) -> ImageStack:
+    """Return the stack of a folder of image files or of a multipage TIFF."""
+    files = file_slices(source)
+    planes = planes_of_files(
+        source, files.files[0].parent, len(files.files), pixel_size, slice_spacing
     )
-    return origins, frames
+    stack = ImageStack(
+        source=source,
+        names=files.names,
+        slices=files,
+        shape=files.shape,
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        units=planes.units,
+        bytes_in=files.byte_count,
+    )
+    if label is not None:
+        _check_label(stack, label)
+        return dataclasses.replace(stack, slices=LabelSlices(files, label))
+    if window is not None:
+        levels = grey_levels(*window, whole=True)
+        return _levelled(dataclasses.replace(stack, slices=WindowedSlices(files, levels)), levels)
+    return stack
 
 
-def _frame(
-    column: _Vector, row: _Vector, along: NDArray[np.float64], where: Path
-) -> NDArray[np.float64]:
-    """Return the (3, 3) frame with unit columns x_dir, y_dir and the normal nearest to `along`."""
-    x_dir = np.array(column)
-    y_dir = np.array(row)
-    for what, direction in (("col_dir", x_dir), ("row_dir", y_dir)):
-        if abs(float(np.linalg.norm(direction)) - 1.0) > DIRECTION_TOLERANCE:
-            raise ImageStackError(f"{what} in {where} must have length 1, not {direction.tolist()}")
-    if abs(float(x_dir @ y_dir)) > DIRECTION_TOLERANCE:
-        raise ImageStackError(
-            f"col_dir and row_dir in {where} must be perpendicular, not {list(column)}, {list(row)}"
-        )
-    x_dir = x_dir / np.linalg.norm(x_dir)
-    y_dir = y_dir - x_dir * (x_dir @ y_dir)
-    y_dir = y_dir / np.linalg.norm(y_dir)
-    normal = np.cross(x_dir, y_dir)
-    rise = float(normal @ along)
-    if abs(rise) < DIRECTION_TOLERANCE:
-        raise ImageStackError(
-            f"the sections of {where} must follow each other across their planes: the direction "
-            f"{along.tolist()} lies in the plane of {list(column)}, {list(row)}"
-        )
-    return np.stack([x_dir, y_dir, math.copysign(1.0, rise) * normal], axis=1)
+def _check_label(stack: ImageStack, label: int) -> None:
+    """Raise an error that names all labels if none of the images has the wanted one."""
+    present: set[int] = set()
+    for image in stack.images():
+        present.update(np.unique(image).tolist())
+        if label in present:
+            return
+    named = list_text(sorted(present - {0}))
+    raise ImageStackError(f"label {label} is not in {stack.source}, which has {named or 'none'}")
+
+
+def _volume_stack(source: Path, label: int | None, window: Window | None) -> ImageStack:
+    voxels, planes, levels = read_volume(source, label=label, window=window)
+    stack = ImageStack(
+        source=source,
+        names=_plane_names(source, "k", len(voxels)),
+        slices=VolumeSlices(voxels),
+        shape=(voxels.shape[1], voxels.shape[2]),
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        bytes_in=sum(file.stat().st_size for file in volume_files(source)),
+    )
+    return stack if levels is None else _levelled(stack, levels)
+
+
+def _dicom_stack(source: Path, window: Window | None) -> ImageStack:
+    series = read_series(source, window)
+    files, planes = series.slices.files, series.planes
+    return _levelled(
+        ImageStack(
+            source=source,
+            names=tuple(file.name for file in files),
+            slices=series.slices,
+            shape=series.slices.shape,
+            pixel_size=planes.pixel_size,
+            slice_spacing=planes.slice_spacing,
+            origins=planes.origins,
+            frames=planes.frames,
+            bytes_in=sum(file.stat().st_size for file in files),
+            notes=series.notes,
+        ),
+        series.slices.levels,
+    )
+
+
+def _plane_names(source: Path, axis: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{source.name} {axis}={index}" for index in range(count))
+
+
+def _levelled(stack: ImageStack, levels: GreyLevels) -> ImageStack:
+    return dataclasses.replace(stack, level_offset=levels.low, level_step=levels.step)
+
+
+def _standing(stack: ImageStack, planes: ImagePlanes) -> ImageStack:
+    """Return a stack with its images standing on other planes."""
+    return dataclasses.replace(
+        stack,
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        units=planes.units,
+    )
+
+
+def _across(stack: ImageStack, axis: Axis) -> ImageStack:
+    """Return a stack as images across another axis; all images are then held in memory."""
+    number = axis_number(axis, stack.planes)
+    if number == 2:
+        return stack
+    even_step(stack.planes, stack.source)
+    voxels = (
+        stack.slices.voxels
+        if isinstance(stack.slices, VolumeSlices)
+        else np.stack(list(stack.images()))
+    )
+    voxels, planes = along_axis(voxels, stack.planes, number, stack.source)
+    turned = dataclasses.replace(
+        stack,
+        names=_plane_names(stack.source, INDEX_AXES[number], len(voxels)),
+        slices=VolumeSlices(voxels),
+        shape=(voxels.shape[1], voxels.shape[2]),
+    )
+    return _standing(turned, planes)
+
+
+def _cropped(stack: ImageStack, roi: Region) -> ImageStack:
+    """Return the part of a stack inside a region."""
+    region = image_region(roi, stack.shape, len(stack))
+    planes = cropped_planes(stack.planes, stack.shape, region)
+    cropped = dataclasses.replace(
+        stack,
+        names=stack.names[region.first : region.last + 1],
+        slices=CroppedSlices(stack.slices, region),
+        shape=region.shape,
+    )
+    return _standing(cropped, planes)

@@ -10,14 +10,19 @@ import typer
 
 if TYPE_CHECKING:
     from organ_geometry.edges import Polarity
-    from organ_geometry.image_stack import ImageStack
+    from organ_geometry.image_region import Region
     from organ_geometry.organ_builder import BuiltOrgan
 
 __all__ = ["compress"]
 
 
 def compress(
-    stack: Annotated[Path, typer.Argument(help="Folder of section images, or a multipage TIFF.")],
+    stack: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of images or of a DICOM series; TIFF, NIfTI, NRRD or MetaImage file."
+        ),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The .organ file to write.")],
     tolerance_mm: Annotated[
         float | None,
@@ -37,6 +42,22 @@ def compress(
         float | None,
         typer.Option(help="Distance between sections, mm, where no spacing.json tells."),
     ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            help="Axis the images are across: x, y, z (LPS) or i, j, k.", show_default="k"
+        ),
+    ] = None,
+    label: Annotated[
+        int | None, typer.Option(help="The organ's label, where the images hold labels.")
+    ] = None,
+    window: Annotated[
+        str | None, typer.Option(help="LOW,HIGH: the values to keep, of CT in HU.")
+    ] = None,
+    roi: Annotated[
+        str | None,
+        typer.Option(help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0."),
+    ] = None,
     sections: Annotated[bool, typer.Option("--sections", help="List every section.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -55,7 +76,15 @@ def compress(
     check_target(output)
     side = _polarity(polarity)
     console = Console(stderr=True)
-    images = read_image_stack(stack, pixel_size=_pair(pixel_size), slice_spacing=slice_spacing)
+    images = read_image_stack(
+        stack,
+        pixel_size=_pair(pixel_size),
+        slice_spacing=slice_spacing,
+        axis=axis,
+        label=label,
+        window=_window(window),
+        roi=_region(roi),
+    )
     with Progress(
         TextColumn("Finding edges"),
         BarColumn(),
@@ -74,14 +103,9 @@ def compress(
         )
     write_organ(built.organ, output)
     if as_json:
-        print(json.dumps(_facts(built, _bytes_in(images), output)))
+        print(json.dumps(_facts(built, images.bytes_in, output)))
     else:
-        _print_report(built, _bytes_in(images), output, every_section=sections)
-
-
-def _bytes_in(images: "ImageStack") -> int:
-    """Return the size of the image files, bytes."""
-    return sum(file.stat().st_size for file in set(images.files))
+        _print_report(built, images.bytes_in, output, every_section=sections)
 
 
 def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object]:
@@ -180,6 +204,37 @@ def _pair(text: str | None) -> tuple[float, float] | None:
             f"--pixel-size must be one number or two, mm, as 0.1 or 0.1,0.2, not {text}"
         )
     return sizes[0], sizes[-1]
+
+
+def _window(text: str | None) -> tuple[float, float] | None:
+    """Return "-150,500" as (-150, 500)."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(
+            f"--window must be the lowest and the highest value kept, as -150,500, not {text}"
+        ) from None
+    return low, high
+
+
+def _region(text: str | None) -> "Region | None":
+    """Return "0,0,9,9" as (0, 0, 9, 9), and six numbers likewise."""
+    if text is None:
+        return None
+    try:
+        numbers = [int(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 4:
+        return numbers[0], numbers[1], numbers[2], numbers[3]
+    if len(numbers) == 6:
+        return numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
+    raise ValueError(
+        f"--roi must be four or six whole numbers, x0,y0,x1,y1 or x0,y0,x1,y1,first,last, "
+        f"not {text}"
+    )
 
 
 def _polarity(text: str) -> "Polarity":
