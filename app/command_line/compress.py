@@ -1,244 +1,275 @@
-"""`bluntdissect compress`: an organ from cross-section images."""
+"""`bluntdissect compress`: organs from cross-section images."""
 
-import dataclasses
 import json
-import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.command_line.image_options import (
+    chosen,
+    pixel_pair,
+    region,
+    seed_point,
+    window_levels,
+)
+
 if TYPE_CHECKING:
-    from organ_geometry.edges import Polarity
-    from organ_geometry.image_region import Region
-    from organ_geometry.organ_builder import BuiltOrgan
+    from rich.progress import Progress
+
+    from app.compression.stack_job import StackJob
 
 __all__ = ["compress"]
 
+_IMAGES, _ORGAN, _PROMISE, _REPORT = "Images", "Organ", "Promise", "Report"
+
 
 def compress(
-    stack: Annotated[
-        Path,
+    stacks: Annotated[
+        list[Path],
         typer.Argument(
-            help="Folder of images or of a DICOM series; TIFF, NIfTI, NRRD or MetaImage file."
+            metavar="STACK...",
+            help="Folders of images or of a DICOM series; TIFF, NIfTI, NRRD or MetaImage files.",
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The .organ file to write.")],
-    tolerance_mm: Annotated[
-        float | None,
+    output: Annotated[
+        Path,
         typer.Option(
-            help="RMS distance by which a section must differ from the last one kept, to be kept.",
-            show_default="suits the organ",
+            "--output", "-o", help="The .organ file to write; for several stacks, a folder."
         ),
-    ] = None,
-    polarity: Annotated[
-        str, typer.Option(help="auto, bright or dark: the organ against its surroundings.")
-    ] = "auto",
+    ],
     pixel_size: Annotated[
         str | None,
-        typer.Option(help="Pixel's width, or width,height, mm, where no spacing.json tells."),
+        typer.Option(
+            help="Pixel's width, or width,height, mm, where the images do not tell.",
+            rich_help_panel=_IMAGES,
+        ),
     ] = None,
     slice_spacing: Annotated[
         float | None,
-        typer.Option(help="Distance between sections, mm, where no spacing.json tells."),
+        typer.Option(
+            help="Distance between sections, mm, where the images do not tell.",
+            rich_help_panel=_IMAGES,
+        ),
     ] = None,
     axis: Annotated[
         str | None,
         typer.Option(
-            help="Axis the images are across: x, y, z (LPS) or i, j, k.", show_default="k"
+            help="Axis the images are across: x, y, z (LPS) or i, j, k.",
+            show_default="k",
+            rich_help_panel=_IMAGES,
         ),
     ] = None,
     label: Annotated[
-        int | None, typer.Option(help="The organ's label, where the images hold labels.")
+        int | None,
+        typer.Option(
+            help="The organ's label, where the images hold labels.", rich_help_panel=_IMAGES
+        ),
     ] = None,
     window: Annotated[
-        str | None, typer.Option(help="LOW,HIGH: the values to keep, of CT in HU.")
+        str | None,
+        typer.Option(
+            help="LOW,HIGH: the values to keep, of CT in HU.", rich_help_panel=_IMAGES
+        ),
     ] = None,
     roi: Annotated[
         str | None,
-        typer.Option(help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0."),
+        typer.Option(
+            help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0.",
+            rich_help_panel=_IMAGES,
+        ),
     ] = None,
-    sections: Annotated[bool, typer.Option("--sections", help="List every section.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    seed: Annotated[
+        str | None,
+        typer.Option(
+            help="X,Y: a pixel of the organ in the first image, where other things are in view.",
+            show_default="the largest thing in view",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = None,
+    polarity: Annotated[
+        str,
+        typer.Option(
+            help="auto, bright or dark: the organ against its surroundings.",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = "auto",
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Grey value of the organ's edge.",
+            show_default="halfway between organ and surroundings",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = None,
+    edges: Annotated[
+        str,
+        typer.Option(
+            help="half-level, to a part of a pixel, or canny, as in the thesis.",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = "half-level",
+    tolerance_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="RMS distance, mm, of every section's edge to the organ that is kept.",
+            show_default="2 % of the mean radius, half a pixel or more",
+            rich_help_panel=_PROMISE,
+        ),
+    ] = None,
+    tolerance_px: Annotated[
+        float | None,
+        typer.Option(help="The same in pixels.", rich_help_panel=_PROMISE),
+    ] = None,
+    select: Annotated[
+        str,
+        typer.Option(
+            help="fewest sections that keep the promise, or the thesis's rule: a section is kept "
+            "that differs from the last one kept.",
+            rich_help_panel=_PROMISE,
+        ),
+    ] = "fewest",
+    sections: Annotated[
+        bool, typer.Option("--sections", help="List every section.", rich_help_panel=_REPORT)
+    ] = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw all sections, kept sections, key and driving points; for several stacks, "
+            "a folder.",
+            rich_help_panel=_REPORT,
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="JSON on stdout: an object, or a list of them.", rich_help_panel=_REPORT
+        ),
+    ] = False,
 ) -> None:
     """Find the organ in section images, drop redundant sections, and write an organ file.
 
-    Example: bluntdissect compress scans/ -o duct.organ --pixel-size 0.1 --slice-spacing 0.4
+    Examples: bluntdissect compress scans/ -o duct.organ --pixel-size 0.1 --slice-spacing 0.4;
+    bluntdissect compress a/ b.nii.gz c.tif -o organs/
     """
+    reading: dict[str, Any] = {
+        "pixel_size": pixel_pair(pixel_size),
+        "slice_spacing": slice_spacing,
+        "axis": axis,
+        "label": label,
+        "window": window_levels(window),
+        "roi": region(roi),
+    }
+    building: dict[str, Any] = {
+        "polarity": chosen("--polarity", polarity, ("auto", "bright", "dark")),
+        "threshold": threshold,
+        "method": chosen("--edges", edges, ("half-level", "canny")),
+        "seed": seed_point(seed),
+        "tolerance_mm": tolerance_mm,
+        "tolerance_px": tolerance_px,
+        "select": chosen("--select", select, ("fewest", "thesis")),
+    }
+    if tolerance_mm is not None and tolerance_px is not None:
+        raise ValueError("give either --tolerance-mm or --tolerance-px")
+    if len(stacks) > 1 or output.is_dir():
+        _compress_many(stacks, output, figure, reading, building, every=sections, as_json=as_json)
+    else:
+        from app.compression.stack_job import StackJob
+
+        job = StackJob(stacks[0], output, figure, reading, building)
+        _compress_one(job, every=sections, as_json=as_json)
+
+
+def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
+    from app.compression.organ_figure import check_figure_target
+    from app.compression.report import report_lines
+    from app.compression.stack_job import compress_stack
+    from organ_geometry.whole_file import check_target
+
+    check_target(job.output)
+    if job.figure is not None:
+        check_figure_target(job.figure)
+    with _progress("Finding edges") as bar:
+        task = bar.add_task("", total=None)
+        said = compress_stack(
+            job, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    if as_json:
+        print(json.dumps(said.as_json()))
+    else:
+        print("\n".join(report_lines(said, every_section=every)))
+
+
+def _compress_many(
+    stacks: list[Path],
+    folder: Path,
+    figures: Path | None,
+    reading: dict[str, Any],
+    building: dict[str, Any],
+    *,
+    every: bool,
+    as_json: bool,
+) -> None:
+    """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
+    from app.compression.report import Facts, section_lines, summary_lines
+    from app.compression.stack_job import Failed, compress_all, jobs_into
+
+    jobs = jobs_into(folder, stacks, figures=figures, reading=reading, building=building)
+    for place in (folder, figures):
+        if place is not None:
+            _make_folder(place)
+    by_stack: dict[str, Facts | Failed] = {}
+    with _progress("Compressing") as bar:
+        task = bar.add_task("", total=len(jobs))
+        for outcome in compress_all(jobs):
+            by_stack[str(outcome.stack)] = outcome
+            bar.advance(task)
+    outcomes = [by_stack[str(job.stack)] for job in jobs]
+    done = [outcome for outcome in outcomes if isinstance(outcome, Facts)]
+    failed = [outcome for outcome in outcomes if isinstance(outcome, Failed)]
+    if as_json:
+        print(json.dumps([outcome.as_json() for outcome in outcomes]))
+    else:
+        for said in done if every else ():
+            print("\n".join([said.file, *section_lines(said.sections), ""]))
+        print("\n".join(summary_lines(done)))
+        for said in done:
+            for warning in said.warnings:
+                print(f"note       {said.stack}: {warning}")
+        for one in failed:
+            print(f"failed     {one.stack}: {one.reason}")
+    if failed:
+        raise ValueError(
+            f"{len(failed)} of {len(jobs)} stacks could not be compressed: "
+            + ", ".join(str(one.stack) for one in failed)
+        )
+
+
+def _make_folder(place: Path) -> None:
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"several stacks need a folder to write into, and {place} cannot be one: "
+            f"{(error.strerror or str(error)).lower()}"
+        ) from error
+
+
+@contextmanager
+def _progress(what: str) -> "Iterator[Progress]":
+    """Show a bar while somebody watches."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    from organ_geometry.image_stack import read_image_stack
-    from organ_geometry.organ_builder import build_organ
-    from organ_geometry.organ_file import write_organ
-    from organ_geometry.whole_file import check_target
-
-    check_target(output)
-    side = _polarity(polarity)
     console = Console(stderr=True)
-    images = read_image_stack(
-        stack,
-        pixel_size=_pair(pixel_size),
-        slice_spacing=slice_spacing,
-        axis=axis,
-        label=label,
-        window=_window(window),
-        roi=_region(roi),
-    )
     with Progress(
-        TextColumn("Finding edges"),
+        TextColumn(what),
         BarColumn(),
         MofNCompleteColumn(),
         console=console,
         transient=True,
         disable=not console.is_terminal,
     ) as bar:
-        task = bar.add_task("edges", total=len(images))
-        built = build_organ(
-            images,
-            polarity=side,
-            tolerance_mm=tolerance_mm,
-            name=output.stem,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
-    write_organ(built.organ, output)
-    if as_json:
-        print(json.dumps(_facts(built, images.bytes_in, output)))
-    else:
-        _print_report(built, images.bytes_in, output, every_section=sections)
-
-
-def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object]:
-    """Return what `--json` says."""
-    return {
-        "file": str(output),
-        "polarity": built.polarity,
-        "hollow": built.organ.hollow,
-        "length_mm": built.organ.length,
-        "mean_radius_mm": built.organ.mean_radius,
-        "tolerance_mm": built.tolerance_mm,
-        "sections_in": built.sections_in,
-        "sections_found": built.sections_found,
-        "sections_kept": built.sections_kept,
-        "rms_error_px": built.rms_error_px,
-        "rms_error_mm": built.rms_error_mm,
-        "max_error_mm": built.max_error_mm,
-        "bytes_in": bytes_in,
-        "bytes_out": output.stat().st_size,
-        "seconds": built.seconds,
-        "warnings": list(built.warnings),
-        "sections": [
-            {
-                key: None if isinstance(value, float) and math.isnan(value) else value
-                for key, value in dataclasses.asdict(section).items()
-            }
-            for section in built.sections
-        ],
-    }
-
-
-def _print_report(built: "BuiltOrgan", bytes_in: int, output: Path, *, every_section: bool) -> None:
-    """Print the sections, if wanted, then what the file holds."""
-    organ = built.organ
-    if every_section:
-        print(
-            f"{'section':<24} {'edge points':>11} {'lumen':>5} {'kept':>4} "
-            f"{'fit RMS px':>10} {'fit RMS mm':>10} {'RMS px':>7} {'RMS mm':>7} {'max mm':>7}"
-        )
-        for section in built.sections:
-            if section.problem is not None:
-                print(f"{section.name:<24} {section.problem}")
-                continue
-            print(
-                f"{section.name:<24} {section.edge_points:>11} {'yes' if section.lumen else '':>5} "
-                f"{'kept' if section.kept else '':>4} {section.fit_rms_px:>10.3f} "
-                f"{section.fit_rms_mm:>10.4f} {section.rms_px:>7.3f} {section.rms_mm:>7.4f} "
-                f"{section.max_mm:>7.4f}"
-            )
-        print()
-    without = [section for section in built.sections if section.problem is not None]
-    wall = "hollow" if organ.hollow else "solid"
-    bytes_out = output.stat().st_size
-    lines = [
-        (
-            "organ",
-            f"{wall}, {organ.length:.2f} mm long, mean radius {organ.mean_radius:.3f} mm, "
-            f"{built.polarity} in its images",
-        ),
-        (
-            "sections",
-            f"{built.sections_in} in, {built.sections_found} found, "
-            f"{built.sections_kept} kept (tolerance {built.tolerance_mm:.4f} mm RMS)",
-        ),
-        (
-            "RMS error",
-            f"{built.rms_error_px:.3f} px, {built.rms_error_mm:.4f} mm, "
-            f"largest {built.max_error_mm:.4f} mm either way",
-        ),
-        ("bytes", f"{bytes_in:,} in, {bytes_out:,} out, ratio {bytes_in / bytes_out:,.0f}"),
-        ("time", f"{built.seconds:.2f} s"),
-        ("written", str(output)),
-    ]
-    for name, value in lines:
-        print(f"{name:<10} {value}")
-    for warning in built.warnings:
-        print(f"{'note':<10} {warning}")
-    for section in without[:10]:
-        print(f"left out   {section.name}: {section.problem}")
-    if len(without) > 10:
-        print(f"left out   {len(without) - 10} more; --sections lists every section")
-    elif not every_section:
-        print("           --sections lists every section")
-
-
-def _pair(text: str | None) -> tuple[float, float] | None:
-    """Return "0.1" as (0.1, 0.1) and "0.1,0.2" as (0.1, 0.2)."""
-    if text is None:
-        return None
-    try:
-        sizes = [float(part) for part in text.split(",")]
-    except ValueError:
-        sizes = []
-    if len(sizes) not in (1, 2):
-        raise ValueError(
-            f"--pixel-size must be one number or two, mm, as 0.1 or 0.1,0.2, not {text}"
-        )
-    return sizes[0], sizes[-1]
-
-
-def _window(text: str | None) -> tuple[float, float] | None:
-    """Return "-150,500" as (-150, 500)."""
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ValueError(
-            f"--window must be the lowest and the highest value kept, as -150,500, not {text}"
-        ) from None
-    return low, high
-
-
-def _region(text: str | None) -> "Region | None":
-    """Return "0,0,9,9" as (0, 0, 9, 9), and six numbers likewise."""
-    if text is None:
-        return None
-    try:
-        numbers = [int(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 4:
-        return numbers[0], numbers[1], numbers[2], numbers[3]
-    if len(numbers) == 6:
-        return numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
-    raise ValueError(
-        f"--roi must be four or six whole numbers, x0,y0,x1,y1 or x0,y0,x1,y1,first,last, "
-        f"not {text}"
-    )
-
-
-def _polarity(text: str) -> "Polarity":
-    """Return the polarity of that name."""
-    if text not in ("auto", "bright", "dark"):
-        raise ValueError(f"--polarity must be auto, bright or dark, not {text}")
-    return text
+        yield bar

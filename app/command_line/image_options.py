@@ -1,0 +1,164 @@
+"""Options that say which images are meant and where in them the organ is, as text."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from organ_geometry.image_region import Region
+
+__all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
+
+
+def chosen(option: str, text: str, offered: tuple[str, ...]) -> str:
+    """Return a choice, if it is one of those offered.
+
+    Parameters
+    ----------
+    option
+        The option's name.
+    text
+        What was given.
+    offered
+        What may be given.
+
+    Returns
+    -------
+    str
+        The choice.
+
+    Raises
+    ------
+    ValueError
+        If it is none of them.
+    """
+    if text not in offered:
+        raise ValueError(
+            f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}"
+        )
+    return text
+
+
+def pixel_pair(text: str | None) -> tuple[float, float] | None:
+    """Return "0.1" as (0.1, 0.1) and "0.1,0.2" as (0.1, 0.2).
+
+    Parameters
+    ----------
+    text
+        A pixel's width, or width and height, mm.
+
+    Returns
+    -------
+    tuple[float, float] | None
+        Width and height, mm; None for no text.
+
+    Raises
+    ------
+    ValueError
+        If it is not one number or two.
+    """
+    if text is None:
+        return None
+    sizes = _numbers(text)
+    if len(sizes) not in (1, 2):
+        raise ValueError(
+            f"--pixel-size must be one number or two, mm, as 0.1 or 0.1,0.2, not {text}"
+        )
+    return sizes[0], sizes[-1]
+
+
+def window_levels(text: str | None) -> tuple[float, float] | None:
+    """Return "-150,500" as (-150, 500).
+
+    Parameters
+    ----------
+    text
+        Lowest and highest value kept.
+
+    Returns
+    -------
+    tuple[float, float] | None
+        The two; None for no text.
+
+    Raises
+    ------
+    ValueError
+        If it is not two numbers.
+    """
+    if text is None:
+        return None
+    levels = _numbers(text)
+    if len(levels) != 2:
+        raise ValueError(
+            f"--window must be the lowest and the highest value kept, as -150,500, not {text}"
+        )
+    return levels[0], levels[1]
+
+
+def seed_point(text: str | None) -> tuple[float, float] | None:
+    """Return "120,95" as (120, 95).
+
+    Parameters
+    ----------
+    text
+        Column and row of a pixel of the organ, from 0, in the first image.
+
+    Returns
+    -------
+    tuple[float, float] | None
+        The two, px; None for no text.
+
+    Raises
+    ------
+    ValueError
+        If it is not two numbers.
+    """
+    if text is None:
+        return None
+    point = _numbers(text)
+    if len(point) != 2:
+        raise ValueError(
+            f"--seed must be a pixel of the organ in the first image, column,row as 120,95, "
+            f"not {text}"
+        )
+    return point[0], point[1]
+
+
+def region(text: str | None) -> "Region | None":
+    """Return "0,0,9,9" as (0, 0, 9, 9), and six numbers likewise.
+
+    Parameters
+    ----------
+    text
+        First and last columns and rows, and perhaps images, from 0.
+
+    Returns
+    -------
+    Region | None
+        The region; None for no text.
+
+    Raises
+    ------
+    ValueError
+        If it is not four or six whole numbers.
+    """
+    if text is None:
+        return None
+    try:
+        numbers = [int(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 4:
+        return numbers[0], numbers[1], numbers[2], numbers[3]
+    if len(numbers) == 6:
+        return numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]
+    raise ValueError(
+        f"--roi must be four or six whole numbers, x0,y0,x1,y1 or x0,y0,x1,y1,first,last, "
+        f"not {text}"
+    )
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers between the commas, none if one of them is no number."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        return []

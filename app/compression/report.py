@@ -1,0 +1,248 @@
+"""What is said of a compressed stack: the facts for programs, the lines and tables for people."""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from organ_geometry.organ_builder import BuiltOrgan, SectionReport
+
+__all__ = ["Facts", "facts", "report_lines", "section_lines", "summary_lines"]
+
+MOST_LEFT_OUT = 10
+"""Sections left out that a report names one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What compressing a stack gave; the attributes' names are `--json`'s keys.
+
+    Attributes
+    ----------
+    stack
+        Where the images are.
+    file
+        The organ file.
+    polarity
+        "bright" or "dark": the organ in its images.
+    hollow
+        Whether it has a lumen.
+    length_mm, mean_radius_mm
+        The organ's size, mm.
+    tolerance_mm, tolerance_px
+        RMS distance that was promised for every section.
+    sections_in, sections_found, sections_kept
+        Number of images, of those in which the organ was found, of key sections.
+    rms_error_mm, rms_error_px
+        RMS distance of the original edges to the decompressed organ.
+    max_error_mm, max_error_px
+        Largest distance between edge and organ.
+    bytes_in, bytes_out
+        Size of the image files and of the organ file.
+    ratio
+        Bytes in, over bytes out.
+    seconds
+        Time for reading the images and building the organ, s.
+    warnings
+        What may make the organ another than the one wanted.
+    sections
+        One report for each image.
+    """
+
+    stack: str
+    file: str
+    polarity: str
+    hollow: bool
+    length_mm: float
+    mean_radius_mm: float
+    tolerance_mm: float
+    tolerance_px: float
+    sections_in: int
+    sections_found: int
+    sections_kept: int
+    rms_error_mm: float
+    rms_error_px: float
+    max_error_mm: float
+    max_error_px: float
+    bytes_in: int
+    bytes_out: int
+    ratio: float
+    seconds: float
+    warnings: tuple[str, ...]
+    sections: tuple[SectionReport, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """Return the facts as JSON takes them.
+
+        Returns
+        -------
+        dict[str, object]
+            The facts by name; None for what was not found.
+        """
+        return {
+            **{
+                one.name: getattr(self, one.name)
+                for one in dataclasses.fields(self)
+                if one.name != "sections"
+            },
+            "sections": [
+                {
+                    key: None if isinstance(value, float) and math.isnan(value) else value
+                    for key, value in dataclasses.asdict(section).items()
+                }
+                for section in self.sections
+            ],
+        }
+
+
+def facts(built: BuiltOrgan, *, stack: Path, bytes_in: int, output: Path) -> Facts:
+    """Return what compressing a stack gave.
+
+    Parameters
+    ----------
+    built
+        The organ.
+    stack
+        Where its images are.
+    bytes_in
+        Size of the image files.
+    output
+        The organ file, written.
+
+    Returns
+    -------
+    Facts
+        The facts.
+    """
+    bytes_out = output.stat().st_size
+    pixel = built.pixel_mm
+    return Facts(
+        stack=str(stack),
+        file=str(output),
+        polarity=built.polarity,
+        hollow=built.organ.hollow,
+        length_mm=built.organ.length,
+        mean_radius_mm=built.organ.mean_radius,
+        tolerance_mm=built.tolerance_mm,
+        tolerance_px=built.tolerance_mm / pixel,
+        sections_in=built.sections_in,
+        sections_found=built.sections_found,
+        sections_kept=built.sections_kept,
+        rms_error_mm=built.rms_error_mm,
+        rms_error_px=built.rms_error_px,
+        max_error_mm=built.max_error_mm,
+        max_error_px=built.max_error_mm / pixel,
+        bytes_in=bytes_in,
+        bytes_out=bytes_out,
+        ratio=bytes_in / bytes_out,
+        seconds=built.seconds,
+        warnings=built.warnings,
+        sections=built.sections,
+    )
+
+
+def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
+    """Yield the report of one stack.
+
+    Parameters
+    ----------
+    said
+        The facts.
+    every_section
+        Whether every section is listed first.
+
+    Yields
+    ------
+    str
+        The lines.
+    """
+    if every_section:
+        yield from section_lines(said.sections)
+        yield ""
+    wall = "hollow" if said.hollow else "solid"
+    rows = [
+        (
+            "organ",
+            f"{wall}, {said.length_mm:.2f} mm long, mean radius {said.mean_radius_mm:.3f} mm, "
+            f"{said.polarity} in its images",
+        ),
+        (
+            "sections",
+            f"{said.sections_in} in, {said.sections_found} found, {said.sections_kept} kept",
+        ),
+        (
+            "promise",
+            f"{said.tolerance_mm:.4f} mm, {said.tolerance_px:.3f} px RMS at every section",
+        ),
+        ("RMS error", f"{said.rms_error_mm:.4f} mm, {said.rms_error_px:.3f} px"),
+        ("largest", f"{said.max_error_mm:.4f} mm, {said.max_error_px:.3f} px, either way"),
+        ("bytes", f"{said.bytes_in:,} in, {said.bytes_out:,} out, ratio {said.ratio:,.0f}"),
+        ("time", f"{said.seconds:.2f} s"),
+        ("written", said.file),
+    ]
+    yield from (f"{name:<10} {value}" for name, value in rows)
+    yield from (f"{'note':<10} {warning}" for warning in said.warnings)
+    without = [section for section in said.sections if section.problem is not None]
+    for section in without[:MOST_LEFT_OUT]:
+        yield f"left out   {section.name}: {section.problem}"
+    if len(without) > MOST_LEFT_OUT:
+        yield f"left out   {len(without) - MOST_LEFT_OUT} more; --sections lists every section"
+    elif not every_section:
+        yield "           --sections lists every section"
+
+
+def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:
+    """Yield the table of all sections.
+
+    Parameters
+    ----------
+    sections
+        One report for each image.
+
+    Yields
+    ------
+    str
+        The lines.
+    """
+    yield (
+        f"{'section':<24} {'edge points':>11} {'lumen':>5} {'kept':>4} "
+        f"{'fit RMS px':>10} {'fit RMS mm':>10} {'RMS px':>7} {'RMS mm':>7} {'max mm':>7}"
+    )
+    for section in sections:
+        if section.problem is not None:
+            yield f"{section.name:<24} {section.problem}"
+            continue
+        yield (
+            f"{section.name:<24} {section.edge_points:>11} {'yes' if section.lumen else '':>5} "
+            f"{'kept' if section.kept else '':>4} {section.fit_rms_px:>10.3f} "
+            f"{section.fit_rms_mm:>10.4f} {section.rms_px:>7.3f} {section.rms_mm:>7.4f} "
+            f"{section.max_mm:>7.4f}"
+        )
+
+
+def summary_lines(every: Sequence[Facts]) -> Iterator[str]:
+    """Yield the table of many stacks, one a line.
+
+    Parameters
+    ----------
+    every
+        What was found for each.
+
+    Yields
+    ------
+    str
+        The lines.
+    """
+    width = max([len("organ file"), *(len(said.file) for said in every)])
+    yield (
+        f"{'organ file':<{width}} {'in':>5} {'found':>5} {'kept':>5} {'RMS mm':>8} {'RMS px':>7} "
+        f"{'max mm':>8} {'bytes in':>12} {'out':>7} {'ratio':>8} {'s':>6}"
+    )
+    for said in every:
+        yield (
+            f"{said.file:<{width}} {said.sections_in:>5} {said.sections_found:>5} "
+            f"{said.sections_kept:>5} {said.rms_error_mm:>8.4f} {said.rms_error_px:>7.3f} "
+            f"{said.max_error_mm:>8.4f} {said.bytes_in:>12,} {said.bytes_out:>7,} "
+            f"{said.ratio:>8,.0f} {said.seconds:>6.2f}"
+        )

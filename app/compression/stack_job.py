@@ -1,0 +1,205 @@
+"""One stack to compress, and many at once on all cores."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from app.compression.organ_figure import draw_organ_figure
+from app.compression.report import Facts, facts
+from organ_geometry.image_stack import read_image_stack
+from organ_geometry.organ_builder import build_organ
+from organ_geometry.organ_file import write_organ
+
+__all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
+
+
+@dataclass(frozen=True, slots=True)
+class StackJob:
+    """What is to be compressed, and how.
+
+    Attributes
+    ----------
+    stack
+        Where the images are.
+    output
+        The organ file to write.
+    figure
+        The picture to draw, or None.
+    reading
+        Keyword arguments of `read_image_stack`.
+    building
+        Keyword arguments of `build_organ`.
+    """
+
+    stack: Path
+    output: Path
+    figure: Path | None = None
+    reading: dict[str, Any] = field(default_factory=dict[str, Any])
+    building: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A stack that could not be compressed.
+
+    Attributes
+    ----------
+    stack
+        Where its images are.
+    reason
+        Why, in one line.
+    """
+
+    stack: Path
+    reason: str
+
+    def as_json(self) -> dict[str, object]:
+        """Return the failure as JSON takes it.
+
+        Returns
+        -------
+        dict[str, object]
+            The stack and the reason, under "error".
+        """
+        return {"stack": str(self.stack), "error": self.reason}
+
+
+def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = None) -> Facts:
+    """Build a stack's organ and write its file, and its figure where one is wanted.
+
+    Parameters
+    ----------
+    job
+        The stack.
+    progress
+        Called after each image with the number done and the number of images.
+
+    Returns
+    -------
+    Facts
+        What was found and written.
+
+    Raises
+    ------
+    ValueError
+        If the images cannot be read, show no organ, or a file cannot be written.
+    """
+    images = read_image_stack(job.stack, **job.reading)
+    built = build_organ(images, progress=progress, **job.building)
+    write_organ(built.organ, job.output)
+    if job.figure is not None:
+        edges = [contour.outer for contour in built.contours]
+        draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
+    return facts(built, stack=job.stack, bytes_in=images.bytes_in, output=job.output)
+
+
+def jobs_into(
+    folder: Path,
+    stacks: Sequence[Path],
+    *,
+    figures: Path | None,
+    reading: dict[str, Any],
+    building: dict[str, Any],
+) -> list[StackJob]:
+    """Return a job for each stack, with file names that differ.
+
+    A file is called like its stack. Where two are called alike, the folder that a stack is in
+    comes before its name.
+
+    Parameters
+    ----------
+    folder
+        Where the organ files go.
+    stacks
+        Where the images are.
+    figures
+        Where the figures go, or None.
+    reading, building
+        As in a `StackJob`.
+
+    Returns
+    -------
+    list[StackJob]
+        The jobs.
+
+    Raises
+    ------
+    ValueError
+        If a stack is given twice, or two would give the same file.
+    """
+    places = [stack.resolve() for stack in stacks]
+    for place, stack in zip(places, stacks, strict=True):
+        if places.count(place) > 1:
+            raise ValueError(f"the stack {stack} is given twice")
+    names = _names(places)
+    return [
+        StackJob(
+            stack=stack,
+            output=folder / f"{name}.organ",
+            figure=None if figures is None else figures / f"{name}.png",
+            reading=reading,
+            building=building,
+        )
+        for stack, name in zip(stacks, names, strict=True)
+    ]
+
+
+def compress_all(jobs: Sequence[StackJob]) -> Iterator[Facts | Failed]:
+    """Compress many stacks, one process a core; one that fails does not stop the others.
+
+    Parameters
+    ----------
+    jobs
+        The stacks.
+
+    Yields
+    ------
+    Facts | Failed
+        What came of each stack, in the order in which they are done.
+    """
+    workers = min(len(jobs), _cores())
+    # A process that starts anew holds no locks of threads that it does not have.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        running = {pool.submit(_outcome, job): job for job in jobs}
+        for done in as_completed(running):
+            try:
+                yield done.result()
+            except Exception as error:  # the process died, of a lack of memory perhaps
+                yield Failed(running[done].stack, f"its process ended: {error}")
+
+
+def _outcome(job: StackJob) -> Facts | Failed:
+    try:
+        return compress_stack(job)
+    except (ValueError, OSError) as error:
+        return Failed(job.stack, " ".join(str(error).split()))
+
+
+def _names(places: list[Path]) -> list[str]:
+    """Return names that differ, with as few of the folders' names in them as that takes."""
+    for depth in range(max(len(place.parts) for place in places)):
+        names = [_name(place, depth) for place in places]
+        if len({name.casefold() for name in names}) == len(names):
+            return names
+    alike = ", ".join(str(place) for place in places)
+    raise ValueError(f"two of {alike} would give the same file; compress them one by one")
+
+
+def _name(place: Path, depth: int) -> str:
+    """Return a stack's name after the names of the last folders that it is in."""
+    own = place.name if place.is_dir() else place.name.split(".")[0]
+    folders = place.parent.parts[1:]
+    return "-".join([*folders[len(folders) - depth :], own])
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on this system
+        return os.cpu_count() or 1
