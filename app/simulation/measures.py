@@ -144,7 +144,15 @@ class MeasureTaker:
         """Force-time product so far, N s."""
         return self._force_sum * TICK_SECONDS
 
-    def take(self, force: float, hook: Place, distance_to_break: float, *, held: bool) -> None:
+    def take(
+        self,
+        force: float,
+        hook: Place,
+        distance_to_break: float,
+        *,
+        held: bool,
+        came_from: Place | None = None,
+    ) -> None:
         """Take one tick.
 
         Parameters
@@ -157,6 +165,8 @@ class MeasureTaker:
             1 at rest, 0 at the threshold.
         held
             Whether the grasper holds the duct.
+        came_from
+            Where a hold that starts with this tick took the duct, mm; `hook` when None.
         """
         self.ticks += 1
         size = abs(force)
@@ -171,6 +181,8 @@ class MeasureTaker:
                 self._over += 1
         self._distance = min(self._distance, distance_to_break)
         if held:
+            if self._held == 0 and came_from is not None:
+                self._move_to(came_from)
             self._move_to(hook)
         else:
             self._held = 0

@@ -170,6 +170,7 @@ class Run:
         hook: Place,
         distance_to_break: float,
         *,
+        came_from: Place,
         held: bool,
         torn: BreakEvent | None,
     ) -> None:
@@ -183,6 +184,8 @@ class Run:
             The axis at the grasp, mm.
         distance_to_break
             1 at rest, 0 at the break.
+        came_from
+            Where the axis at the grasp was before this tick, mm.
         held
             Whether the grasper holds the duct.
         torn
@@ -191,7 +194,7 @@ class Run:
         if not self.going:
             return
         taker = self._taker
-        taker.take(force, hook, distance_to_break, held=held)
+        taker.take(force, hook, distance_to_break, held=held, came_from=came_from)
         if torn is not None:
             taker.tear(torn)
         if self._trial is not None:

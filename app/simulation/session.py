@@ -1,5 +1,6 @@
 """A session: one trainee's duct, its inputs, its state and its steps in time. No viewer in it."""
 
+import contextlib
 import math
 from threading import RLock
 
@@ -15,25 +16,20 @@ from app.simulation.grasped_duct import GraspedDuct, Load
 from app.simulation.measures import Measures
 from app.simulation.model import Model
 from app.simulation.preset import Preset, preset_named, presets
-from app.simulation.pull_control import PullControl
+from app.simulation.pulled_duct import PulledDuct
 from app.simulation.reading import Phase, Reading, Surface
 from app.simulation.run import Run, StartingPoint
-from app.simulation.run_log import OrganIdentity, RunFile
+from app.simulation.run_log import InputKind, OrganIdentity, RunFile
 from app.simulation.surface_stress import SurfaceStress
 from app.simulation.swinging_chain import SwingingChain
-from app.simulation.tear import Tear
 from organ_geometry.organ import Organ
 from organ_geometry.skin import organ_skin
-from physics import BreakEvent, Cubic, NoEquilibrium, Theory
+from physics import Cubic, NoEquilibrium, Theory
 
 __all__ = ["VERTICES", "Phase", "Reading", "Session", "Surface"]
 
 VERTICES = 5000
 """Vertices of the skin, about: what a browser without a graphics card still draws smoothly."""
-GRASP_MARGIN = 0.1
-"""Part of the span next to each clamp where the grasper finds no room."""
-THRESHOLD_RANGE = (0.25, 2.0)
-"""How far the threshold may be moved, in thresholds of the preset."""
 TASK_THRESHOLD = 0.5
 """Force above which a run's time is counted, in forces at break with a grasp in the middle."""
 
@@ -81,55 +77,53 @@ class Session:
     @property
     def dissection(self) -> Dissection:
         """The dissection of the chosen preset."""
-        return self._model.dissection
+        return self._pulled.model.dissection
 
     @property
     def theory(self) -> Theory:
         """The chosen theory."""
-        return self._model.theory
+        return self._pulled.model.theory
 
     @property
     def grasp(self) -> float:
         """Distance of the grasp from the first clamp that was asked for, mm."""
-        return self._grasp_wanted
+        return self._pulled.grasp_wanted
 
     @property
     def grasp_range(self) -> tuple[float, float]:
         """Where the grasper can hold, mm from the first clamp."""
-        span = self._model.dissection.beam.span
-        return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
+        return self._pulled.grasp_range
 
     @property
     def force_wanted(self) -> float:
         """Force that the pull grows or falls to, N."""
-        return self._control.force_wanted
+        return self._pulled.control.force_wanted
 
     @property
     def force_limit(self) -> float:
         """Largest force the grasper gives, N."""
-        return self._model.force_limit
+        return self._pulled.model.force_limit
 
     @property
     def deflection_limit(self) -> float:
         """Largest deflection that a hand can ask for, mm."""
         with self._lock:
-            return self._duct.deflection_limit
+            return self._pulled.grasped.deflection_limit
 
     @property
     def threshold(self) -> float:
         """Stress at which the duct tears that was asked for, MPa."""
-        return self._threshold_wanted
+        return self._pulled.threshold_wanted
 
     @property
     def threshold_range(self) -> tuple[float, float]:
         """How far the threshold may be moved, MPa."""
-        low, high = THRESHOLD_RANGE
-        return low * self._model.threshold, high * self._model.threshold
+        return self._pulled.threshold_range
 
     @property
     def stress_range(self) -> tuple[float, float]:
         """Ends of the scale of stress on the surface, MPa: none, and the threshold."""
-        return 0.0, self._threshold_wanted
+        return 0.0, self._pulled.threshold_wanted
 
     @property
     def shape(self) -> int:
@@ -144,12 +138,12 @@ class Session:
     @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
-        return self._ghost if self._tear is None else None
+        return self._ghost if self._pulled.tear is None else None
 
     @property
     def chain(self) -> SwingingChain | None:
         """The chain of masses and springs beside the duct, while this one is whole."""
-        return self._chain if self._tear is None else None
+        return self._chain if self._pulled.tear is None else None
 
     @property
     def time(self) -> float:
@@ -205,7 +199,8 @@ class Session:
             The exercises; their numbers follow from the duct's own break.
         """
         with self._lock:
-            duct = GraspedDuct(self._model, self._grasp_wanted, self._threshold_wanted)
+            pulled = self._pulled
+            duct = GraspedDuct(pulled.model, pulled.grasp_wanted, pulled.threshold_wanted)
         return exercises_for(duct)
 
     def set_force(self, force: float) -> None:
@@ -217,11 +212,10 @@ class Session:
             The grasper's whole force, N.
         """
         with self._lock:
-            if self._tear is None and math.isfinite(force):
-                wanted = min(max(float(force), 0.0), self._model.force_limit)
-                self._begin_run(wanted > 0.0)
-                if self._control.pull_with(wanted):
-                    self._run.note("force", wanted)
+            if self._pulled.takes(force):
+                if force > 0.0:
+                    self._begin_run()
+                self._note("force", self._pulled.ask_force(force))
 
     def grab(self, station: float) -> None:
         """Take the duct by hand, at a place and as far out as it is there.
@@ -232,12 +226,9 @@ class Session:
             Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
         """
         with self._lock:
-            if self._tear is None and math.isfinite(station):
-                self._begin_run(True)
-                low, high = self.grasp_range
-                self._grasp_wanted = min(max(float(station), low), high)
-                self._control.grab(max(0.0, self._duct.across(self._grasp_wanted)))
-                self._run.note("grab", self._grasp_wanted)
+            if self._pulled.takes(station):
+                self._begin_run()
+                self._note("grab", self._pulled.grab(station))
 
     def hand_to(self, deflection: float) -> None:
         """Lead the hand that holds the duct; the grasp follows in the next steps.
@@ -251,10 +242,8 @@ class Session:
             Wanted displacement of the grasp along the pull, mm.
         """
         with self._lock:
-            if self._tear is None and math.isfinite(deflection):
-                wanted = min(max(float(deflection), 0.0), self._duct.deflection_limit)
-                if self._control.lead_to(wanted):
-                    self._run.note("hand", wanted)
+            if self._pulled.takes(deflection):
+                self._note("hand", self._pulled.lead_to(deflection))
 
     def hand_to_place(self, place: tuple[float, float, float]) -> None:
         """Lead the hand to a place in space.
@@ -269,12 +258,12 @@ class Session:
             `Reading.hook`.
         """
         with self._lock:
-            self.hand_to(float(place[2]) - self._duct.hook_at_rest[2])
+            self.hand_to(float(place[2]) - self._pulled.grasped.hook_at_rest[2])
 
     def let_go(self) -> None:
         """Let the duct spring back."""
         with self._lock:
-            if self._tear is None and self._control.let_go():
+            if self._pulled.tear is None and self._pulled.control.let_go():
                 self._run.note("let-go")
 
     def set_grasp(self, grasp: float) -> None:
@@ -286,12 +275,8 @@ class Session:
             Distance from the first clamp, mm.
         """
         with self._lock:
-            if self._tear is None and math.isfinite(grasp):
-                low, high = self.grasp_range
-                wanted = min(max(float(grasp), low), high)
-                if wanted != self._grasp_wanted:
-                    self._grasp_wanted = wanted
-                    self._run.note("grasp", wanted)
+            if self._pulled.takes(grasp):
+                self._note("grasp", self._pulled.ask_grasp(grasp))
 
     def set_threshold(self, threshold: float) -> None:
         """Ask for another stress at which the duct tears, taken with the next step.
@@ -302,12 +287,8 @@ class Session:
             Normal plus bending stress, MPa.
         """
         with self._lock:
-            if self._tear is None and math.isfinite(threshold):
-                low, high = self.threshold_range
-                wanted = min(max(float(threshold), low), high)
-                if wanted != self._threshold_wanted:
-                    self._threshold_wanted = wanted
-                    self._run.note("threshold", wanted)
+            if self._pulled.takes(threshold):
+                self._note("threshold", self._pulled.ask_threshold(threshold))
 
     def choose_preset(self, name: str) -> None:
         """Start anew with another preset; a torn duct is reset first, by `reset`.
@@ -324,9 +305,9 @@ class Session:
             its break; nothing changes.
         """
         dissection = Dissection.of(self._organ, preset_named(name))
-        model = Model.of(dissection, self._model.theory)
+        model = Model.of(dissection, self.theory)
         with self._lock:
-            if self._tear is None:
+            if self._pulled.tear is None:
                 self._start(model)
 
     def choose_theory(self, theory: Theory) -> None:
@@ -343,17 +324,10 @@ class Session:
             If the theory ends before the preset's break; nothing changes.
         """
         # Outside the lock: a theory's first solution may have to be compiled.
-        model = Model.of(self._model.dissection, theory)
+        model = Model.of(self.dissection, theory)
         with self._lock:
-            if self._tear is None:
-                self._model = model
-                self._threshold_wanted = model.threshold
-                control = self._control
-                control.force_wanted = min(control.force_wanted, model.force_limit)
-                if control.mode == "force":
-                    control.force = min(control.force, model.force_limit)
-                self._deepest = 0.0
-                self._refresh()
+            if self._pulled.tear is None:
+                self._pulled.solve_by(model)
                 if self._run.started:
                     self._run.note("theory", theory)
                 else:
@@ -372,10 +346,10 @@ class Session:
         ValueError
             If the theory ends before the preset's break; nothing changes.
         """
-        model = None if theory is None else Model.of(self._model.dissection, theory)
+        model = None if theory is None else Model.of(self.dissection, theory)
         with self._lock:
             self._ghost = None if model is None else Ghost(model, self._skin)
-            self._stale = True
+            self._pulled.touch()
 
     def show_chain(self, shown: bool) -> None:
         """Set the mass-spring chain beside the beam, or take it away.
@@ -388,7 +362,7 @@ class Session:
         with self._lock:
             if shown != (self._chain is not None):
                 self._chain = self._new_chain() if shown else None
-                self._stale = True
+                self._pulled.touch()
 
     def start_exercise(self, exercise: Exercise, feedback: Feedback = Feedback.CONTINUOUS) -> None:
         """Start anew with an exercise; its time runs from the first pull.
@@ -412,12 +386,8 @@ class Session:
     def reset(self) -> None:
         """Let go of the duct and make it whole: the next pull starts a run without an exercise."""
         with self._lock:
-            self._control = PullControl()
-            self._deepest = 0.0
-            if self._tear is not None:
-                self._tear = None
+            if self._pulled.reset():
                 self._show_whole()
-            self._stale = True
             self._new_run()
 
     def step(self, seconds: float) -> bool:
@@ -434,7 +404,7 @@ class Session:
             Whether anything has changed since the last step, or is about to.
         """
         with self._lock:
-            return self.advance(self._clock.ticks(seconds)) or self._moving
+            return self.advance(self._clock.ticks(seconds)) or self._pulled.moving
 
     def advance(self, ticks: int = 1) -> bool:
         """Advance the duct by a number of ticks, and draw it as it is then.
@@ -466,24 +436,7 @@ class Session:
             The reading.
         """
         with self._lock:
-            tear, control, duct = self._tear, self._control, self._duct
-            phase, shown = Phase.INTACT, 1.0
-            force, breaks_at = control.grip_force, duct.breaks_at
-            if tear is not None:
-                phase, breaks_at = tear.phase, tear.event
-                shown = 1.0 if phase is Phase.TEARING else 0.0
-                force = tear.event.force if phase is Phase.TEARING else 0.0
-            return Reading(
-                phase=phase,
-                force=force,
-                deflection=shown * duct.pulled.deflection,
-                check=duct.check,
-                breaks_at=breaks_at,
-                deepest=self._deepest,
-                hook=duct.hook(shown),
-                held=phase is not Phase.TORN and control.holds,
-                by_hand=phase is not Phase.TORN and control.mode == "hand",
-            )
+            return self._pulled.reading()
 
     def ghost_reading(self) -> GhostReading | None:
         """Return what the ghost's theory says beside this one.
@@ -494,9 +447,10 @@ class Session:
             The reading; None without a ghost, and where its theory ends before the load.
         """
         with self._lock:
-            if self._ghost is None or self._tear is not None:
+            if self.ghost is None:
                 return None
-            return self._ghost.reading(self._control.grip_force, self._duct.pulled.deflection)
+            control, grasped = self._pulled.control, self._pulled.grasped
+            return self.ghost.reading(control.grip_force, grasped.pulled.deflection)
 
     def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
         """Write the stress along the organ at each vertex of a surface.
@@ -519,10 +473,11 @@ class Session:
         with self._lock:
             if self._stress is None:
                 self._stress = tuple(
-                    SurfaceStress(self._model.dissection, each.skin) for each in self._surfaces
+                    SurfaceStress(self.dissection, each.skin) for each in self._surfaces
                 )
-            part = 1.0 if self._tear is None else self._tear.carried
-            return self._stress[surface].write(self._duct.pulled, out, part=part)
+            tear = self._pulled.tear
+            part = 1.0 if tear is None else tear.carried
+            return self._stress[surface].write(self._pulled.grasped.pulled, out, part=part)
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the chosen theory's force-deflection curve, past the break and past this pull.
@@ -538,7 +493,7 @@ class Session:
             (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
         """
         with self._lock:
-            duct, deepest = self._duct, self._deepest
+            duct, deepest = self._pulled.grasped, self._pulled.deepest
         return duct.curve(count, deepest=deepest)
 
     def measures(self) -> Measures:
@@ -566,22 +521,16 @@ class Session:
 
     def _start(self, model: Model) -> None:
         """Start anew with a model that has been found."""
-        self._model = model
-        self._bound = self._skin.bound_to(model.dissection.driving)
-        self._transforms = model.dissection.rest_transforms()
-        self._grasp_wanted = 0.5 * model.dissection.beam.span
-        self._threshold_wanted = model.threshold
-        self._control = PullControl()
-        self._deepest = 0.0
-        self._tear: Tear | None = None
+        dissection = model.dissection
+        self._pulled = PulledDuct(model, edge_length=self._edge_length, seed=self._seed)
+        self._bound = self._skin.bound_to(dissection.driving)
+        self._transforms = dissection.rest_transforms()
         self._show_whole()
         if self._ghost is not None:
             theory, self._ghost = self._ghost.model.theory, None
-            try:
-                self._ghost = Ghost(Model.of(model.dissection, theory), self._skin)
-            except NoEquilibrium:  # a theory that ends before this duct's break has no ghost
-                pass
-        self._refresh()
+            # A theory that ends before this duct's break has no ghost of it.
+            with contextlib.suppress(NoEquilibrium):
+                self._ghost = Ghost(Model.of(dissection, theory), self._skin)
         if self._chain is not None:
             self._chain = self._new_chain()
         self._new_run()
@@ -589,152 +538,82 @@ class Session:
     def _new_run(
         self, exercise: Exercise | None = None, feedback: Feedback = Feedback.CONTINUOUS
     ) -> None:
-        task_threshold = TASK_THRESHOLD * self._model.break_force
+        task_threshold = TASK_THRESHOLD * self._pulled.model.break_force
         if isinstance(exercise, HoldStretch):
             task_threshold = exercise.force_limit_N
         self._run = Run(task_threshold, exercise, feedback)
 
-    def _begin_run(self, pulls: bool) -> None:
+    def _begin_run(self) -> None:
         """Start the run's clock with the first pull, on a duct that nothing was done to before."""
-        if pulls and not self._run.started and not self._run.over:
-            name = self._model.dissection.preset.name
-            self._run.start(
-                StartingPoint(name, self._model.theory, self._grasp_wanted, self._threshold_wanted)
+        if self._run.started or self._run.over:
+            return
+        model, pulled = self._pulled.model, self._pulled
+        self._run.start(
+            StartingPoint(
+                model.dissection.preset.name,
+                model.theory,
+                pulled.grasp_wanted,
+                pulled.threshold_wanted,
             )
-            # A fresh duct: what its solver was last asked for must not show in the run's last bits.
-            if self._wishes_pending:
-                self._duct = GraspedDuct(self._model, self._grasp_wanted, self._threshold_wanted)
-            else:
-                self._duct = self._duct.renewed()
-            self._stale = True
+        )
+        pulled.renew()
+
+    def _note(self, kind: InputKind, wish: float | None) -> None:
+        if wish is not None:
+            self._run.note(kind, wish)
 
     def _new_chain(self) -> SwingingChain:
-        chain = SwingingChain(self._model.dissection.beam, self._duct.grasp)
-        chain.start_from(self._duct.pulled.deflection)
+        grasped = self._pulled.grasped
+        chain = SwingingChain(self.dissection.beam, grasped.grasp)
+        chain.start_from(grasped.pulled.deflection)
         return chain
-
-    def _refresh(self) -> None:
-        """Bring what depends on the inputs up to date; where the law ends, give way."""
-        self._duct = GraspedDuct(self._model, self._grasp_wanted, self._threshold_wanted)
-        self._hold_where_it_carries()
-
-    def _hold_where_it_carries(self) -> None:
-        self._stale = True
-        load = self._control.load
-        while True:
-            try:
-                self._duct.bear(load)
-            except NoEquilibrium:
-                load = self._control.ease()
-            else:
-                self._felt()
-                return
-
-    def _felt(self) -> None:
-        pulled = self._duct.pulled
-        self._control.felt(pulled.force, pulled.deflection)
-        self._deepest = max(self._deepest, pulled.deflection)
-
-    @property
-    def _moving(self) -> bool:
-        """Whether the next tick will change something."""
-        if self._tear is not None:
-            return not self._tear.settled
-        return self._stale or not self._control.at_rest or self._wishes_pending
-
-    @property
-    def _wishes_pending(self) -> bool:
-        duct = self._duct
-        return (self._grasp_wanted, self._threshold_wanted) != (duct.grasp, duct.threshold)
 
     def _tick(self) -> bool:
         """Advance by one tick without drawing."""
-        if self._tear is not None:
-            changed = not self._tear.settled
-            if changed:
-                self._tear.advance()
-                if self._tear.phase is Phase.TORN:
-                    self._control = PullControl()
+        pulled, was_whole = self._pulled, self._pulled.tear is None
+        place = pulled.grasped.grasp
+        changed = pulled.tick()
+        if not was_whole:
             return changed
-        changed, event = self._pull()
+        control, grasped, tear = pulled.control, pulled.grasped, pulled.tear
+        if grasped.grasp != place:
+            self._run.regrasp()
+        if self._ghost is not None and changed:
+            self._ghost.follow(grasped.grasp, control.load)
         if self._chain is not None:
-            if self._chain.grasp != self._duct.grasp:
+            if self._chain.grasp != grasped.grasp:
                 self._chain = self._new_chain()
-            free = self._control.mode == "free"
-            changed |= self._chain.advance(Load("force", 0.0) if free else self._control.load)
+            free = control.mode == "free"
+            changed |= self._chain.advance(Load("force", 0.0) if free else control.load)
         if self._run.going:
-            control, duct = self._control, self._duct
             self._run.take(
-                control.grip_force,
-                duct.pulled.deflection,
-                duct.hook(),
-                duct.check.distance_to_break,
+                control.grip_force if tear is None else tear.event.force,
+                grasped.pulled.deflection,
+                grasped.hook(),
+                grasped.check.distance_to_break,
+                came_from=pulled.came_from,
                 held=control.holds,
-                torn=event,
+                torn=None if tear is None else tear.event,
             )
+        if tear is not None:
+            self._show(tear.surfaces)
         return changed
-
-    def _pull(self) -> tuple[bool, BreakEvent | None]:
-        """Advance the pull by one tick; return whether it moved and what broke."""
-        control = self._control
-        if self._wishes_pending:
-            if self._grasp_wanted != self._duct.grasp:
-                self._deepest = 0.0
-                self._run.regrasp()
-            self._refresh()
-        if control.at_rest and not self._stale:
-            return False, None
-        self._stale = False
-        duct, deepest = self._duct, self._deepest
-        before = control.force, control.deflection
-        try:
-            duct.bear(control.advance(self._model.force_per_second))
-        except NoEquilibrium:  # as far as the law carries
-            control.stop_at(*before)
-            return True, None
-        self._felt()
-        event = self._tear_duct(before, deepest) if duct.check.broken else None
-        if self._ghost is not None:
-            self._ghost.follow(duct.grasp, control.load)
-        return True, event
-
-    def _tear_duct(self, before: tuple[float, float], deepest: float) -> BreakEvent:
-        """Tear the duct at the load that met the criterion, between the last tick and this."""
-        control, duct, event = self._control, self._duct, self._duct.breaks_at
-        if event is not None:
-            force, deflection = before
-            control.force = min(max(event.force, force), control.force)
-            control.deflection = min(max(event.deflection, deflection), control.deflection)
-        duct.bear(control.load)
-        self._deepest = deepest
-        self._felt()
-        broken = BreakEvent(control.force, duct.pulled.deflection, duct.check)
-        self._tear = Tear(
-            self._model.dissection,
-            duct.driven,
-            broken,
-            edge_length=self._edge_length,
-            seed=self._seed,
-        )
-        self._surfaces = self._tear.surfaces
-        self._stress = None
-        self._shape += 1
-        return broken
 
     def _draw(self) -> None:
         """Write the vertices of what is to be seen."""
-        if self._tear is not None:
-            self._tear.draw(self._transforms)
+        tear, grasped = self._pulled.tear, self._pulled.grasped
+        if tear is not None:
+            tear.draw(self._transforms)
             return
-        self._bound.deform(
-            self._model.dissection.move(self._duct.driven, self._transforms),
-            self._surfaces[0].vertices,
-        )
+        transforms = self.dissection.move(grasped.driven, self._transforms)
+        self._bound.deform(transforms, self._surfaces[0].vertices)
         if self._ghost is not None:
             self._ghost.draw()
 
     def _show_whole(self) -> None:
-        self._surfaces = (Surface("skin", self._skin, self._skin.vertices.copy()),)
+        self._show((Surface("skin", self._skin, self._skin.vertices.copy()),))
+
+    def _show(self, surfaces: tuple[Surface, ...]) -> None:
+        self._surfaces = surfaces
         self._stress: tuple[SurfaceStress, ...] | None = None
         self._shape += 1
-        self._stale = True
