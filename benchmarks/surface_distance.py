@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from trimesh.remesh import subdivide_to_size
 
 __all__ = ["TriangleSurface", "spread_points", "triangle_distances"]
 
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-DENSE_POINTS = 200_000
-NEIGHBOURS = 6
+PARTS = 40_000
+NEIGHBOURS = 8
 
 # Fractional parts of the plastic number's powers: the R2 sequence (Roberts 2018).
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -19,8 +20,8 @@ _R2 = np.array([0.7548776662466927, 0.5698402909980532])
 class TriangleSurface:
     """A triangle mesh that distances are measured to.
 
-    Points are spread over the mesh densely; a point's distance is the exact one to the triangles
-    that its nearest few belong to.
+    Its triangles are cut into small ones for the search. A point's distance is the least to the
+    triangles of its nearest few, and more of them are taken until no other can be nearer.
 
     Parameters
     ----------
@@ -28,15 +29,22 @@ class TriangleSurface:
         (V, 3) vertices.
     faces
         (F, 3) triangles.
-    dense
-        Number of points spread over the mesh.
+    parts
+        About how many small triangles it is cut into.
     """
 
-    def __init__(self, vertices: Points, faces: Faces, dense: int = DENSE_POINTS) -> None:
-        spread, owners = spread_points(vertices, faces, dense)
-        self._corners = np.asarray(vertices, dtype=np.float64)[faces]
-        self._owners = owners
-        self._tree = cKDTree(spread)
+    def __init__(self, vertices: Points, faces: Faces, parts: int = PARTS) -> None:
+        vertices = np.asarray(vertices, dtype=np.float64)
+        self._corners = vertices[faces]
+        areas = np.linalg.norm(_normals(self._corners), axis=1) / 2.0
+        edge = float(np.sqrt(4.0 * areas.sum() / parts))
+        small, triangles, self._owners = subdivide_to_size(
+            vertices, faces, edge, max_iter=30, return_index=True
+        )
+        cut = small[triangles]
+        middles = cut.mean(axis=1)
+        self._reach = float(np.linalg.norm(cut - middles[:, np.newaxis], axis=2).max())
+        self._tree = cKDTree(middles)
 
     def distances(self, points: Points) -> Points:
         """Return the distance of each point to the mesh.
@@ -51,9 +59,19 @@ class TriangleSurface:
         NDArray[np.float64]
             (N,) distances, 0 or more.
         """
-        _, nearest = self._tree.query(points, k=NEIGHBOURS)
-        corners = self._corners[self._owners[nearest]]
-        return triangle_distances(points[:, np.newaxis], corners).min(axis=1)
+        found = np.full(len(points), np.inf)
+        left = np.arange(len(points))
+        count = NEIGHBOURS
+        while len(left):
+            count = min(count, self._tree.n)
+            away, nearest = self._tree.query(points[left], k=count)
+            corners = self._corners[self._owners[nearest]]
+            found[left] = triangle_distances(points[left, np.newaxis], corners).min(axis=1)
+            if count == self._tree.n:
+                break
+            left = left[away[:, -1] - self._reach < found[left]]
+            count *= 4
+        return found
 
 
 def triangle_distances(points: Points, corners: Points) -> Points:
@@ -72,10 +90,10 @@ def triangle_distances(points: Points, corners: Points) -> Points:
         (...) distances.
     """
     first, second, third = (corners[..., row, :] for row in range(3))
-    normal = np.cross(second - first, third - first)
+    normal = _normals(corners)
     squared = np.einsum("...i,...i->...", normal, normal)
     height = np.einsum("...i,...i->...", points - first, normal)
-    inside = squared > 0.0
+    inside = np.broadcast_to(squared > 0.0, height.shape).copy()
     rim = np.full(height.shape, np.inf)
     for start, end in ((first, second), (second, third), (third, first)):
         edge, away = end - start, points - start
@@ -107,8 +125,7 @@ def spread_points(vertices: Points, faces: Faces, count: int) -> tuple[Points, N
     """
     corners = np.asarray(vertices, dtype=np.float64)[faces]
     first, second, third = (corners[:, row] for row in range(3))
-    areas = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    ends = np.cumsum(areas)
+    ends = np.cumsum(np.linalg.norm(_normals(corners), axis=1))
     wanted = (np.arange(count) + 0.5) * (ends[-1] / count)
     owners = np.minimum(np.searchsorted(ends, wanted, side="right"), len(faces) - 1)
     across = np.modf(np.outer(np.arange(count) + 1.0, _R2))[0]
@@ -120,3 +137,9 @@ def spread_points(vertices: Points, faces: Faces, count: int) -> tuple[Points, N
         + across[:, 1:] * (third - first)[owners]
     )
     return points, owners
+
+
+def _normals(corners: Points) -> Points:
+    """Return the (..., 3) normals of triangles, as long as twice their areas."""
+    first, second, third = (corners[..., row, :] for row in range(3))
+    return np.cross(second - first, third - first)

@@ -1,0 +1,114 @@
+"""The geometry benchmarks' own mathematics: distances, spread points, lofts and drawn tubes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from benchmarks.peer_meshes import contour_loft, rings_of
+from benchmarks.surface_distance import TriangleSurface, spread_points, triangle_distances
+from benchmarks.tube_images import SIDE, draw_tube_images
+from organ_geometry.image_stack import read_image_stack
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("point", "distance"),
+    [
+        ((1.0, 1.0, 2.0), 2.0),  # above the inside
+        ((2.0, -3.0, 4.0), 5.0),  # beyond an edge
+        ((-3.0, -4.0, 12.0), 13.0),  # beyond a corner
+        ((4.0, 3.0, 0.0), 12.0 / 5.0),  # across the hypotenuse, in the plane
+        ((2.0, 1.5, 0.0), 0.0),  # on an edge
+    ],
+)
+@pytest.mark.parametrize("turn", [(0, 1, 2), (1, 2, 0), (2, 1, 0)])
+def test_distance_to_a_triangle(point, distance: float, turn) -> None:
+    found = triangle_distances(np.array(point), TRIANGLE[list(turn)])
+    assert found == pytest.approx(distance, abs=1e-14)
+
+
+def test_triangle_without_area_is_its_longest_edge() -> None:
+    flat = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    points = np.array([[1.5, 3.0, 4.0], [6.0, 3.0, 0.0]])
+    assert triangle_distances(points, flat[np.newaxis]) == pytest.approx([5.0, 5.0])
+
+
+def test_distance_to_a_mesh_is_that_to_all_its_triangles() -> None:
+    rng = np.random.default_rng(3)
+    mesh = trimesh.creation.torus(5.0, 1.5, 24, 12)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    points = spread_points(vertices, faces, 500)[0] + rng.normal(0.0, 0.1, (500, 3))
+    every = triangle_distances(points[:, np.newaxis], vertices[faces][np.newaxis]).min(axis=1)
+    found = TriangleSurface(vertices, faces).distances(points)
+    np.testing.assert_allclose(found, every, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.97, 1.04])
+def test_distance_of_a_sphere_and_a_cylinder(size: float) -> None:
+    """Concentric ones are apart by the difference of their radii, to a facet's sagitta."""
+    ball = trimesh.creation.icosphere(5)
+    surface = TriangleSurface(np.asarray(ball.vertices), np.asarray(ball.faces))
+    directions = np.random.default_rng(5).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    longest = float(ball.edges_unique_length.max())
+    sagitta = longest**2 / 6.0  # a facet's middle is edge / sqrt(3) from its corners
+    assert surface.distances(size * directions) == pytest.approx(abs(size - 1.0), abs=sagitta)
+
+    turns = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    contours = [np.column_stack([ring, np.full(256, height)]) for height in range(11)]
+    tube = TriangleSurface(*contour_loft(contours, 256))
+    points = np.column_stack([size * ring, np.linspace(0.1, 9.9, 256)])
+    # Straight out from a corner outside, and to the facets beside it inside.
+    slack = 1e-12 if size > 1.0 else 1.0 - np.cos(np.pi / 256.0)
+    assert tube.distances(points) == pytest.approx(abs(size - 1.0), abs=slack)
+
+
+def test_points_are_spread_by_area() -> None:
+    vertices = np.array([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 5], [1, 0, 5], [0, 2, 5]], float)
+    points, owners = spread_points(vertices, np.array([[0, 1, 2], [3, 4, 5]]), 4000)
+    assert np.bincount(owners).tolist() == [3000, 1000]
+    assert points[owners == 0].mean(axis=0) == pytest.approx([1.0, 2.0 / 3.0, 0.0], abs=5e-3)
+    # The second moment of a right triangle's points about its corner is a^2 / 6 in x.
+    assert np.mean(points[owners == 0][:, 0] ** 2) == pytest.approx(9.0 / 6.0, rel=5e-3)
+
+
+def circle(height: float, start: float, count: int = 90) -> NDArray[np.float64]:
+    turns = start + np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return np.column_stack([np.cos(turns), np.sin(turns), np.full(count, height)])
+
+
+def test_rings_do_not_twist_with_where_contours_start() -> None:
+    contours = [circle(float(place), 0.8 * place) for place in range(9)]
+    rings = rings_of(contours, 30)
+    # Half a step of the contour is the most that a start can be off, section by section.
+    step = np.linalg.norm(np.diff(rings[:, :, :2], axis=0), axis=2).max()
+    assert step <= np.pi / 90.0 + 1e-9
+
+
+def test_loft_keeps_a_parabola_under_smoothing_and_shares_no_edge_thrice() -> None:
+    contours = [circle(0.0, 0.0) + [0.1 * place**2, 0.0, place] for place in range(-10, 11)]
+    vertices, faces = contour_loft(contours, 24)
+    smooth, same = contour_loft(contours, 24, smoothing=1.5)
+    inner = slice(12 * 24, -12 * 24 or None) if len(contours) > 24 else slice(8 * 24, 13 * 24)
+    np.testing.assert_allclose(smooth[inner], vertices[inner], atol=5e-3)
+    np.testing.assert_array_equal(faces, same)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    assert np.bincount(counts).tolist()[1:] == [2 * 24, len(counts) - 2 * 24]
+
+
+def test_drawn_tube_goes_back_and_forth(tmp_path: Path) -> None:
+    draw_tube_images(tmp_path / "tube", 9, distinct=4)
+    stack = read_image_stack(tmp_path / "tube")
+    assert (len(stack), stack.shape) == (9, (SIDE, SIDE))
+    images = list(stack.images())
+    first = [next(k for k in range(9) if (images[k] == image).all()) for image in images]
+    assert first == [0, 1, 2, 3, 2, 1, 0, 1, 2]
+    areas = [np.count_nonzero(image > 120) for image in images[:4]]
+    turns = 2.0 * np.pi * np.arange(4) / 400.0
+    assert areas == pytest.approx(np.pi * (60.0 + 10.0 * np.sin(3.0 * turns)) ** 2, rel=3e-3)
