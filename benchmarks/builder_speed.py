@@ -110,9 +110,7 @@ def cubes_of_images(folder: Path) -> int:
     return len(few)
 
 
-def builder_memory(
-    slices: int = MANY_SLICES, distinct: int = DISTINCT
-) -> dict[str, float]:
+def builder_memory(slices: int = MANY_SLICES, distinct: int = DISTINCT) -> dict[str, float]:
     """Return how much memory a long stack takes, in a process of its own.
 
     Parameters

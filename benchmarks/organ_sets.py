@@ -17,9 +17,7 @@ from organ_geometry.image_stack import ImageStack, read_image_stack
 
 __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 
-DATA = Path(
-    os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[2] / "shared" / "data"
-)
+DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[2] / "shared" / "data")
 SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
 
 CLIPPED = 3

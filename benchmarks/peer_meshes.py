@@ -18,7 +18,7 @@ _MARGIN = 6
 
 
 def contour_loft(
-    contours: list[NDArray[np.float64]], corners: int, smoothing: float = 0.0, every: int = 1
+    contours: list[NDArray[np.float64]], corners: int, smoothing: float = 0.0, size: float = 1.0
 ) -> Mesh:
     """Return the open tube through closed contours.
 
@@ -30,8 +30,8 @@ def contour_loft(
         Corners of the tube.
     smoothing
         Standard deviation of the smoothing along the tube, sections.
-    every
-        Take each how manieth contour; the last one always.
+    size
+        Factor by which each contour is drawn in to its middle.
 
     Returns
     -------
@@ -41,9 +41,8 @@ def contour_loft(
     rings = rings_of(contours, corners)
     if smoothing > 0.0:
         rings = _smoothed(rings, smoothing)
-    if every > 1:
-        count = max(2, round((len(rings) - 1) / every) + 1)
-        rings = rings[np.linspace(0, len(rings) - 1, count).round().astype(int)]
+    middles = rings.mean(axis=1, keepdims=True)
+    rings = middles + size * (rings - middles)
     return rings.reshape(-1, 3), _tube_faces(len(rings), corners)
 
 

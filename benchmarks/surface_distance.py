@@ -1,5 +1,6 @@
 """Distances of points to a triangle mesh, and points spread over a mesh."""
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -10,8 +11,8 @@ __all__ = ["TriangleSurface", "spread_points", "triangle_distances"]
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-PARTS = 40_000
-NEIGHBOURS = 8
+PARTS = 20_000
+NEIGHBOURS = 12
 
 # Fractional parts of the plastic number's powers: the R2 sequence (Roberts 2018).
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -65,8 +66,7 @@ class TriangleSurface:
         while len(left):
             count = min(count, self._tree.n)
             away, nearest = self._tree.query(points[left], k=count)
-            corners = self._corners[self._owners[nearest]]
-            found[left] = triangle_distances(points[left, np.newaxis], corners).min(axis=1)
+            _walk(points, left, self._owners[nearest], away - self._reach, self._corners, found)
             if count == self._tree.n:
                 break
             left = left[away[:, -1] - self._reach < found[left]]
@@ -75,35 +75,65 @@ class TriangleSurface:
 
 
 def triangle_distances(points: Points, corners: Points) -> Points:
-    """Return distances of points to triangles, pair by pair.
+    """Return the distance of each point to the nearest of some triangles, tried one by one.
 
     Parameters
     ----------
     points
-        (..., 3) points.
+        (N, 3) points.
     corners
-        (..., 3, 3) corners of the triangles, one a row.
+        (F, 3, 3) corners of the triangles, one a row.
 
     Returns
     -------
     NDArray[np.float64]
-        (...) distances.
+        (N,) distances.
     """
-    first, second, third = (corners[..., row, :] for row in range(3))
-    normal = _normals(corners)
-    squared = np.einsum("...i,...i->...", normal, normal)
-    height = np.einsum("...i,...i->...", points - first, normal)
-    inside = np.broadcast_to(squared > 0.0, height.shape).copy()
-    rim = np.full(height.shape, np.inf)
-    for start, end in ((first, second), (second, third), (third, first)):
-        edge, away = end - start, points - start
-        inside &= np.einsum("...i,...i->...", np.cross(edge, away), normal) >= 0.0
-        length = np.maximum(np.einsum("...i,...i->...", edge, edge), np.finfo(np.float64).tiny)
-        share = np.clip(np.einsum("...i,...i->...", away, edge) / length, 0.0, 1.0)
-        left = away - share[..., np.newaxis] * edge
-        np.minimum(rim, np.einsum("...i,...i->...", left, left), out=rim)
-    plane = np.abs(height) / np.sqrt(np.where(inside, squared, 1.0))
-    return np.where(inside, plane, np.sqrt(rim))
+    found = np.full(len(points), np.inf)
+    every = np.broadcast_to(np.arange(len(corners)), (len(points), len(corners)))
+    _walk(points, np.arange(len(points)), every, np.zeros(every.shape), corners, found)
+    return found
+
+
+@numba.njit(cache=True)
+def _walk(points, left, triangles, least, corners, found):  # pragma: no cover
+    """Lower the distances found for some points, until none of their triangles can be nearer."""
+    for place in range(len(left)):
+        point = points[left[place]]
+        best = found[left[place]]
+        for near in range(triangles.shape[1]):
+            if least[place, near] >= best:
+                break
+            best = min(best, _triangle_distance(point, corners[triangles[place, near]]))
+        found[left[place]] = best
+
+
+@numba.njit(cache=True)
+def _triangle_distance(point, corners):  # pragma: no cover
+    """Return the distance of a point (3,) to a triangle with corners (3, 3)."""
+    one, two = corners[1] - corners[0], corners[2] - corners[0]
+    n0 = one[1] * two[2] - one[2] * two[1]
+    n1 = one[2] * two[0] - one[0] * two[2]
+    n2 = one[0] * two[1] - one[1] * two[0]
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    inside = squared > 0.0
+    rim = np.inf
+    for start in range(3):
+        first, second = corners[start], corners[(start + 1) % 3]
+        e0, e1, e2 = second[0] - first[0], second[1] - first[1], second[2] - first[2]
+        a0, a1, a2 = point[0] - first[0], point[1] - first[1], point[2] - first[2]
+        turn = n0 * (e1 * a2 - e2 * a1) + n1 * (e2 * a0 - e0 * a2) + n2 * (e0 * a1 - e1 * a0)
+        if turn < 0.0:
+            inside = False
+        length = e0 * e0 + e1 * e1 + e2 * e2
+        share = 0.0
+        if length > 0.0:
+            share = min(1.0, max(0.0, (a0 * e0 + a1 * e1 + a2 * e2) / length))
+        rim = min(rim, (a0 - share * e0) ** 2 + (a1 - share * e1) ** 2 + (a2 - share * e2) ** 2)
+    if not inside:
+        return np.sqrt(rim)
+    away = point - corners[0]
+    return abs(n0 * away[0] + n1 * away[1] + n2 * away[2]) / np.sqrt(squared)
 
 
 def spread_points(vertices: Points, faces: Faces, count: int) -> tuple[Points, NDArray[np.intp]]:

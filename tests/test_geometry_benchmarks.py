@@ -27,8 +27,8 @@ TRIANGLE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
 )
 @pytest.mark.parametrize("turn", [(0, 1, 2), (1, 2, 0), (2, 1, 0)])
 def test_distance_to_a_triangle(point, distance: float, turn) -> None:
-    found = triangle_distances(np.array(point), TRIANGLE[list(turn)])
-    assert found == pytest.approx(distance, abs=1e-14)
+    found = triangle_distances(np.array([point]), TRIANGLE[np.newaxis, list(turn)])
+    assert found[0] == pytest.approx(distance, abs=1e-14)
 
 
 def test_triangle_without_area_is_its_longest_edge() -> None:
@@ -42,7 +42,7 @@ def test_distance_to_a_mesh_is_that_to_all_its_triangles() -> None:
     mesh = trimesh.creation.torus(5.0, 1.5, 24, 12)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     points = spread_points(vertices, faces, 500)[0] + rng.normal(0.0, 0.1, (500, 3))
-    every = triangle_distances(points[:, np.newaxis], vertices[faces][np.newaxis]).min(axis=1)
+    every = triangle_distances(points, vertices[faces])
     found = TriangleSurface(vertices, faces).distances(points)
     np.testing.assert_allclose(found, every, rtol=0.0, atol=1e-12)
 
