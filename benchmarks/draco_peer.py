@@ -6,7 +6,7 @@
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -18,20 +18,30 @@ from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
 
 __all__ = ["DracoMesh", "DracoSearch", "least_count"]
 
-LOFT_CORNERS = (24, 32, 48, 64, 96)
-LOFT_SMOOTHING = (0.0, 0.7, 1.0, 1.5)
-LOFT_SIZES = (1.0, 0.995, 0.99)
+LOFTS: dict[str, tuple[float, ...]] = {
+    "corners": (16, 24, 32, 48, 64, 96),
+    "smoothing": (0.0, 0.7, 1.0, 1.5, 2.0, 3.0),
+    "rounding": (0.0, 0.1, 0.2, 0.3, 0.4),
+    "size": (1.0, 0.9975, 0.995, 0.99),
+}
+"""Settings of a loft; the search changes one after the other."""
+
+FIRST_LOFT = {"corners": 48, "smoothing": 1.0, "rounding": 0.1, "size": 0.9975}
+ROUNDS = 2
 CUBES_BLUR = (1.0, 2.0)
 CUBES_FACES = 12_000
 """Marching cubes give far more triangles than is useful: they are first brought down to these."""
 
 BITS = (8, 9, 10, 11, 12)
 COMPRESSION_LEVEL = 10
+FINEST_STEP, COARSEST_STEP = 0.3, 3.5
+"""Steps of coordinates outside of these, in target errors, are wasteful or too coarse: a step's own
+error is its 12th part's root."""
 FIRST_AGGRESSION = 5.0
 AGGRESSIONS = (5.0, 6.0, 7.0)
-FEWEST_FACES, MOST_FACES = 60, 4000
-FACE_RATIO = 1.03
-"""Bisections over the number of triangles end within this."""
+FEWEST_FACES, MOST_FACES, NEVER = 60, 4000, 10**9
+MESH_RATIO, FACE_RATIO = 1.06, 1.03
+"""Bisections over the number of triangles end within these: of meshes, and of their bits."""
 FINE_FACES = np.linspace(0.85, 1.02, 18)
 
 MESHES_KEPT, PAIRS_KEPT = 6, 4
@@ -68,6 +78,37 @@ class DracoMesh:
     rms: float
     packed: bytes = field(repr=False)
 
+    def times(self, draco: Any, runs: int) -> tuple[float, float]:
+        """Return how long it takes to pack the mesh again and to unpack it.
+
+        Parameters
+        ----------
+        draco
+            The module DracoPy.
+        runs
+            Number of runs; the fastest counts.
+
+        Returns
+        -------
+        tuple[float, float]
+            Both, s.
+        """
+        mesh = draco.decode(self.packed)
+        pack, unpack = math.inf, math.inf
+        for _ in range(runs):
+            start = time.perf_counter()
+            draco.encode(
+                mesh.points,
+                mesh.faces,
+                quantization_bits=self.bits,
+                compression_level=COMPRESSION_LEVEL,
+            )
+            packed = time.perf_counter()
+            draco.decode(self.packed)
+            pack = min(pack, packed - start)
+            unpack = min(unpack, time.perf_counter() - packed)
+        return pack, unpack
+
     def __str__(self) -> str:
         return (
             f"{self.size} B: {self.mesh}, {self.faces} triangles (agg {self.aggression:g}), "
@@ -94,19 +135,41 @@ class DracoSearch:
         self._organ = organ
         self._draco: Any = import_module("DracoPy")
         self._simplify = import_module("fast_simplification").simplify
-        self._meshes = dict(self._made_meshes())
+        self._meshes: dict[str, Mesh] = {}
         self._decimated: dict[tuple[str, float, int], tuple[Mesh, float]] = {}
 
-    def _made_meshes(self) -> Iterator[tuple[str, Mesh]]:
-        contours = self._organ.contours
-        for corners in LOFT_CORNERS:
-            for smoothing in LOFT_SMOOTHING:
-                for size in LOFT_SIZES:
-                    name = f"loft of {corners} corners, smoothing {smoothing:g}, size {size:g}"
-                    yield name, contour_loft(contours, corners, smoothing, size)
+    def _fewest_faces(self, target: float) -> dict[str, int]:
+        """Return how few triangles meshes keep a target with, those that do at all."""
+        fewest: dict[str, int] = {}
+
+        def count(name: str, made: Callable[[], Mesh]) -> int:
+            if name not in self._meshes:
+                self._meshes[name] = made()
+            if name not in fewest:
+                found = least_count(
+                    lambda faces: self._decimation(name, faces, FIRST_AGGRESSION)[1] <= target,
+                    ratio=MESH_RATIO,
+                )
+                fewest[name] = NEVER if found is None else found
+            return fewest[name]
+
+        def loft(settings: dict[str, Any]) -> int:
+            name = "loft, " + ", ".join(f"{key} {value:g}" for key, value in settings.items())
+            return count(name, lambda: contour_loft(self._organ.contours, **settings))
+
+        best: dict[str, Any] = FIRST_LOFT
+        for _ in range(ROUNDS):
+            before = best
+            for key, values in LOFTS.items():
+                best = min(({**best, key: value} for value in values), key=loft)
+            if best == before:
+                break
         for blur in CUBES_BLUR:
-            mesh = cubes_mesh(self._organ.stack, blur, 1)
-            yield f"marching cubes, blur {blur:g}", self._fewer(mesh, CUBES_FACES, 5.0)
+            count(f"marching cubes, blur {blur:g}", lambda blur=blur: self._cubes(blur))
+        return {name: faces for name, faces in fewest.items() if faces < NEVER}
+
+    def _cubes(self, blur: float) -> Mesh:
+        return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, FIRST_AGGRESSION)
 
     def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
         """Return a mesh with about so many triangles."""
@@ -164,19 +227,14 @@ class DracoSearch:
         DracoMesh or None
             The best one, its error measured anew with more points; None if none reaches the target.
         """
-        fewest: dict[str, int] = {}
-        for name in self._meshes:
-            count = least_count(
-                lambda faces, name=name: (
-                    self._decimation(name, faces, FIRST_AGGRESSION)[1] <= target
-                )
-            )
-            if count is not None:
-                fewest[name] = count
+        fewest = self._fewest_faces(target)
         good: list[DracoMesh] = []
         pairs: list[DracoMesh] = []
         for name in sorted(fewest, key=fewest.__getitem__)[:MESHES_KEPT]:
+            extent = float(np.ptp(self._meshes[name][0], axis=0).max())
             for bits in BITS:
+                if not FINEST_STEP < extent / 2**bits / target < COARSEST_STEP:
+                    continue
                 tries: list[DracoMesh] = []
 
                 def reaches(faces: int, name=name, bits=bits, tries=tries) -> bool:
@@ -205,7 +263,10 @@ class DracoSearch:
 
 
 def least_count(
-    enough: Callable[[int], bool], fewest: int = FEWEST_FACES, most: int = MOST_FACES
+    enough: Callable[[int], bool],
+    fewest: int = FEWEST_FACES,
+    most: int = MOST_FACES,
+    ratio: float = FACE_RATIO,
 ) -> int | None:
     """Return about the least number that is enough, found by bisection of its logarithm.
 
@@ -215,17 +276,19 @@ def least_count(
         Whether a number is enough.
     fewest, most
         Where to look, `most` included.
+    ratio
+        How near the number is to be to the least.
 
     Returns
     -------
     int or None
-        A number that is enough, at most `FACE_RATIO` above one that is not; None if `most` is not
+        A number that is enough, at most `ratio` times one that is not; None if `most` is not
         enough.
     """
     if not enough(most):
         return None
     low, high = fewest, most
-    while high / low > FACE_RATIO and high - low > 1:
+    while high / low > ratio and high - low > 1:
         middle = round(math.sqrt(low * high))
         if enough(middle):
             high = middle

@@ -83,13 +83,17 @@ class OrganSet:
         """Geometric mean of a pixel's sides, mm."""
         return float(np.sqrt(self.stack.pixel_size.prod()))
 
+    @property
+    def reference_files(self) -> list[Path]:
+        """Meshes that the masks were cut from."""
+        return sorted((DATA / self.name / "reference").glob("*.obj"))
+
     @cached_property
     def truth(self) -> TriangleSurface:
         """The reference mesh, or where there is none the loft of all edge points."""
-        files = sorted((DATA / self.name / "reference").glob("*.obj"))
-        if not files:
+        if not self.reference_files:
             return TriangleSurface(*contour_loft(self.contours, FINE_CORNERS))
-        mesh = trimesh.load_mesh(files[0], process=False)
+        mesh = trimesh.load_mesh(self.reference_files[0], process=False)
         return TriangleSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
     @cached_property

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from organ_geometry.image_stack import ImageStack
 
-__all__ = ["Mesh", "contour_loft", "cubes_mesh", "rings_of"]
+__all__ = ["Mesh", "contour_loft", "cubes_mesh", "rings_of", "tube_faces"]
 
 Mesh: TypeAlias = tuple[NDArray[np.float64], NDArray[np.int64]]
 """(V, 3) vertices, mm, and (F, 3) faces."""
@@ -18,7 +18,11 @@ _MARGIN = 6
 
 
 def contour_loft(
-    contours: list[NDArray[np.float64]], corners: int, smoothing: float = 0.0, size: float = 1.0
+    contours: list[NDArray[np.float64]],
+    corners: int,
+    smoothing: float = 0.0,
+    rounding: float = 0.0,
+    size: float = 1.0,
 ) -> Mesh:
     """Return the open tube through closed contours.
 
@@ -30,6 +34,8 @@ def contour_loft(
         Corners of the tube.
     smoothing
         Standard deviation of the smoothing along the tube, sections.
+    rounding
+        Standard deviation of the smoothing around each contour, rad.
     size
         Factor by which each contour is drawn in to its middle.
 
@@ -41,9 +47,13 @@ def contour_loft(
     rings = rings_of(contours, corners)
     if smoothing > 0.0:
         rings = _smoothed(rings, smoothing)
+    if rounding > 0.0:
+        sigma = rounding * corners / (2.0 * np.pi)
+        once = gaussian_filter1d(rings, sigma, axis=1, mode="wrap")
+        rings = 2.0 * once - gaussian_filter1d(once, sigma, axis=1, mode="wrap")
     middles = rings.mean(axis=1, keepdims=True)
     rings = middles + size * (rings - middles)
-    return rings.reshape(-1, 3), _tube_faces(len(rings), corners)
+    return rings.reshape(-1, 3), tube_faces(len(rings), corners)
 
 
 def rings_of(contours: list[NDArray[np.float64]], corners: int) -> NDArray[np.float64]:
@@ -101,7 +111,6 @@ def cubes_mesh(stack: ImageStack, blur: float, step: int) -> Mesh:
     rows, columns = (np.flatnonzero(filled.any(axis=axis)) for axis in (1, 0))
     top, left = (max(0, int(where[0]) - _MARGIN) for where in (rows, columns))
     volume = volume[:, top : rows[-1] + _MARGIN, left : columns[-1] + _MARGIN]
-    # An odd extension keeps the ends where they are.
     volume = gaussian_filter(volume, (0.5 * blur, blur, blur), mode="nearest")
     vertices, faces, _, _ = measure.marching_cubes(volume, 127.5, step_size=step)
     places = vertices[:, 0]
@@ -125,8 +134,21 @@ def _smoothed(rings: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     return (2.0 * once - gaussian_filter1d(once, sigma, axis=0))[reach:-reach]
 
 
-def _tube_faces(rings: int, corners: int) -> NDArray[np.int64]:
-    """Return the (F, 3) triangles between neighbouring rings of corners."""
+def tube_faces(rings: int, corners: int) -> NDArray[np.int64]:
+    """Return the triangles between neighbouring rings.
+
+    Parameters
+    ----------
+    rings
+        Number of rings.
+    corners
+        Corners of each, in order, ring by ring.
+
+    Returns
+    -------
+    NDArray[np.int64]
+        (F, 3) faces.
+    """
     grid = np.arange(rings * corners).reshape(rings, corners)
     here, after = grid[:-1], np.roll(grid[:-1], -1, axis=1)
     above, beside = grid[1:], np.roll(grid[1:], -1, axis=1)
