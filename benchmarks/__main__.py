@@ -1,4 +1,4 @@
-"""Measure the physics, the trainer and the geometry in one run: a table, and the figures in build/bench.json.
+"""Measure physics, trainer and geometry in one run: tables, and the figures in build/bench.json.
 
 Run from the root of the repository: ``make bench``, or ``python -m benchmarks``.
 """

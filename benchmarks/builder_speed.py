@@ -100,7 +100,7 @@ def cubes_of_images(folder: Path) -> int:
     volume = np.empty((len(files), SIDE, SIDE), dtype=np.uint8)
 
     def read(place: int) -> None:
-        volume[place] = cv2.imread(str(files[place]), cv2.IMREAD_GRAYSCALE)
+        volume[place] = np.asarray(cv2.imread(str(files[place]), cv2.IMREAD_GRAYSCALE))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(read, range(len(files))))

@@ -19,14 +19,15 @@ from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
 __all__ = ["DracoMesh", "DracoSearch", "least_count"]
 
 LOFTS: dict[str, tuple[float, ...]] = {
-    "corners": (16, 24, 32, 48, 64, 96),
+    "corners": (24, 32, 48, 64, 96, 128),
     "smoothing": (0.0, 0.7, 1.0, 1.5, 2.0, 3.0),
     "rounding": (0.0, 0.1, 0.2, 0.3, 0.4),
     "size": (1.0, 0.9975, 0.995, 0.99),
+    "aggression": (5.0, 6.0, 7.0, 9.0),
 }
-"""Settings of a loft; the search changes one after the other."""
+"""Settings of a loft and its decimation; the search changes one after the other."""
 
-FIRST_LOFT = {"corners": 48, "smoothing": 1.0, "rounding": 0.1, "size": 0.9975}
+FIRST_LOFT = {"corners": 64, "smoothing": 1.0, "rounding": 0.1, "size": 0.9975, "aggression": 6.0}
 ROUNDS = 2
 CUBES_BLUR = (1.0, 2.0)
 CUBES_FACES = 12_000
@@ -37,8 +38,8 @@ COMPRESSION_LEVEL = 10
 FINEST_STEP, COARSEST_STEP = 0.3, 3.5
 """Steps of coordinates outside of these, in target errors, are wasteful or too coarse: a step's own
 error is its 12th part's root."""
-FIRST_AGGRESSION = 5.0
 AGGRESSIONS = (5.0, 6.0, 7.0)
+CUBES_AGGRESSION = 6.0
 FEWEST_FACES, MOST_FACES, NEVER = 60, 4000, 10**9
 MESH_RATIO, FACE_RATIO = 1.06, 1.03
 """Bisections over the number of triangles end within these: of meshes, and of their bits."""
@@ -138,24 +139,30 @@ class DracoSearch:
         self._meshes: dict[str, Mesh] = {}
         self._decimated: dict[tuple[str, float, int], tuple[Mesh, float]] = {}
 
-    def _fewest_faces(self, target: float) -> dict[str, int]:
-        """Return how few triangles meshes keep a target with, those that do at all."""
-        fewest: dict[str, int] = {}
+    def _fewest_faces(self, target: float) -> list[tuple[int, str, float, int]]:
+        """Return (triangles, mesh, aggression, triangles asked for) that keep a target, best first."""
+        found: dict[tuple[str, float], tuple[int, str, float, int]] = {}
 
-        def count(name: str, made: Callable[[], Mesh]) -> int:
+        def count(name: str, aggression: float, made: Callable[[], Mesh]) -> int:
             if name not in self._meshes:
                 self._meshes[name] = made()
-            if name not in fewest:
-                found = least_count(
-                    lambda faces: self._decimation(name, faces, FIRST_AGGRESSION)[1] <= target,
+            if (name, aggression) not in found:
+                asked = least_count(
+                    lambda faces: self._decimation(name, faces, aggression)[1] <= target,
                     ratio=MESH_RATIO,
                 )
-                fewest[name] = NEVER if found is None else found
-            return fewest[name]
+                # The decimation may stop at more triangles than it is asked for.
+                left = NEVER
+                if asked is not None:
+                    left = len(self._decimation(name, asked, aggression)[0][1])
+                found[name, aggression] = left, name, aggression, asked or NEVER
+            return found[name, aggression][0]
 
         def loft(settings: dict[str, Any]) -> int:
-            name = "loft, " + ", ".join(f"{key} {value:g}" for key, value in settings.items())
-            return count(name, lambda: contour_loft(self._organ.contours, **settings))
+            shape = {key: value for key, value in settings.items() if key != "aggression"}
+            name = "loft, " + ", ".join(f"{key} {value:g}" for key, value in shape.items())
+            contours = self._organ.contours
+            return count(name, settings["aggression"], lambda: contour_loft(contours, **shape))
 
         best: dict[str, Any] = FIRST_LOFT
         for _ in range(ROUNDS):
@@ -165,11 +172,12 @@ class DracoSearch:
             if best == before:
                 break
         for blur in CUBES_BLUR:
-            count(f"marching cubes, blur {blur:g}", lambda blur=blur: self._cubes(blur))
-        return {name: faces for name, faces in fewest.items() if faces < NEVER}
+            name = f"marching cubes, blur {blur:g}"
+            count(name, CUBES_AGGRESSION, lambda blur=blur: self._cubes(blur))
+        return sorted(one for one in found.values() if one[0] < NEVER)
 
     def _cubes(self, blur: float) -> Mesh:
-        return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, FIRST_AGGRESSION)
+        return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, CUBES_AGGRESSION)
 
     def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
         """Return a mesh with about so many triangles."""
@@ -227,21 +235,22 @@ class DracoSearch:
         DracoMesh or None
             The best one, its error measured anew with more points; None if none reaches the target.
         """
-        fewest = self._fewest_faces(target)
         good: list[DracoMesh] = []
         pairs: list[DracoMesh] = []
-        for name in sorted(fewest, key=fewest.__getitem__)[:MESHES_KEPT]:
+        for _, name, aggression, asked in self._fewest_faces(target)[:MESHES_KEPT]:
             extent = float(np.ptp(self._meshes[name][0], axis=0).max())
             for bits in BITS:
                 if not FINEST_STEP < extent / 2**bits / target < COARSEST_STEP:
                     continue
                 tries: list[DracoMesh] = []
 
-                def reaches(faces: int, name=name, bits=bits, tries=tries) -> bool:
-                    tries.append(self._packed(name, faces, FIRST_AGGRESSION, bits))
+                def reaches(
+                    faces: int, name=name, aggression=aggression, bits=bits, tries=tries
+                ) -> bool:
+                    tries.append(self._packed(name, faces, aggression, bits))
                     return tries[-1].rms <= target
 
-                least_count(reaches, fewest[name], 3 * fewest[name])
+                least_count(reaches, asked, 3 * asked)
                 enough = [mesh for mesh in tries if mesh.rms <= target]
                 if enough:
                     pairs.append(min(enough, key=lambda mesh: mesh.size))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
@@ -97,8 +97,8 @@ class OrganSet:
         return TriangleSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
     @cached_property
-    def _sections(self) -> "cKDTree":
-        return cKDTree(self.axis)
+    def _sections(self) -> KDTree:
+        return KDTree(self.axis)
 
     def rms(self, mesh: Mesh, count: int) -> float:
         """Return the RMS distance of a mesh to the true surface, sections at the ends left out.

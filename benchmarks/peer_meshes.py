@@ -108,7 +108,7 @@ def cubes_mesh(stack: ImageStack, blur: float, step: int) -> Mesh:
     measure = import_module("skimage.measure")
     volume = np.stack([np.asarray(image) for image in stack.images()]).astype(np.float32)
     filled = volume.any(axis=0)
-    rows, columns = (np.flatnonzero(filled.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (np.flatnonzero(seen.sum(axis=1)) for seen in (filled, filled.T))
     top, left = (max(0, int(where[0]) - _MARGIN) for where in (rows, columns))
     volume = volume[:, top : rows[-1] + _MARGIN, left : columns[-1] + _MARGIN]
     volume = gaussian_filter(volume, (0.5 * blur, blur, blur), mode="nearest")

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from trimesh.remesh import subdivide_to_size
 
 __all__ = ["TriangleSurface", "spread_points", "triangle_distances"]
@@ -39,13 +39,14 @@ class TriangleSurface:
         self._corners = vertices[faces]
         areas = np.linalg.norm(_normals(self._corners), axis=1) / 2.0
         edge = float(np.sqrt(4.0 * areas.sum() / parts))
-        small, triangles, self._owners = subdivide_to_size(
+        small, triangles, *owners = subdivide_to_size(
             vertices, faces, edge, max_iter=30, return_index=True
         )
+        self._owners = np.concatenate(owners)
         cut = small[triangles]
         middles = cut.mean(axis=1)
         self._reach = float(np.linalg.norm(cut - middles[:, np.newaxis], axis=2).max())
-        self._tree = cKDTree(middles)
+        self._tree = KDTree(middles)
 
     def distances(self, points: Points) -> Points:
         """Return the distance of each point to the mesh.
