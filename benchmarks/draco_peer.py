@@ -135,12 +135,13 @@ class DracoSearch:
         self.tried = 0
         self._organ = organ
         self._draco: Any = import_module("DracoPy")
+        import_module("skimage.measure")  # missing, it is to be said here and not in a search
         self._simplify = import_module("fast_simplification").simplify
         self._meshes: dict[str, Mesh] = {}
         self._decimated: dict[tuple[str, float, int], tuple[Mesh, float]] = {}
 
     def _fewest_faces(self, target: float) -> list[tuple[int, str, float, int]]:
-        """Return (triangles, mesh, aggression, triangles asked for) that keep a target, best first."""
+        """Return (triangles, mesh, aggression, triangles asked for) within a target, best first."""
         found: dict[tuple[str, float], tuple[int, str, float, int]] = {}
 
         def count(name: str, aggression: float, made: Callable[[], Mesh]) -> int:

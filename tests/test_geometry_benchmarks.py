@@ -7,6 +7,9 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from benchmarks import draco_peer, geometry, organ_sets
+from benchmarks.draco_peer import DracoSearch, least_count
+from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import contour_loft, rings_of
 from benchmarks.surface_distance import TriangleSurface, spread_points, triangle_distances
 from benchmarks.tube_images import SIDE, draw_tube_images
@@ -113,3 +116,66 @@ def test_drawn_tube_goes_back_and_forth(tmp_path: Path) -> None:
     areas = [np.count_nonzero(image > 120) for image in images[:4]]
     turns = 2.0 * np.pi * np.arange(4) / 400.0
     assert areas == pytest.approx(np.pi * (60.0 + 10.0 * np.sin(3.0 * turns)) ** 2, rel=3e-3)
+
+
+def test_rounding_and_size_of_a_loft_have_closed_forms() -> None:
+    """Smoothing by 2 G - G G takes 1 - (1 - exp(-s^2 / 2))^2 of a circle, its first harmonic."""
+    contours = [circle(float(place), 0.0, 720) for place in range(5)]
+    vertices, _ = contour_loft(contours, 180, rounding=0.4, size=0.9)
+    kept = 1.0 - (1.0 - np.exp(-(0.4**2) / 2.0)) ** 2
+    radii = np.linalg.norm(vertices[:, :2], axis=1)
+    np.testing.assert_allclose(radii, 0.9 * kept, rtol=1e-4)  # the filter is cut off at 4 s
+
+
+@pytest.mark.parametrize("least", [60, 61, 437, 3999, 4000])
+def test_bisection_ends_near_the_least_count(least: int) -> None:
+    asked: list[int] = []
+
+    def enough(count: int) -> bool:
+        asked.append(count)
+        return count >= least
+
+    found = least_count(enough, 60, 4000, 1.03)
+    assert found is not None
+    assert least <= found <= max(least + 1, 1.03 * least)
+    assert len(asked) == len(set(asked)) <= 9
+    assert least_count(lambda count: count > 4000, 60, 4000) is None
+
+
+def test_errors_that_both_reach_are_never_the_same_one() -> None:
+    def smallest(percent: float):
+        return None if percent < 1.9 else percent
+
+    levels = geometry.levels_of_both(smallest)  # pyright: ignore[reportArgumentType]
+    assert levels == [(2.0, 2.0), (3.0, 3.0)]
+    assert geometry.levels_of_both(lambda percent: None) == []
+
+
+def test_draco_gives_a_tube_within_its_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A short drawn tube without a reference is held against its own loft."""
+    for module in ("DracoPy", "fast_simplification", "skimage"):
+        pytest.importorskip(module, reason="the benchmarks' peers are not installed")
+    draw_tube_images(tmp_path / "tube" / "masks", 16)
+    monkeypatch.setattr(organ_sets, "DATA", tmp_path)
+    monkeypatch.setattr(draco_peer, "LOFTS", {"corners": (24, 48), "size": (1.0,)})
+    monkeypatch.setattr(draco_peer, "CUBES_BLUR", ())
+    organ = OrganSet("tube")
+    # Cut by images a pixel apart, a tube that runs askew shows its area over the cosine.
+    turns = 2.0 * np.pi * np.arange(16) / 400.0
+    askew = 80.0 * np.pi / 200.0 * np.stack([np.cos(turns), -0.5 * np.sin(0.5 * turns)])
+    cosines = 1.0 / np.sqrt(1.0 + (askew**2).sum(axis=0))
+    radii = 0.1 * (60.0 + 10.0 * np.sin(3.0 * turns)) * np.sqrt(cosines)
+    assert organ.radius == pytest.approx(radii.mean(), rel=3e-3)
+    target = 0.02 * organ.radius
+    best = DracoSearch(organ).best(target)
+    assert best is not None
+    assert best.rms <= target
+    assert best.size == len(best.packed)
+    assert DracoSearch(organ).best(1e-9) is None
+
+
+def test_sets_that_are_absent_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(organ_sets, "DATA", tmp_path)
+    assert organ_sets.missing_sets() == list(organ_sets.SETS)
