@@ -1,0 +1,478 @@
+"""Following an organ from one section image to the next."""
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.edge_curve import SQUARE, Image, NoEdgeFound, Scale, blurred
+from organ_geometry.edges import (
+    EdgeMethod,
+    FoundPolarity,
+    as_grey,
+    region_edges,
+    touches_border,
+)
+from organ_geometry.image_stack import GreyImage
+from organ_geometry.region_cut import cut_region
+from organ_geometry.section_region import (
+    MARGIN,
+    SMALLEST_ORGAN_PX,
+    SMOOTHING_PX,
+    Choice,
+    Mask,
+    Outline,
+    Region,
+    find_region,
+    grown,
+    inner_level,
+    level_around,
+    main_outline,
+    mask_of,
+    otsu,
+    outline_around,
+    outline_of,
+    with_margin,
+    without,
+)
+
+# How far around the last section the next is looked for, as a share of the root of its area.
+REACH = 0.4
+SMALLEST_REACH_PX = 12
+# New ground above this share of the organ's area is looked at: was it another part before?
+NEW_SHARE = 0.2
+STOLEN_SHARE = 0.5
+# A second part of at least this share of the first splits the organ.
+SPLIT_SHARE = 0.35
+# After a gap, an organ is the same one only if its area changed by less than this factor.
+GAP_GROWTH = 2.5
+# Growth that is worth a word.
+LARGE_GROWTH = 2.5
+OTHER_PART = 0.05
+_AREAS = 5
+_SMALLEST_WINDOW = 12
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeRule:
+    """What an organ's edge is in all images of a stack.
+
+    Attributes
+    ----------
+    polarity
+        Whether the organ is brighter or darker than its surroundings.
+    threshold
+        Grey level of the edge, or None for half way between both sides.
+    method
+        "half-level" or "canny".
+    scale
+        Width and height of a pixel, in pixels of mean size.
+    """
+
+    polarity: FoundPolarity
+    threshold: float | None = None
+    method: EdgeMethod = "half-level"
+    scale: Scale = SQUARE
+
+    @property
+    def sign(self) -> float:
+        """1 for a bright organ, -1 for a dark one."""
+        return 1.0 if self.polarity == "bright" else -1.0
+
+    @property
+    def level(self) -> float | None:
+        """The given threshold where the organ is bright."""
+        return None if self.threshold is None else self.sign * self.threshold
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundSection:
+    """An organ's section to a pixel, as the next one is looked for by it.
+
+    Attributes
+    ----------
+    index
+        Number of the slice.
+    image
+        (H, W) the whole image.
+    corner
+        Column and row of the window's first pixel.
+    bright
+        (h, w) levels of the window with its margin, in which the organ is bright.
+    region
+        Where the organ is in it.
+    cut
+        Whether the region was cut from a neighbour.
+    areas
+        Areas of the last sections found, this one last, px^2.
+    """
+
+    index: int
+    image: GreyImage
+    corner: tuple[int, int]
+    bright: Image
+    region: Region
+    cut: bool
+    areas: tuple[int, ...]
+
+    @property
+    def growth(self) -> float:
+        """Area over that of the section before."""
+        return self.areas[-1] / self.areas[-2] if len(self.areas) > 1 else 1.0
+
+
+def first_section(
+    index: int, image: GreyImage, rule: EdgeRule, seed: tuple[float, float] | None
+) -> FoundSection:
+    """Return the organ's section in an image without one to follow.
+
+    Parameters
+    ----------
+    index
+        Number of the slice.
+    image
+        (H, W) grey levels.
+    rule
+        What the edge is.
+    seed
+        A point x, y of the organ, px, or None for the largest thing near the middle.
+
+    Returns
+    -------
+    FoundSection
+        The section.
+
+    Raises
+    ------
+    NoEdgeFound
+        If nothing stands out, there or at all, or what does touches the image's border.
+    """
+    if seed is not None:
+        return _seeded(index, image, rule, seed)
+    bright = with_margin(as_grey(image) * np.float32(rule.sign))
+    region = find_region(bright, main_outline, threshold=rule.level, scale=rule.scale)
+    if touches_border(region.filled):
+        raise NoEdgeFound("the organ touches the image's border")
+    area = cv2.countNonZero(region.filled)
+    return _trimmed(FoundSection(index, image, (0, 0), bright, region, cut=False, areas=(area,)))
+
+
+def next_section(
+    index: int, image: GreyImage, rule: EdgeRule, last: FoundSection, last_name: str
+) -> FoundSection:
+    """Return the section that continues the organ.
+
+    It is the component that covers most of the last section, of what is brighter than half way
+    between the levels inside and around the last section's place.
+
+    Parameters
+    ----------
+    index
+        Number of the slice.
+    image
+        (H, W) grey levels.
+    rule
+        What the edge is.
+    last
+        The last section found.
+    last_name
+        Name of its image.
+
+    Returns
+    -------
+    FoundSection
+        The section.
+
+    Raises
+    ------
+    NoEdgeFound
+        If nothing continues the organ, or what does touches the border, has split or merged.
+    """
+    x0, y0, x1, y1 = _box(last)
+    reach = max(SMALLEST_REACH_PX, round(REACH * math.sqrt((x1 - x0) * (y1 - y0))))
+    while True:
+        corner, bright, before = _window(image, rule, last, (x0, y0, x1, y1), reach)
+        region = _continuing(bright, before, rule, last_name)
+        if not _open_sides(region.filled, corner, image.shape):
+            break
+        reach *= 2
+    if region.other_part >= SPLIT_SHARE:
+        raise NoEdgeFound(
+            f"the organ splits: beside the part that continues {last_name} there is one of "
+            f"{region.other_part:.0%} of its area"
+        )
+    cut = False
+    stolen = _stolen(last, corner, region.filled, before, rule)
+    if stolen:
+        level = region.outer_level
+        smoothed = blurred(bright, 1.0, rule.scale)
+        part = cut_region(smoothed, region.filled, before.filled, region.contrast)
+        if part is None:
+            raise NoEdgeFound(f"the organ merges with what was beside it in {last_name}")
+        region = replace(region, filled=part, lumen=None, lumen_level=math.nan, outer_level=level)
+        cut = True
+    if touches_border(region.filled):
+        raise NoEdgeFound("the organ touches the image's border")
+    area = cv2.countNonZero(region.filled)
+    gap = abs(index - last.index)
+    if gap > 1 and not 1.0 / GAP_GROWTH < area / last.areas[-1] < GAP_GROWTH:
+        raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
+    return _trimmed(
+        FoundSection(
+            index, image, corner, bright, region, cut=cut, areas=(*last.areas, area)[-_AREAS:]
+        )
+    )
+
+
+def section_edges(
+    section: FoundSection, rule: EdgeRule
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Return the outer and the lumen's boundary of a section, px of its image.
+
+    Parameters
+    ----------
+    section
+        The section to a pixel.
+    rule
+        What the edge is.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64] | None]
+        (N, 2) and (M, 2) points x, y, px, or None without a lumen.
+
+    Raises
+    ------
+    NoEdgeFound
+        If the edge does not close.
+    """
+    outer, lumen = region_edges(
+        section.bright, section.region, method=rule.method, scale=rule.scale, cut=section.cut
+    )
+    shift = np.array(section.corner, dtype=np.float64) - MARGIN
+    return outer + shift, None if lumen is None else lumen + shift
+
+
+def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
+    """Return whether the image shows another part of at least `OTHER_PART` of the organ's area."""
+    image, region = section.image, section.region
+    # A coarser image shows all parts of that size, and is quicker to search.
+    area = section.areas[-1]
+    coarse = max(1, min(4, math.floor(math.sqrt(OTHER_PART * area / 4.0))))
+    sign = rule.sign
+    above = image > region.outer_level if sign > 0 else image < -region.outer_level
+    mask = mask_of(above)
+    x, y = section.corner
+    filled = grown(region.filled, 2)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    rows, columns = filled.shape
+    part = mask[y : y + rows, x : x + columns]
+    part[filled[: part.shape[0], : part.shape[1]] > 0] = 0
+    rows, columns = mask.shape
+    size = (math.ceil(columns / coarse), math.ceil(rows / coarse))
+    if coarse > 1:
+        mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    else:
+        mask = np.asarray(cv2.blur(mask, (3, 3)), dtype=np.uint8)
+    count, _, stats, _ = cv2.connectedComponentsWithStats(mask_of(mask > 127), connectivity=8)
+    if count < 2:
+        return False
+    largest = int(np.asarray(stats)[1:, cv2.CC_STAT_AREA].max())
+    return largest * coarse**2 >= max(OTHER_PART * area, SMALLEST_ORGAN_PX)
+
+
+def seed_polarity(image: GreyImage, seed: tuple[float, float]) -> FoundPolarity:
+    """Return whether the organ at a point is brighter or darker than what is around it."""
+    grey = as_grey(image)
+    smoothed = blurred(grey, SMOOTHING_PX)
+    x, y = round(seed[0]), round(seed[1])
+    rows, columns = grey.shape
+    half = _SMALLEST_WINDOW
+    while True:
+        y0, x0 = max(0, y - half), max(0, x - half)
+        window = smoothed[y0 : y + half + 1, x0 : x + half + 1]
+        level = otsu(window)
+        above = bool(smoothed[y, x] > level)
+        mask = mask_of(window > level if above else window <= level)
+        outline, _ = outline_around(float(x - x0), float(y - y0))(mask)
+        whole = half >= max(rows, columns)
+        if whole or (outline is not None and not _at_rim(outline, mask.shape)):
+            return "bright" if above else "dark"
+        half *= 2
+
+
+def _at_rim(outline: Outline, shape: tuple[int, ...]) -> bool:
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    return bool(low.min() == 0 or high[0] == shape[1] - 1 or high[1] == shape[0] - 1)
+
+
+def _seeded(
+    index: int, image: GreyImage, rule: EdgeRule, seed: tuple[float, float]
+) -> FoundSection:
+    """Return the section around a seed, from the smallest window in which it closes."""
+    x, y = round(seed[0]), round(seed[1])
+    rows, columns = image.shape
+    half = _SMALLEST_WINDOW
+    reason = f"nothing stands out at the seed ({seed[0]:g}, {seed[1]:g})"
+    while True:
+        x0, y0 = max(0, x - half), max(0, y - half)
+        crop = image[y0 : y + half + 1, x0 : x + half + 1]
+        bright = with_margin(as_grey(crop) * np.float32(rule.sign))
+        choose = outline_around(seed[0] - x0 + MARGIN, seed[1] - y0 + MARGIN)
+        try:
+            region = find_region(bright, choose, threshold=rule.level, scale=rule.scale)
+        except NoEdgeFound:
+            region = None
+        if region is not None:
+            area = cv2.countNonZero(region.filled)
+            if not _open_sides(region.filled, (x0, y0), image.shape):
+                if touches_border(region.filled):
+                    reason = "the organ touches the image's border"
+                else:
+                    found = FoundSection(
+                        index, image, (x0, y0), bright, region, cut=False, areas=(area,)
+                    )
+                    return _trimmed(found)
+        if half >= max(rows, columns):
+            raise NoEdgeFound(reason)
+        half *= 2
+
+
+def _box(section: FoundSection) -> tuple[int, int, int, int]:
+    """Return the first and last column and row, x0, y0, x1, y1, of a section in its image."""
+    x, y, width, height = cv2.boundingRect(section.region.filled)
+    x0, y0 = x + section.corner[0] - MARGIN, y + section.corner[1] - MARGIN
+    return x0, y0, x0 + width - 1, y0 + height - 1
+
+
+def _window(
+    image: GreyImage,
+    rule: EdgeRule,
+    last: FoundSection,
+    box: tuple[int, int, int, int],
+    reach: int,
+) -> tuple[tuple[int, int], Image, Region]:
+    """Return the corner and levels of a window around a box, and the last region there."""
+    rows, columns = image.shape
+    x0, y0 = max(0, box[0] - reach), max(0, box[1] - reach)
+    x1, y1 = min(columns, box[2] + reach + 1), min(rows, box[3] + reach + 1)
+    grey = as_grey(image[y0:y1, x0:x1]) * np.float32(rule.sign)
+    shape = (y1 - y0 + 2 * MARGIN, x1 - x0 + 2 * MARGIN)
+    filled = _moved(last.region.filled, last.corner, (x0, y0), shape)
+    lumen = last.region.lumen
+    moved = None if lumen is None else _moved(lumen, last.corner, (x0, y0), shape)
+    before = replace(last.region, filled=filled, lumen=moved)
+    bright = with_margin(grey)
+    return (x0, y0), bright, before
+
+
+def _moved(
+    mask: Mask, corner: tuple[int, int], new_corner: tuple[int, int], shape: tuple[int, int]
+) -> Mask:
+    """Return a window's mask in another window of the same image."""
+    result = np.zeros(shape, dtype=np.uint8)
+    x, y = corner[0] - new_corner[0], corner[1] - new_corner[1]
+    rows, columns = mask.shape
+    top, left = max(0, y), max(0, x)
+    bottom, right = min(shape[0], y + rows), min(shape[1], x + columns)
+    if top < bottom and left < right:
+        result[top:bottom, left:right] = mask[top - y : bottom - y, left - x : right - x]
+    return result
+
+
+def _open_sides(filled: Mask, corner: tuple[int, int], shape: tuple[int, ...]) -> bool:
+    """Return whether a region reaches a side of its window that is not the image's border."""
+    x, y, width, height = cv2.boundingRect(filled)
+    rows, columns = filled.shape[0] - 2 * MARGIN, filled.shape[1] - 2 * MARGIN
+    return (
+        (x <= MARGIN and corner[0] > 0)
+        or (y <= MARGIN and corner[1] > 0)
+        or (x + width >= columns + MARGIN and corner[0] + columns < shape[1])
+        or (y + height >= rows + MARGIN and corner[1] + rows < shape[0])
+    )
+
+
+def _trimmed(section: FoundSection) -> FoundSection:
+    """Return a section whose window is not much larger than the organ."""
+    x, y, width, height = cv2.boundingRect(section.region.filled)
+    rows, columns = section.region.filled.shape
+    reach = SMALLEST_REACH_PX + MARGIN
+    left, top = max(0, x - reach), max(0, y - reach)
+    right, bottom = min(columns, x + width + reach), min(rows, y + height + reach)
+    inner = (slice(top, bottom), slice(left, right))
+    region = section.region
+    return replace(
+        section,
+        corner=(section.corner[0] + left, section.corner[1] + top),
+        bright=section.bright[inner],
+        region=replace(
+            region,
+            filled=region.filled[inner],
+            lumen=None if region.lumen is None else region.lumen[inner],
+        ),
+    )
+
+
+def _continuing(bright: Image, before: Region, rule: EdgeRule, last_name: str) -> Region:
+    """Return the region that continues the one before."""
+    choose = _outline_continuing(before, last_name)
+    organ, around = inner_level(bright, before.solid), level_around(bright, before.filled)
+    if rule.level is None and organ > around:
+        try:
+            return find_region(bright, choose, start_level=0.5 * (organ + around), scale=rule.scale)
+        except NoEdgeFound:
+            # The organ may have moved far, and Otsu's split find it.
+            pass
+    return find_region(bright, choose, threshold=rule.level, scale=rule.scale)
+
+
+def _outline_continuing(before: Region, last_name: str) -> Choice:
+    """Return the choice of the component that covers most of a region, or is nearest to it."""
+    solid = before.solid
+
+    def choose(mask: Mask) -> tuple[Outline | None, float]:
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        labels = np.asarray(labels, dtype=np.int32)
+        areas = np.asarray(stats, dtype=np.int32)[:, cv2.CC_STAT_AREA]
+        if len(areas) < 2 or areas[1:].max() < SMALLEST_ORGAN_PX:
+            return None, 0.0
+        over = _overlaps(labels, solid, areas)
+        if not over.any():
+            radius = math.sqrt(cv2.countNonZero(before.filled) / math.pi)
+            over = _overlaps(labels, grown(before.filled, max(3, round(radius))), areas)
+        label = int(over.argmax())
+        if over[label] == 0:
+            raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
+        rest = np.where(2 * over > areas, areas, 0)
+        rest[label] = 0
+        return outline_of(mask_of(labels == label)), float(rest.max() / areas[label])
+
+    return choose
+
+
+def _overlaps(
+    labels: NDArray[np.int32], region: Mask, areas: NDArray[np.int32]
+) -> NDArray[np.intp]:
+    """Return how many pixels of each component of a suitable size lie in a region."""
+    over = np.bincount(labels[region > 0], minlength=len(areas))
+    over[0] = 0
+    over[areas < SMALLEST_ORGAN_PX] = 0
+    return over
+
+
+def _stolen(
+    last: FoundSection, corner: tuple[int, int], filled: Mask, before: Region, rule: EdgeRule
+) -> bool:
+    """Return whether much of a region was beside the organ in the last section."""
+    new = without(filled, grown(before.filled, 2))
+    area = cv2.countNonZero(new)
+    if area <= NEW_SHARE * last.areas[-1]:
+        return False
+    rows, columns = filled.shape
+    x, y = corner
+    crop = last.image[y : y + rows - 2 * MARGIN, x : x + columns - 2 * MARGIN]
+    smoothed = blurred(as_grey(crop) * np.float32(rule.sign), SMOOTHING_PX, rule.scale)
+    inner = new[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    was = cv2.countNonZero(mask_of((smoothed > last.region.outer_level) & (inner > 0)))
+    return was > STOLEN_SHARE * area
