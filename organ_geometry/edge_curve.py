@@ -47,8 +47,6 @@ def level_curve(
     level: float,
     sigma: float,
     scale: Scale = SQUARE,
-    *,
-    keep_far: bool = False,
 ) -> NDArray[np.float64]:
     """Return the outline moved onto a level of a blurred image, and back by what blur moved it.
 
@@ -66,14 +64,11 @@ def level_curve(
         Blur, in pixels of mean size.
     scale
         Width and height of a pixel, in pixels of mean size.
-    keep_far
-        Whether points without the level near them stay where they are, as on a cut through an even
-        part of the image. Otherwise they are left out.
 
     Returns
     -------
     NDArray[np.float64]
-        (M, 2) points x, y, px.
+        (M, 2) points x, y, px; those without the level near them are left out.
 
     Raises
     ------
@@ -88,7 +83,7 @@ def level_curve(
         move = np.stack([step * gx, step * gy], axis=1)
         length = np.sqrt((move * move).sum(axis=1, keepdims=True))
         points += move / np.maximum(length, 1.0)
-    return _corrected(points, start, sigma, scale, keep_far=keep_far)
+    return _corrected(points, start, sigma, scale)
 
 
 def steepest_curve(
@@ -133,7 +128,7 @@ def steepest_curve(
         bend = 2.0 * here - ahead - back
         shift = np.where(bend > 1e-6, 0.5 * (ahead - back) / np.maximum(bend, 1e-6), 0.0)
         points += np.clip(shift, -1.0, 1.0)[:, np.newaxis] * along
-    return _corrected(points, start, sigma, scale, keep_far=True)
+    return _corrected(points, start, sigma, scale)
 
 
 def enclosed_area(points: NDArray[np.float64]) -> float:
@@ -172,17 +167,11 @@ def _sampled(points: NDArray[np.float64], *images: Image) -> list[NDArray[np.flo
 
 
 def _corrected(
-    points: NDArray[np.float64],
-    start: NDArray[np.int32],
-    sigma: float,
-    scale: Scale,
-    *,
-    keep_far: bool,
+    points: NDArray[np.float64], start: NDArray[np.int32], sigma: float, scale: Scale
 ) -> NDArray[np.float64]:
-    """Return the points that moved little, the others at their start or not at all, unshrunk."""
+    """Return the points that moved no more than an edge's pixel may be off, unshrunk."""
     away = points - start
-    near = (away * away).sum(axis=1) <= _LARGEST_MOVE_PX**2
-    points = np.where(near[:, np.newaxis], points, start) if keep_far else points[near]
+    points = points[(away * away).sum(axis=1) <= _LARGEST_MOVE_PX**2]
     if len(points) < 3:
         raise NoEdgeFound("the organ's edge is too short to follow")
     return _unshrunk(points * scale, sigma) / scale

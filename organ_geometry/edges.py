@@ -193,7 +193,6 @@ def region_edges(
     *,
     method: EdgeMethod = "half-level",
     scale: Scale = SQUARE,
-    cut: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Return the edges of a region found to a pixel, to a part of a pixel.
 
@@ -207,8 +206,6 @@ def region_edges(
         "half-level" or "canny".
     scale
         Width and height of a pixel, in pixels of mean size.
-    cut
-        Whether the region was cut out of a larger one, so that parts of its edge have no level.
 
     Returns
     -------
@@ -225,12 +222,12 @@ def region_edges(
     if method not in {"half-level", "canny"}:
         raise ValueError(f"method must be half-level or canny, not {method!r}")
     trace = _half_level if method == "half-level" else _canny
-    outer, lumen = trace(bright, region, region.sigma, scale, cut=cut)
+    outer, lumen = trace(bright, region, region.sigma, scale)
     if lumen is not None:
         thickness = _wall_thickness(outer * scale, lumen * scale)
         if thickness < CLEAR_WALL * region.sigma:
             sigma = max(thickness / CLEAR_WALL, SMALLEST_SMOOTHING_PX)
-            outer, lumen = trace(bright, region, sigma, scale, cut=cut)
+            outer, lumen = trace(bright, region, sigma, scale)
     return outer, lumen
 
 
@@ -260,14 +257,14 @@ def touches_border(filled: Mask) -> bool:
 _Edges: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64] | None]
 
 
-def _half_level(bright: Image, region: Region, sigma: float, scale: Scale, *, cut: bool) -> _Edges:
+def _half_level(bright: Image, region: Region, sigma: float, scale: Scale) -> _Edges:
     """Return outer and lumen boundary on the half levels of the image blurred by sigma."""
     smoothed = blurred(bright, sigma, scale)
-    around = region.filled if cut else grown(region.filled, 2)
+    around = grown(region.filled, 2)
     start = outline_over(mask_of((smoothed > region.outer_level) & (around > 0)), region.filled)
     if start is None:
         raise NoEdgeFound("the organ's edge is not closed")
-    outer = level_curve(smoothed, start, region.outer_level, sigma, scale, keep_far=cut)
+    outer = level_curve(smoothed, start, region.outer_level, sigma, scale)
     if region.lumen is None:
         return outer, None
     inside = grown(region.filled, -1) > 0
@@ -277,9 +274,8 @@ def _half_level(bright: Image, region: Region, sigma: float, scale: Scale, *, cu
     return outer, level_curve(smoothed, start, region.lumen_level, sigma, scale)
 
 
-def _canny(bright: Image, region: Region, sigma: float, scale: Scale, *, cut: bool) -> _Edges:
+def _canny(bright: Image, region: Region, sigma: float, scale: Scale) -> _Edges:
     """Return outer and lumen boundary where Canny links steep places to a closed edge."""
-    # A cut edge is closed by hand, so that whatever closes it is no edge of Canny's.
     smoothed = blurred(bright, sigma, scale)
     slope_x = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8))
     slope_y = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8))
@@ -294,8 +290,6 @@ def _canny(bright: Image, region: Region, sigma: float, scale: Scale, *, cut: bo
         L2gradient=True,
     )
     lines = np.asarray(edges, dtype=np.uint8)
-    if cut:
-        raise NoEdgeFound("Canny's edge of the organ does not close")
     outer = steepest_curve(smoothed, _closed_within(lines, region.filled, "organ"), sigma, scale)
     if region.lumen is None:
         return outer, None
@@ -316,7 +310,7 @@ def _closed_within(lines: Mask, region: Mask, name: str) -> Outline:
     counts[0] = 0
     label = int(counts.argmax())
     within = labels == label
-    rim = without_core(outer)
+    rim = _rim(outer)
     if counts[label] == 0 or bool((within & (rim > 0)).any()):
         raise NoEdgeFound(f"Canny's edge of the {name} does not close")
     closed = np.asarray(cv2.dilate(mask_of(within), np.ones((3, 3), np.uint8)), dtype=np.uint8)
@@ -326,7 +320,7 @@ def _closed_within(lines: Mask, region: Mask, name: str) -> Outline:
     return start
 
 
-def without_core(mask: Mask) -> Mask:
+def _rim(mask: Mask) -> Mask:
     """Return the outermost pixels of a mask."""
     return np.asarray(cv2.subtract(mask, grown(mask, -1)), dtype=np.uint8)
 

@@ -171,7 +171,7 @@ class _Edges:
     """A traced section and what its notes are made of."""
 
     section: TracedSection
-    cut: bool
+    carried: bool
     growth: float
 
 
@@ -303,11 +303,11 @@ class _Tracing:
             )
         if rule.method == "canny":
             yield "the edge is Canny's, to a part of a pixel by a parabola across it"
-        cuts = [edges.section.index for edges in sections if edges.cut]
-        if cuts:
+        carried = [edges.section.index for edges in sections if edges.carried]
+        if carried:
             yield (
-                f"in {len(cuts)} images the threshold leaks into a neighbour, which a watershed "
-                f"from the last section cuts off: {slice_ranges(cuts)}"
+                f"in {len(carried)} images the threshold leaks into a neighbour, and the edge is "
+                f"carried on from the image before: {slice_ranges(carried)}"
             )
         grown = [edges.section.index for edges in sections if edges.growth > LARGE_GROWTH]
         if grown:
@@ -359,7 +359,7 @@ def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
         other_part=not seeded and shows_other_part(section, rule),
         threshold=rule.sign * section.region.outer_level,
     )
-    return _Edges(traced, section.cut, section.growth)
+    return _Edges(traced, section.carried is not None, section.growth)
 
 
 def _clarity(section: FoundSection) -> float:

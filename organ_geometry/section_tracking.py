@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.edge_curve import SQUARE, Image, NoEdgeFound, Scale, blurred
+from organ_geometry.edge_strip import carried_edge
 from organ_geometry.edges import (
     EdgeMethod,
     FoundPolarity,
@@ -16,7 +17,6 @@ from organ_geometry.edges import (
     touches_border,
 )
 from organ_geometry.image_stack import GreyImage
-from organ_geometry.region_cut import cut_region
 from organ_geometry.section_region import (
     MARGIN,
     SMALLEST_ORGAN_PX,
@@ -25,12 +25,14 @@ from organ_geometry.section_region import (
     Mask,
     Outline,
     Region,
+    fill,
     find_region,
     grown,
     inner_level,
     level_around,
     main_outline,
     mask_of,
+    only_outline,
     otsu,
     outline_around,
     outline_of,
@@ -41,13 +43,18 @@ from organ_geometry.section_region import (
 # How far around the last section the next is looked for, as a share of the root of its area.
 REACH = 0.4
 SMALLEST_REACH_PX = 12
-# New ground above this share of the organ's area is looked at: was it another part before?
-NEW_SHARE = 0.2
-STOLEN_SHARE = 0.5
+# Ground is won or lost without reason where the image hardly changed, by less than this share of
+# the contrast. More than this share of the organ's area of it is a leak.
+UNCHANGED = 0.3
+LEAK_SHARE = 0.15
+# So is sudden growth by this factor of an organ whose area was steady to within the other.
+SUDDEN_GROWTH = 2.0
+STEADY = 1.5
 # A second part of at least this share of the first splits the organ.
 SPLIT_SHARE = 0.35
-# After a gap, an organ is the same one only if its area changed by less than this factor.
-GAP_GROWTH = 2.5
+# After a longer gap, an organ is the same one only if both share this much of their joint area.
+LONGEST_GAP = 3
+GAP_OVERLAP = 0.5
 # Growth that is worth a word.
 LARGE_GROWTH = 2.5
 OTHER_PART = 0.05
@@ -103,8 +110,9 @@ class FoundSection:
         (h, w) levels of the window with its margin, in which the organ is bright.
     region
         Where the organ is in it.
-    cut
-        Whether the region was cut from a neighbour.
+    carried
+        (N, 2) points of the edge in the window where it was carried from the last section, because
+        the organ's threshold leaks into a neighbour, or None.
     areas
         Areas of the last sections found, this one last, px^2.
     """
@@ -114,7 +122,7 @@ class FoundSection:
     corner: tuple[int, int]
     bright: Image
     region: Region
-    cut: bool
+    carried: NDArray[np.float64] | None
     areas: tuple[int, ...]
 
     @property
@@ -156,7 +164,7 @@ def first_section(
     if touches_border(region.filled):
         raise NoEdgeFound("the organ touches the image's border")
     area = cv2.countNonZero(region.filled)
-    return _trimmed(FoundSection(index, image, (0, 0), bright, region, cut=False, areas=(area,)))
+    return _trimmed(FoundSection(index, image, (0, 0), bright, region, carried=None, areas=(area,)))
 
 
 def next_section(
@@ -203,25 +211,33 @@ def next_section(
             f"the organ splits: beside the part that continues {last_name} there is one of "
             f"{region.other_part:.0%} of its area"
         )
-    cut = False
-    stolen = _stolen(last, corner, region.filled, before, rule)
-    if stolen:
-        level = region.outer_level
-        smoothed = blurred(bright, 1.0, rule.scale)
-        part = cut_region(smoothed, region.filled, before.filled, region.contrast)
-        if part is None:
+    carried = None
+    if _leaks(bright, region, before, last, corner, rule):
+        if abs(index - last.index) == 1 and rule.method == "half-level":
+            carried = _carried(bright, corner, region, last, rule)
+        if carried is None:
             raise NoEdgeFound(f"the organ merges with what was beside it in {last_name}")
-        region = replace(region, filled=part, lumen=None, lumen_level=math.nan, outer_level=level)
-        cut = True
+        outline = np.round(carried).astype(np.int32)
+        region = replace(
+            region, filled=fill(outline, bright.shape), lumen=None, lumen_level=math.nan
+        )
     if touches_border(region.filled):
         raise NoEdgeFound("the organ touches the image's border")
     area = cv2.countNonZero(region.filled)
-    gap = abs(index - last.index)
-    if gap > 1 and not 1.0 / GAP_GROWTH < area / last.areas[-1] < GAP_GROWTH:
-        raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
+    if abs(index - last.index) > LONGEST_GAP:
+        both = cv2.countNonZero(cv2.bitwise_and(region.filled, before.filled))
+        if both < GAP_OVERLAP * cv2.countNonZero(cv2.bitwise_or(region.filled, before.filled)):
+            raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
+    areas = (*last.areas, area)[-_AREAS:]
     return _trimmed(
         FoundSection(
-            index, image, corner, bright, region, cut=cut, areas=(*last.areas, area)[-_AREAS:]
+            index,
+            image,
+            corner,
+            bright,
+            region,
+            carried=carried,
+            areas=areas,
         )
     )
 
@@ -248,10 +264,12 @@ def section_edges(
     NoEdgeFound
         If the edge does not close.
     """
-    outer, lumen = region_edges(
-        section.bright, section.region, method=rule.method, scale=rule.scale, cut=section.cut
-    )
     shift = np.array(section.corner, dtype=np.float64) - MARGIN
+    if section.carried is not None:
+        return section.carried + shift, None
+    outer, lumen = region_edges(
+        section.bright, section.region, method=rule.method, scale=rule.scale
+    )
     return outer + shift, None if lumen is None else lumen + shift
 
 
@@ -275,9 +293,10 @@ def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
         mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     else:
         mask = np.asarray(cv2.blur(mask, (3, 3)), dtype=np.uint8)
-    count, _, stats, _ = cv2.connectedComponentsWithStats(mask_of(mask > 127), connectivity=8)
-    if count < 2:
+    mask = mask_of(mask > 127)
+    if cv2.countNonZero(mask) * coarse**2 < max(OTHER_PART * area, SMALLEST_ORGAN_PX):
         return False
+    _, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     largest = int(np.asarray(stats)[1:, cv2.CC_STAT_AREA].max())
     return largest * coarse**2 >= max(OTHER_PART * area, SMALLEST_ORGAN_PX)
 
@@ -310,33 +329,60 @@ def _at_rim(outline: Outline, shape: tuple[int, ...]) -> bool:
 def _seeded(
     index: int, image: GreyImage, rule: EdgeRule, seed: tuple[float, float]
 ) -> FoundSection:
-    """Return the section around a seed, from the smallest window in which it closes."""
+    """Return the section around a seed whose edge is steepest."""
+    # What closes around the seed depends on the level: an organ, or the organ and what it lies in.
+    # Windows of growing size are each split by Otsu's threshold, and the brighter part once more.
     x, y = round(seed[0]), round(seed[1])
     rows, columns = image.shape
     half = _SMALLEST_WINDOW
     reason = f"nothing stands out at the seed ({seed[0]:g}, {seed[1]:g})"
+    best, steepest = None, 0.0
     while True:
         x0, y0 = max(0, x - half), max(0, y - half)
         crop = image[y0 : y + half + 1, x0 : x + half + 1]
         bright = with_margin(as_grey(crop) * np.float32(rule.sign))
+        smoothed = blurred(bright, SMOOTHING_PX, rule.scale)
         choose = outline_around(seed[0] - x0 + MARGIN, seed[1] - y0 + MARGIN)
-        try:
-            region = find_region(bright, choose, threshold=rule.level, scale=rule.scale)
-        except NoEdgeFound:
-            region = None
-        if region is not None:
-            area = cv2.countNonZero(region.filled)
-            if not _open_sides(region.filled, (x0, y0), image.shape):
-                if touches_border(region.filled):
-                    reason = "the organ touches the image's border"
-                else:
-                    found = FoundSection(
-                        index, image, (x0, y0), bright, region, cut=False, areas=(area,)
-                    )
-                    return _trimmed(found)
+        for level in _split_levels(smoothed) if rule.level is None else (rule.level,):
+            try:
+                region = find_region(
+                    bright, choose, start_level=level, threshold=rule.level, scale=rule.scale
+                )
+            except NoEdgeFound:
+                continue
+            if _open_sides(region.filled, (x0, y0), image.shape):
+                continue
+            if touches_border(region.filled):
+                reason = "the organ touches the image's border"
+                continue
+            steepness = _steepness(smoothed, region.filled)
+            if steepness > steepest:
+                area = cv2.countNonZero(region.filled)
+                best = FoundSection(
+                    index, image, (x0, y0), bright, region, carried=None, areas=(area,)
+                )
+                steepest = steepness
         if half >= max(rows, columns):
-            raise NoEdgeFound(reason)
+            break
         half *= 2
+    if best is None:
+        raise NoEdgeFound(reason)
+    return _trimmed(best)
+
+
+def _split_levels(smoothed: Image) -> tuple[float, float]:
+    """Return Otsu's level of an image, and that of what is above it."""
+    level = otsu(smoothed)
+    above = smoothed[smoothed > level]
+    return level, otsu(above) if above.size else level
+
+
+def _steepness(smoothed: Image, filled: Mask) -> float:
+    """Return the median slope along the outline of a region, levels a pixel."""
+    rim = without(filled, grown(filled, -1)) > 0
+    slope_x = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8))
+    slope_y = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8))
+    return float(np.median(np.hypot(slope_x[rim], slope_y[rim])))
 
 
 def _box(section: FoundSection) -> tuple[int, int, int, int]:
@@ -402,8 +448,10 @@ def _trimmed(section: FoundSection) -> FoundSection:
     right, bottom = min(columns, x + width + reach), min(rows, y + height + reach)
     inner = (slice(top, bottom), slice(left, right))
     region = section.region
+    carried = section.carried
     return replace(
         section,
+        carried=None if carried is None else carried - (left, top),
         corner=(section.corner[0] + left, section.corner[1] + top),
         bright=section.bright[inner],
         region=replace(
@@ -432,6 +480,13 @@ def _outline_continuing(before: Region, last_name: str) -> Choice:
     solid = before.solid
 
     def choose(mask: Mask) -> tuple[Outline | None, float]:
+        only = only_outline(mask)
+        if (
+            only is not None
+            and cv2.contourArea(only) >= SMALLEST_ORGAN_PX
+            and bool((solid[only[:, 1], only[:, 0]] > 0).any())
+        ):
+            return only, 0.0
         _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         labels = np.asarray(labels, dtype=np.int32)
         areas = np.asarray(stats, dtype=np.int32)[:, cv2.CC_STAT_AREA]
@@ -461,18 +516,55 @@ def _overlaps(
     return over
 
 
-def _stolen(
-    last: FoundSection, corner: tuple[int, int], filled: Mask, before: Region, rule: EdgeRule
+def _leaks(
+    bright: Image,
+    region: Region,
+    before: Region,
+    last: FoundSection,
+    corner: tuple[int, int],
+    rule: EdgeRule,
 ) -> bool:
-    """Return whether much of a region was beside the organ in the last section."""
-    new = without(filled, grown(before.filled, 2))
-    area = cv2.countNonZero(new)
-    if area <= NEW_SHARE * last.areas[-1]:
+    """Return whether the organ won or lost much ground where the image did not change."""
+    won = without(region.solid, grown(before.filled, 2))
+    lost = without(before.solid, grown(region.filled, 2))
+    moved = cv2.bitwise_or(won, lost)
+    largest = LEAK_SHARE * last.areas[-1]
+    if cv2.countNonZero(moved) <= largest:
         return False
-    rows, columns = filled.shape
+    steady = len(last.areas) == _AREAS and max(last.areas) < STEADY * min(last.areas)
+    if steady and cv2.countNonZero(region.filled) > SUDDEN_GROWTH * last.areas[-1]:
+        return True
+    now, then = _blurred_pair(bright, last, corner, rule)
+    same = mask_of(np.abs(now - then) < UNCHANGED * last.region.contrast)
+    return cv2.countNonZero(cv2.bitwise_and(moved, same)) > largest
+
+
+def _blurred_pair(
+    bright: Image, last: FoundSection, corner: tuple[int, int], rule: EdgeRule
+) -> tuple[Image, Image]:
+    """Return the slightly blurred levels of a window, and those of the last image there."""
+    rows, columns = bright.shape
     x, y = corner
     crop = last.image[y : y + rows - 2 * MARGIN, x : x + columns - 2 * MARGIN]
-    smoothed = blurred(as_grey(crop) * np.float32(rule.sign), SMOOTHING_PX, rule.scale)
-    inner = new[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    was = cv2.countNonZero(mask_of((smoothed > last.region.outer_level) & (inner > 0)))
-    return was > STOLEN_SHARE * area
+    then = with_margin(as_grey(crop) * np.float32(rule.sign))
+    return blurred(bright, 1.0, rule.scale), blurred(then, 1.0, rule.scale)
+
+
+def _carried(
+    bright: Image,
+    corner: tuple[int, int],
+    region: Region,
+    last: FoundSection,
+    rule: EdgeRule,
+) -> NDArray[np.float64] | None:
+    """Return the last section's edge, carried into a window, px of the window."""
+    shift = np.array(last.corner, dtype=np.float64) - corner
+    if last.carried is not None:
+        edge = last.carried
+    else:
+        outline = outline_of(last.region.filled)
+        if outline is None:
+            return None
+        edge = outline.astype(np.float64)
+    now, then = _blurred_pair(bright, last, corner, rule)
+    return carried_edge(now, then, edge + shift, max(region.contrast, last.region.contrast))
