@@ -495,7 +495,7 @@ def _outline_continuing(before: Region, last_name: str) -> Choice:
         over = _overlaps(labels, solid, areas)
         if not over.any():
             radius = math.sqrt(cv2.countNonZero(before.filled) / math.pi)
-            over = _overlaps(labels, grown(before.filled, max(3, round(radius))), areas)
+            over = _overlaps(labels, grown(before.filled, max(3, round(0.5 * radius))), areas)
         label = int(over.argmax())
         if over[label] == 0:
             raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
