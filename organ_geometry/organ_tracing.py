@@ -370,7 +370,7 @@ def _clarity(section: FoundSection) -> float:
     area = float(section.areas[-1])
     roundness = area / (math.pi * max(radius, 1.0) ** 2)
     alone = 1.0 / (1.0 + section.region.other_part)
-    return math.sqrt(area) * roundness * section.region.contrast * alone
+    return math.sqrt(area) * roundness**2 * section.region.contrast * alone
 
 
 def _with_lasting_lumens(

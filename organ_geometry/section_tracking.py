@@ -52,6 +52,8 @@ SUDDEN_GROWTH = 2.0
 STEADY = 1.5
 # A second part of at least this share of the first splits the organ.
 SPLIT_SHARE = 0.35
+# A wall is open where a section lost its lumen and more than this share of its area with it.
+OPEN_SHARE = 0.25
 # After a longer gap, an organ is the same one only if both share this much of their joint area.
 LONGEST_GAP = 3
 GAP_OVERLAP = 0.5
@@ -211,6 +213,8 @@ def next_section(
             f"the organ splits: beside the part that continues {last_name} there is one of "
             f"{region.other_part:.0%} of its area"
         )
+    if _opens(before, region):
+        raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
     carried = None
     if _leaks(bright, region, before, last, corner, rule):
         if abs(index - last.index) == 1 and rule.method == "half-level":
@@ -514,6 +518,14 @@ def _overlaps(
     over[0] = 0
     over[areas < SMALLEST_ORGAN_PX] = 0
     return over
+
+
+def _opens(before: Region, region: Region) -> bool:
+    """Return whether a ring has become an open one, whose edge runs along both of its sides."""
+    if before.lumen is None or region.lumen is not None:
+        return False
+    left = cv2.countNonZero(region.filled)
+    return left < (1.0 - OPEN_SHARE) * cv2.countNonZero(before.filled)
 
 
 def _leaks(

@@ -176,7 +176,7 @@ def test_the_organ_is_continued_past_a_larger_neighbour(
 ) -> None:
     def scene(neighbour: float) -> Any:
         organ = cover(SHAPE, (70.5, 49.5), (13.0, 13.0))
-        beside = cover(SHAPE, (28.5, 49.5), (neighbour, neighbour)) if neighbour else 0.0
+        beside = cover(SHAPE, (28.5, 49.5), (max(neighbour, 1e-9),) * 2)
         return np.round(60.0 + 90.0 * organ + 180.0 * beside).astype(np.uint8)
 
     images = [scene(radius) for radius in (0.0, 0.0, 0.0, 8.0, 16.0, 24.0, 24.0, 24.0)]
@@ -258,6 +258,18 @@ def test_a_split_is_named_and_followed_until_it_closes(
     organ = trace_organ(stack_of(write_stack, images))
     assert organ.problems.keys() == {2}
     assert organ.problems[2].startswith("the organ splits: beside the part that continues slice_")
+
+
+def test_a_ring_that_opens_is_named(cover: Cover, write_stack: WriteStack) -> None:
+    ring = cover(SHAPE, CENTRE, (35.0, 35.0)) - cover(SHAPE, CENTRE, (25.0, 25.0))
+    horseshoe = ring.copy()
+    horseshoe[50:, 44:66] = 0.0
+    images = [drawn(part) for part in (ring, ring, ring, horseshoe, horseshoe)]
+    organ = trace_organ(stack_of(write_stack, images), seed=(54, 20))
+    assert all(section.lumen is not None for section in organ.sections)
+    assert organ.problems == dict.fromkeys(
+        (3, 4), "the wall is open, which closes a lumen in slice_2.png"
+    )
 
 
 def test_what_vanishes_is_named_and_found_again(cover: Cover, write_stack: WriteStack) -> None:
