@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
+from organ_geometry.found_section import OTHER_PART
 from organ_geometry.half_curves import (
     HalfCurves,
     NotSingleValued,
@@ -22,7 +23,6 @@ from organ_geometry.key_sections import check_tolerance, key_sections
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import stored_organ
 from organ_geometry.organ_tracing import TracedSection, trace_organ
-from organ_geometry.section_tracking import OTHER_PART
 
 Progress = Callable[[int, int], None]
 

@@ -13,21 +13,16 @@ from numpy.typing import NDArray
 
 from organ_geometry.edge_curve import NoEdgeFound
 from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity, find_polarity, pixel_scale
+from organ_geometry.first_section import first_section, seed_polarity
+from organ_geometry.found_section import EdgeRule, FoundSection, section_edges, shows_other_part
 from organ_geometry.image_stack import GreyImage, ImageStack
-from organ_geometry.section_tracking import (
-    LARGE_GROWTH,
-    EdgeRule,
-    FoundSection,
-    first_section,
-    next_section,
-    section_edges,
-    seed_polarity,
-    shows_other_part,
-)
+from organ_geometry.next_section import next_section
 
 Progress = Callable[[int, int], None]
 
 SAMPLES = 9
+# Growth from one slice to the next that is worth a word.
+LARGE_GROWTH = 2.5
 # A lumen is one only if another section, at most this many away, shows it too.
 LUMEN_REACH = 2
 _LARGEST_POOL = 8
@@ -363,14 +358,13 @@ def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
 
 
 def _clarity(section: FoundSection) -> float:
-    """Return how well a section is suited to begin with: large, round, clear and alone."""
+    """Return how well a section is suited to begin with: large, round and clear."""
     filled = section.region.filled
     outlines, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     _, radius = cv2.minEnclosingCircle(max(outlines, key=len))
     area = float(section.areas[-1])
     roundness = area / (math.pi * max(radius, 1.0) ** 2)
-    alone = 1.0 / (1.0 + section.region.other_part)
-    return math.sqrt(area) * roundness**2 * section.region.contrast * alone
+    return math.sqrt(area) * roundness**2 * section.region.contrast
 
 
 def _with_lasting_lumens(

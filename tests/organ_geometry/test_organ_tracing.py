@@ -188,7 +188,7 @@ def test_the_organ_is_continued_past_a_larger_neighbour(
 
 def test_the_seed_picks_the_organ(cover: Cover, write_stack: WriteStack) -> None:
     places = {(35.5, 49.5): 20.0, (82.5, 49.5): 12.0}
-    both = sum(cover(SHAPE, place, (radius, radius)) for place, radius in places.items())
+    both = np.sum([cover(SHAPE, place, (size, size)) for place, size in places.items()], axis=0)
     stack = stack_of(write_stack, [drawn(both)] * 4)
     for place, radius in places.items():
         organ = trace_organ(stack, seed=place)
