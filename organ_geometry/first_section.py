@@ -1,5 +1,8 @@
 """The section that an organ is begun with."""
 
+import math
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 
@@ -10,8 +13,8 @@ from organ_geometry.image_stack import GreyImage
 from organ_geometry.section_region import (
     MARGIN,
     SMOOTHING_PX,
-    Mask,
     Outline,
+    Region,
     find_region,
     grown,
     main_outline,
@@ -22,6 +25,8 @@ from organ_geometry.section_region import (
     without,
 )
 
+# Where an organ leaks, its edge is weaker than this share of an ideal one.
+CLEAR_EDGE = 0.3
 _SMALLEST_WINDOW = 12
 
 
@@ -89,21 +94,21 @@ def _at_rim(outline: Outline, shape: tuple[int, ...]) -> bool:
 def _seeded(
     index: int, image: GreyImage, rule: EdgeRule, seed: tuple[float, float]
 ) -> FoundSection:
-    """Return the section around a seed whose edge is steepest."""
+    """Return the smallest section around a seed that has an edge all around it."""
     # What closes around the seed depends on the level: an organ, or the organ and what it lies in.
-    # Windows of growing size are each split by Otsu's threshold, and the brighter part once more.
-    x, y = round(seed[0]), round(seed[1])
+    # Windows of growing size are split at several levels, and each is tried.
     rows, columns = image.shape
-    half = _SMALLEST_WINDOW
+    x, y = round(seed[0]), round(seed[1])
     reason = f"nothing stands out at the seed ({seed[0]:g}, {seed[1]:g})"
-    best, steepest = None, 0.0
-    while True:
+    best, best_score = None, (False, 0.0)
+    for half in _half_windows(max(rows, columns)):
         x0, y0 = max(0, x - half), max(0, y - half)
         crop = image[y0 : y + half + 1, x0 : x + half + 1]
         bright = with_margin(as_grey(crop) * np.float32(rule.sign))
         smoothed = blurred(bright, SMOOTHING_PX, rule.scale)
+        here = float(smoothed[y - y0 + MARGIN, x - x0 + MARGIN])
         choose = outline_around(seed[0] - x0 + MARGIN, seed[1] - y0 + MARGIN)
-        for level in _split_levels(smoothed) if rule.level is None else (rule.level,):
+        for level in _split_levels(smoothed, here) if rule.level is None else (rule.level,):
             try:
                 region = find_region(
                     bright, choose, start_level=level, threshold=rule.level, scale=rule.scale
@@ -115,31 +120,39 @@ def _seeded(
             if touches_border(region.filled):
                 reason = "the organ touches the image's border"
                 continue
-            steepness = _steepness(smoothed, region.filled)
-            if steepness > steepest:
-                area = cv2.countNonZero(region.filled)
+            area = cv2.countNonZero(region.filled)
+            edge = _weakest_edge(smoothed, region)
+            score = (True, -float(area)) if edge >= CLEAR_EDGE else (False, edge)
+            if score > best_score or best is None:
+                best_score = score
                 best = FoundSection(
                     index, image, (x0, y0), bright, region, carried=None, areas=(area,)
                 )
-                steepest = steepness
-        if half >= max(rows, columns):
-            break
-        half *= 2
     if best is None:
         raise NoEdgeFound(reason)
     return trimmed(best)
 
 
-def _split_levels(smoothed: Image) -> tuple[float, float]:
-    """Return Otsu's level of an image, and that of what is above it."""
+def _half_windows(largest: int) -> Iterator[int]:
+    half = _SMALLEST_WINDOW
+    while half < largest:
+        yield half
+        half = half * 3 // 2
+    yield largest
+
+
+def _split_levels(smoothed: Image, here: float) -> tuple[float, float, float]:
+    """Return Otsu's level of an image, of what is above it, and of what is not above a level."""
     level = otsu(smoothed)
     above = smoothed[smoothed > level]
-    return level, otsu(above) if above.size else level
+    return level, otsu(above) if above.size else level, otsu(np.minimum(smoothed, here))
 
 
-def _steepness(smoothed: Image, filled: Mask) -> float:
-    """Return the median slope along the outline of a region, levels a pixel."""
-    rim = without(filled, grown(filled, -1)) > 0
+def _weakest_edge(smoothed: Image, region: Region) -> float:
+    """Return the slope along a region's weakest tenth of outline, as a share of an ideal edge's."""
+    rim = without(region.filled, grown(region.filled, -1)) > 0
     slope_x = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8))
     slope_y = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8))
-    return float(np.median(np.hypot(slope_x[rim], slope_y[rim])))
+    slopes = np.hypot(slope_x[rim], slope_y[rim])
+    ideal = region.contrast / (SMOOTHING_PX * math.sqrt(2.0 * math.pi))
+    return float(np.quantile(slopes, 0.1)) / max(ideal, 1e-6)

@@ -212,10 +212,11 @@ def test_the_seed_decides_the_polarity(cover: Cover, write_stack: WriteStack) ->
 
 
 def test_an_organ_is_found_in_what_it_lies_in(cover: Cover, write_stack: WriteStack) -> None:
-    # An organ in a body in air: the body's edge is the higher step, the organ's the nearer.
+    # An organ in a body in air, beside bone: the body's edge is the higher step.
     body = cover(SHAPE, CENTRE, (45.0, 40.0))
     organ = cover(SHAPE, (48.5, 52.5), (11.0, 11.0))
-    image = np.round(10.0 + 80.0 * body + 120.0 * organ).astype(np.uint8)
+    bone = cover(SHAPE, (72.5, 52.5), (9.0, 9.0))
+    image = np.round(10.0 + 120.0 * body + 40.0 * organ + 120.0 * bone).astype(np.uint8)
     (section, _) = trace_organ(stack_of(write_stack, [image] * 2), seed=(48, 52)).sections
     assert rms(circle_errors(section.outer, 11.0, (48.5, 52.5))) < EDGE_PX
 
