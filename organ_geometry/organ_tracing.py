@@ -203,14 +203,14 @@ class _Tracing:
 
         first = 0 if start is None else start.index
         order = [*range(first, total), *range(first - 1, -1, -1)]
-        last, began = start, None if start is None else start.index
+        last = began = start
         for done, (index, image) in enumerate(self._images(order), start=1):
             if index == first - 1:
                 last = start
             try:
                 if last is None or last.index == index:
                     section = first_section(index, image, rule, seed)
-                    start, began = section, index
+                    start = began = section
                 else:
                     name = self._stack.names[last.index]
                     section = next_section(index, image, rule, last, name)
@@ -278,7 +278,7 @@ class _Tracing:
         rule: EdgeRule,
         polarity: Polarity,
         seed: tuple[float, float] | None,
-        began: int | None,
+        began: FoundSection | None,
         sections: list[_Edges],
         dropped: list[int],
     ) -> Iterator[str]:
@@ -288,7 +288,11 @@ class _Tracing:
             yield f"the organ is taken as {rule.polarity}, as it is {where}"
         if began is not None:
             how = "at the seed" if seed is not None else "as the largest clear part"
-            yield f"the organ is followed from {names[began]}, {how}"
+            _, _, width, height = cv2.boundingRect(began.region.filled)
+            yield (
+                f"the organ is followed from {names[began.index]}, {how}, where it is {width} x "
+                f"{height} px"
+            )
         if rule.threshold is not None:
             yield f"the edge is where the grey level is {rule.threshold:g}, as given"
         else:
@@ -301,8 +305,8 @@ class _Tracing:
         carried = [edges.section.index for edges in sections if edges.carried]
         if carried:
             yield (
-                f"in {len(carried)} images the threshold leaks into a neighbour, and the edge is "
-                f"carried on from the image before: {slice_ranges(carried)}"
+                f"where the threshold leaks into a neighbour, the edge is carried on from the "
+                f"image before: {slice_ranges(carried)}"
             )
         grown = [edges.section.index for edges in sections if edges.growth > LARGE_GROWTH]
         if grown:
@@ -311,10 +315,7 @@ class _Tracing:
                 f"next: {slice_ranges(grown)}"
             )
         if dropped:
-            yield (
-                f"a hole in {len(dropped)} images is no lumen, because no image near them shows "
-                f"it: {slice_ranges(dropped)}"
-            )
+            yield f"a hole that no image nearby shows is no lumen: {slice_ranges(dropped)}"
 
 
 def slice_ranges(indices: Sequence[int]) -> str:
