@@ -65,6 +65,9 @@ CANNY_LOW = 0.4
 # How far from the half level Canny's edge may run, px.
 CANNY_REACH_PX = 3
 
+# A pixel's longer side over the mean of both, beyond which blur does not follow it.
+LARGEST_STRETCH = 3.0
+
 _GREY_TYPES = frozenset({np.dtype(np.uint8), np.dtype(np.uint16)})
 
 
@@ -243,9 +246,10 @@ def as_grey(image: GreyImage) -> Image:
 
 
 def pixel_scale(pixel_size: tuple[float, float]) -> Scale:
-    """Return a pixel's width and height over their geometric mean."""
-    mean = math.sqrt(pixel_size[0] * pixel_size[1])
-    return pixel_size[0] / mean, pixel_size[1] / mean
+    """Return a pixel's width and height over their geometric mean, within reason."""
+    wide = math.sqrt(pixel_size[0] / pixel_size[1])
+    wide = min(max(wide, 1.0 / LARGEST_STRETCH), LARGEST_STRETCH)
+    return wide, 1.0 / wide
 
 
 def touches_border(filled: Mask) -> bool:
