@@ -1,5 +1,6 @@
 """Replays: a logged run made again, to any moment, with the same readings to the bit."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -22,7 +23,7 @@ from organ_geometry.organ import Organ
 
 __all__ = ["Replay", "Series", "replayed", "series_csv"]
 
-AFTER_TEAR = round(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND)
+AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
 
 
