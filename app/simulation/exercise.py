@@ -1,5 +1,6 @@
 """Exercises: a goal, a limit and a result, in numbers that scale with the duct's own break."""
 
+import math
 from enum import StrEnum
 from typing import ClassVar, NamedTuple
 
@@ -20,6 +21,8 @@ __all__ = [
     "trial_of",
 ]
 
+LONGEST_SECONDS = 3600.0
+"""An exercise is a matter of minutes; a longer one is a slip of the unit."""
 FADE_SECONDS = 30.0
 """Time after which fading feedback is gone."""
 FADE_PERIOD = 3.0
@@ -129,6 +132,10 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-s
     time_limit_s: float = 60.0
     title: ClassVar[str] = "Hold a stretch"
 
+    def __post_init__(self) -> None:
+        _above_zero(self, "deflection_mm", "tolerance_mm", "force_limit_N")
+        _in_time(self.seconds, self.time_limit_s)
+
     @property
     def goal(self) -> str:
         """What to do, in one sentence."""
@@ -161,6 +168,11 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
     time_limit_s: float = 60.0
     title: ClassVar[str] = "Approach the break"
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.margin < 1.0:
+            raise ValueError(f"margin must be above 0 and below 1, got {self.margin}")
+        _in_time(self.seconds, self.time_limit_s)
+
     @property
     def goal(self) -> str:
         """What to do, in one sentence."""
@@ -190,6 +202,10 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
     time_limit_s: float = 60.0
     title: ClassVar[str] = "Dissect gently"
 
+    def __post_init__(self) -> None:
+        _above_zero(self, "product_limit_N_s")
+        _in_time(TICK_SECONDS, self.time_limit_s)
+
     @property
     def goal(self) -> str:
         """What to do, in one sentence."""
@@ -199,6 +215,21 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
     def limit(self) -> str:
         """What not to do, in one sentence."""
         return f"Spend no more than {self.product_limit_N_s:.3g} N s."
+
+
+def _above_zero(exercise: msgspec.Struct, *names: str) -> None:
+    for name in names:
+        value = getattr(exercise, name)
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} must be above 0 and finite, got {value}")
+
+
+def _in_time(seconds: float, limit: float) -> None:
+    if not 0.0 < seconds <= limit <= LONGEST_SECONDS:
+        raise ValueError(
+            f"seconds must be above 0 and within time_limit_s, at most {LONGEST_SECONDS:g} s; "
+            f"got {seconds} of {limit}"
+        )
 
 
 Exercise = HoldStretch | ApproachBreak | GentleDissection

@@ -169,7 +169,7 @@ class Replay:
             The same log, with the measures and the outcome of this replay.
         """
         self.seek_tick(self.log.ticks)
-        return RunFile.of(self.log, self._session.measures(), self._session.outcome)
+        return RunFile.of(self.log, self._session.measures(), self._session.run.outcome)
 
     def series(self) -> Series:
         """Return what the instruments showed, tick by tick; the replay is then at its end.

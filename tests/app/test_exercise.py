@@ -1,5 +1,6 @@
 """Exercises: what passes, what does not and why; numbers that scale with the duct's break."""
 
+import msgspec
 import pytest
 from simulated import SECONDS, phantom, settle
 
@@ -137,7 +138,7 @@ def exercises(session: Session) -> tuple[HoldStretch, ApproachBreak, GentleDisse
 
 def go(session: Session, *, most_seconds: float = 70.0) -> None:
     for _ in range(round(most_seconds / SECONDS)):
-        if session.run_over:
+        if session.run.over:
             return
         session.advance()
     raise AssertionError("the exercise does not end")
@@ -156,24 +157,24 @@ def test_every_preset_s_exercises_can_be_passed(name: str) -> None:
     session.grab(session.grasp)
     session.hand_to(hold.deflection_mm)
     go(session)
-    assert session.outcome is not None
-    assert session.outcome.passed, session.outcome.reason
-    assert session.progress == 1.0
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed, session.run.outcome.reason
+    assert session.run.progress == 1.0
     assert session.measures().maximum_force_N <= hold.force_limit_N
     assert session.measures().task_threshold_N == hold.force_limit_N
 
     session.start_exercise(approach)
     session.set_force(0.97 * event.force)
     go(session)
-    assert session.outcome is not None
-    assert session.outcome.passed, session.outcome.reason
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed, session.run.outcome.reason
     assert 0.0 < session.measures().smallest_distance_to_break <= approach.margin
 
     session.start_exercise(gentle)
     session.set_force(session.force_limit)
     go(session)
-    assert session.outcome is not None
-    assert session.outcome.passed, session.outcome.reason
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed, session.run.outcome.reason
     assert session.measures().tear is not None
     assert session.measures().force_time_product_N_s <= gentle.product_limit_N_s
     settle(session)
@@ -186,35 +187,57 @@ def test_an_exercise_is_failed_by_what_it_forbids() -> None:
     session.start_exercise(hold, Feedback.SUMMARY)
     session.grab(session.grasp)
     session.hand_to(1.4 * hold.deflection_mm)
-    assert not session.feedback_visible
+    assert not session.run.feedback_visible
     go(session)
-    assert session.outcome is not None
-    assert not session.outcome.passed
-    assert session.feedback_visible
+    assert session.run.outcome is not None
+    assert not session.run.outcome.passed
+    assert session.run.feedback_visible
 
     session.start_exercise(approach)
     session.set_force(session.force_limit)
     go(session)
-    assert session.outcome is not None
-    assert "tore" in session.outcome.reason
+    assert session.run.outcome is not None
+    assert "tore" in session.run.outcome.reason
     settle(session)
 
     session.start_exercise(gentle)
     session.set_force(0.9 * session.force_limit / 1.5)
     go(session)
-    assert session.outcome is not None
-    assert not session.outcome.passed
+    assert session.run.outcome is not None
+    assert not session.run.outcome.passed
     session.reset()
-    assert session.exercise is None
-    assert session.outcome is None
+    assert session.run.exercise is None
+    assert session.run.outcome is None
 
 
 def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
     session = Session(phantom(), vertices=300)
     session.start_exercise(exercises(session)[1])
     session.advance(300)
-    assert session.time == 0.0
+    assert session.run.seconds == 0.0
     session.set_force(1.0)
     session.advance(30)
-    assert session.time == pytest.approx(1.0)
-    assert session.progress > 0.0
+    assert session.run.seconds == pytest.approx(1.0)
+    assert session.run.progress > 0.0
+
+
+@pytest.mark.parametrize(
+    ("exercise", "changes"),
+    [
+        (HOLD, {"deflection_mm": 0.0}),
+        (HOLD, {"force_limit_N": float("inf")}),
+        (HOLD, {"seconds": 61.0}),
+        (HOLD, {"time_limit_s": 1e9}),
+        (APPROACH, {"margin": 1.0}),
+        (APPROACH, {"seconds": -1.0}),
+        (GENTLE, {"product_limit_N_s": float("nan")}),
+        (GENTLE, {"time_limit_s": 0.0}),
+    ],
+)
+def test_exercises_that_nobody_can_do_are_refused(
+    exercise: Exercise, changes: dict[str, float]
+) -> None:
+    (name,) = changes
+    named = "seconds" if name == "time_limit_s" else name
+    with pytest.raises(ValueError, match=f"{named} must be"):
+        type(exercise)(**{**msgspec.structs.asdict(exercise), **changes})

@@ -167,6 +167,20 @@ def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> No
     assert session.grasp == 15.0
 
 
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+@settings(deadline=None, max_examples=20)
+def test_a_place_on_the_duct_says_where_along_it_it_is(force: float, part: float) -> None:
+    session = Session(phantom(), vertices=300)
+    pull(session, force * 3.0)
+    session.grab(part * 50.8)
+    session.advance()  # the hook's place is the axis's there, as far out as it was
+    x, y, z = session.reading().hook
+    station = session.station_at((x, y, z))
+    assert station == pytest.approx(session.grasp, abs=0.02)  # straight between driving points
+    assert session.station_at((-99.0, y, z)) == 0.0
+    assert session.station_at((999.0, y, z)) == 50.8
+
+
 @pytest.mark.parametrize("name", list(presets()))
 def test_a_hand_tears_every_duct_at_the_deflection_between_two_ticks(name: str) -> None:
     session = Session(phantom(), preset_named(name), vertices=300)
@@ -197,7 +211,7 @@ def test_a_hand_that_holds_nothing_moves_nothing(session: Session) -> None:
     session.let_go()
     settle(session)
     assert session.reading().deflection == 0.0
-    assert session.time == 0.0
+    assert session.run.seconds == 0.0
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["grab", "hand_to"]))

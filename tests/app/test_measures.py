@@ -150,12 +150,12 @@ def test_a_run_starts_with_the_first_pull_and_is_over_with_the_tear() -> None:
     session = Session(phantom(), vertices=300)
     session.set_grasp(20.0)
     session.advance(50)
-    assert session.time == 0.0
+    assert session.run.seconds == 0.0
     session.set_force(session.force_limit)
     while session.reading().phase is Phase.INTACT:
-        assert not session.run_over
+        assert not session.run.over
         session.step(SECONDS)
-    assert session.run_over
+    assert session.run.over
     measures, event = session.measures(), session.reading().breaks_at
     assert event is not None
     assert measures.tear is not None

@@ -59,7 +59,7 @@ def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
     advance(5)
     session.grab(0.5 * session.dissection.beam.span)
     session.hand_to(2.0 * limit)
-    while not session.run_over:
+    while not session.run.over:
         advance(1)
     return session.run_file()
 
@@ -149,7 +149,7 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
         else:
             session.choose_theory(theories[min(int(3 * part), 2)])
         session.advance(ticks)
-    if session.time == 0.0 and not session.reading().held:
+    if session.run.seconds == 0.0 and not session.reading().held:
         return
     original = session.run_file()
     assert replayed(read_run(run_json(original)), phantom()) == original
@@ -160,7 +160,7 @@ def test_an_exercise_is_judged_again_the_same() -> None:
     approach = session.exercises_offered()[1]
     session.start_exercise(approach, Feedback.FADING)
     session.set_force(0.9 * session.force_limit / 1.5)
-    while not session.run_over:
+    while not session.run.over:
         session.advance()
     original = session.run_file()
     assert original.outcome is not None
@@ -306,6 +306,10 @@ BAD: dict[str, tuple[dict[str, object], str]] = {
     "start": ({"log.start.theory": {"name": "string", "q": 1.0}}, "start: q belongs"),
     "preset": ({"log.start.preset": "x"}, "preset must be one of"),
     "grasp": ({"log.start.grasp_mm": 1000.0}, "out of this duct's range"),
+    "exercise": (
+        {"log.exercise": {"exercise": "approach-break", "margin": 1.0, "seconds": 1.0}},
+        "margin must be above 0",
+    ),
     "organ": ({"log.organ.sha256": "0"}, "another organ"),
 }
 
