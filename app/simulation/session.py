@@ -90,8 +90,9 @@ class Session:
 
     @property
     def force_wanted(self) -> float:
-        """Force that the pull grows or falls to, N."""
-        return self._pulled.control.force_wanted
+        """Force that the pull grows or falls to, N; by hand the one that the beam answers with."""
+        control = self._pulled.control
+        return control.force if control.mode == "hand" else control.force_wanted
 
     @property
     def force_limit(self) -> float:

@@ -53,6 +53,7 @@ def test_the_beam_answers_with_the_theory_s_force(session: Session) -> None:
     reading = session.reading()
     assert reading.deflection == 5.0
     assert reading.force == pytest.approx(Exact().force(session.dissection.beam, 18.0, 5.0))
+    assert session.force_wanted == reading.force
     rest = session.dissection.axis_point(18.0) - session.dissection.axis_point(0.0)
     assert reading.hook[2] == pytest.approx(5.0 + rest @ session.dissection.frame[:, 2])
 

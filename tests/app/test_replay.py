@@ -2,6 +2,7 @@
 
 import json
 import math
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +154,34 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
         return
     original = session.run_file()
     assert replayed(read_run(run_json(original)), phantom()) == original
+
+
+def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_threshold(session.threshold_range[1])
+    over = threading.Event()
+
+    def write(seed: int) -> None:
+        random = np.random.default_rng(seed)
+        while not over.is_set():
+            session.hand_to(5.0 * float(random.random()))
+            session.set_force(float(random.random()))
+            session.grab(50.8 * float(random.random()))
+            session.set_grasp(50.8 * float(random.random()))
+            over.wait(0.002)
+
+    threads = [threading.Thread(target=write, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for _ in range(60):
+        session.advance()
+        over.wait(0.003)
+    over.set()
+    for thread in threads:
+        thread.join()
+    original = session.run_file()
+    assert len(original.log.inputs) > 100
+    assert replayed(original, phantom()) == original
 
 
 def test_an_exercise_is_judged_again_the_same() -> None:
