@@ -78,7 +78,7 @@ class GraspedDuct:
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
         along, sideways, up = (dissection.frame.T @ place).tolist()
-        self._rest: tuple[float, float, float] = (along, sideways, up)
+        self._rest = float(along), float(sideways), float(up)
         self._pull = Pull(model.solved, dissection.beam, grasp)
         self.bear(Load("force", 0.0))
 
@@ -127,11 +127,6 @@ class GraspedDuct:
         if event is None:
             return BOUNDLESS_DEFLECTION * self.model.dissection.beam.span
         return PAST_BREAK * event.deflection
-
-    @property
-    def hook_at_rest(self) -> tuple[float, float, float]:
-        """The axis at the grasp at rest: along the clamps, sideways and along the pull, mm."""
-        return self._rest
 
     def hook(self, part: float = 1.0) -> tuple[float, float, float]:
         """Return where the axis at the grasp is.

@@ -199,18 +199,26 @@ class Session:
         with self._lock:
             return self._pulled.grasped.station_at(np.array(place, dtype=np.float64))
 
-    def grab(self, station: float) -> None:
+    def grab(self, station: float) -> float | None:
         """Take the duct by hand, at a place and as far out as it is there.
 
         Parameters
         ----------
         station
             Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
+
+        Returns
+        -------
+        float | None
+            Displacement of the duct there, mm, from which the hand goes on; None if nothing was
+            taken hold of.
         """
         with self._lock:
-            if self._pulled.takes(station):
-                self._begin_run()
-                self._note("grab", self._pulled.grab(station))
+            if not self._pulled.takes(station):
+                return None
+            self._begin_run()
+            self._note("grab", self._pulled.grab(station))
+            return self._pulled.control.deflection
 
     def hand_to(self, deflection: float) -> None:
         """Lead the hand that holds the duct; the grasp follows in the next steps.
@@ -240,7 +248,9 @@ class Session:
             `Reading.hook`.
         """
         with self._lock:
-            self.hand_to(float(place[2]) - self._pulled.grasped.hook_at_rest[2])
+            dissection = self.dissection
+            rest = dissection.axis_point(self.grasp) - dissection.axis_point(0.0)
+            self.hand_to(float(place[2]) - float(rest @ dissection.frame[:, 2]))
 
     def let_go(self) -> None:
         """Let the duct spring back."""

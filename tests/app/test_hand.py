@@ -64,6 +64,10 @@ def test_only_the_hand_s_way_along_the_pull_counts(session: Session) -> None:
     session.hand_to_place((x + 7.0, y - 3.0, z + 4.0))
     settle(session)
     assert session.reading().deflection == pytest.approx(4.0, rel=1e-12)
+    session.grab(20.0)
+    session.hand_to_place((x, y, session.reading().hook[2]))  # before the next tick as after it
+    settle(session)
+    assert session.reading().hook[2] == pytest.approx(z + 4.0, rel=1e-12)
     session.hand_to_place((x, y, z - 9.0))  # a hook pulls and does not push
     settle(session)
     assert session.reading().deflection == 0.0
@@ -162,10 +166,12 @@ def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> No
         .under_force(session.dissection.beam, 25.4, 2.0, session.dissection.beam_stations)
         .across,
     )
-    session.grab(15.0)
+    taken = session.grab(15.0)
+    assert taken == pytest.approx(across, rel=1e-9)
     settle(session)
-    assert session.reading().deflection == pytest.approx(across, rel=1e-9)
+    assert session.reading().deflection == taken
     assert session.grasp == 15.0
+    assert session.grab(math.nan) is None
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
