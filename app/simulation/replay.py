@@ -16,9 +16,9 @@ from app.simulation.run_log import (
     RunFileError,
     RunInput,
     RunLog,
-    TheoryChoice,
 )
 from app.simulation.session import VERTICES, Phase, Session
+from app.simulation.theory_choice import TheoryChoice
 from organ_geometry.organ import Organ
 
 __all__ = ["Replay", "Series", "replayed", "series_csv"]

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from app.simulation.clock import Clock
 from app.simulation.dissection import Dissection, default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import Exercise, Feedback, HoldStretch
+from app.simulation.exercise import Exercise, HoldStretch
 from app.simulation.exercise_course import exercises_for
+from app.simulation.feedback import Feedback
 from app.simulation.ghost import Ghost, GhostReading
 from app.simulation.grasped_duct import GraspedDuct, Load
 from app.simulation.measures import Measures

@@ -5,19 +5,11 @@ import pytest
 from simulated import SECONDS, phantom, settle
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import (
-    ApproachBreak,
-    Exercise,
-    Feedback,
-    Figures,
-    GentleDissection,
-    HoldStretch,
-    Trial,
-    feedback_visible,
-    trial_of,
-)
+from app.simulation.exercise import ApproachBreak, Exercise, GentleDissection, HoldStretch
+from app.simulation.feedback import Feedback, feedback_visible
 from app.simulation.preset import preset_named, presets
 from app.simulation.session import Session
+from app.simulation.trial import Figures, Trial, trial_of
 
 HOLD = HoldStretch(deflection_mm=5.0, tolerance_mm=0.5, seconds=0.2, force_limit_N=1.0)
 APPROACH = ApproachBreak(margin=0.2, seconds=0.1)

@@ -16,7 +16,7 @@ from simulated import phantom, settle
 
 from app.command_line.replay import replay
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Feedback
+from app.simulation.feedback import Feedback
 from app.simulation.preset import preset_named, presets
 from app.simulation.reading import Reading
 from app.simulation.replay import Replay, replayed, series_csv
@@ -24,11 +24,11 @@ from app.simulation.run_log import (
     OrganIdentity,
     RunFile,
     RunFileError,
-    TheoryChoice,
     read_run,
     run_json,
 )
 from app.simulation.session import Phase, Session
+from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel import OFFERED_THEORIES
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import read_organ, write_organ
