@@ -108,6 +108,20 @@ def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
     assert replayed(original, phantom()) == original
 
 
+@pytest.mark.parametrize("label", list(OFFERED_THEORIES))
+def test_a_pull_right_after_a_reset_starts_from_a_duct_never_pulled(label: str) -> None:
+    session = Session(phantom(), vertices=300)
+    session.choose_theory(OFFERED_THEORIES[label])
+    session.set_force(0.5 * session.force_limit)
+    session.advance(40)
+    session.reset()
+    assert session.grab(session.grasp) == 0.0
+    session.hand_to(4.7)
+    session.advance(9)
+    original = session.run_file()
+    assert replayed(original, phantom()) == original
+
+
 def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
     session = Session(phantom(), vertices=300)
     session.set_force(2.0)
@@ -164,7 +178,7 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
     def write(seed: int) -> None:
         random = np.random.default_rng(seed)
         while not over.is_set():
-            session.hand_to(5.0 * float(random.random()))
+            session.hand_to(0.5 * float(random.random()))
             session.set_force(float(random.random()))
             session.grab(50.8 * float(random.random()))
             session.set_grasp(50.8 * float(random.random()))
@@ -173,14 +187,15 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
     threads = [threading.Thread(target=write, args=(seed,)) for seed in range(3)]
     for thread in threads:
         thread.start()
-    for _ in range(60):
+    for _ in range(30):
         session.advance()
         over.wait(0.003)
     over.set()
     for thread in threads:
         thread.join()
     original = session.run_file()
-    assert len(original.log.inputs) > 100
+    assert original.log.ticks > 0
+    assert len(original.log.inputs) > 30
     assert replayed(original, phantom()) == original
 
 
