@@ -132,6 +132,9 @@ def measure_trainer(console: Console) -> dict[str, float]:
         "",
         f"Trainer: a step (beam, criterion, skin) {figures['step_us']:.0f} us, its skin "
         f"({figures['vertices']:.0f} vertices) {figures['skin_us']:.0f} us",
+        f"  by hand {figures['hand_us']:.0f} us, with a ghost {figures['ghost_us']:.0f} us, with "
+        f"the chain {figures['chain_us']:.0f} us, idle {figures['idle_us']:.0f} us, stress "
+        f"{figures['stress_us']:.0f} us",
     ]
     lines += [
         f"{clients} client{'s' if clients > 1 else ''}: "

@@ -38,6 +38,6 @@ class Clock:
         [1, 0, 1, 0, 1]
         """
         self._owed += max(seconds, 0.0) * TICKS_PER_SECOND
-        due = min(int(self._owed + 0.5), MOST_TICKS_AT_ONCE)
-        self._owed = min(self._owed - due, 0.5)
-        return due
+        due = int(self._owed + 0.5)
+        self._owed -= due
+        return min(due, MOST_TICKS_AT_ONCE)

@@ -78,7 +78,7 @@ class GraspedDuct:
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
         along, sideways, up = (dissection.frame.T @ place).tolist()
-        self._rest: tuple[float, float, float] = (along, sideways, up)
+        self._rest = float(along), float(sideways), float(up)
         self._pull = Pull(model.solved, dissection.beam, grasp)
         self.bear(Load("force", 0.0))
 
@@ -128,11 +128,6 @@ class GraspedDuct:
             return BOUNDLESS_DEFLECTION * self.model.dissection.beam.span
         return PAST_BREAK * event.deflection
 
-    @property
-    def hook_at_rest(self) -> tuple[float, float, float]:
-        """The axis at the grasp at rest: along the clamps, sideways and along the pull, mm."""
-        return self._rest
-
     def hook(self, part: float = 1.0) -> tuple[float, float, float]:
         """Return where the axis at the grasp is.
 
@@ -166,6 +161,32 @@ class GraspedDuct:
         if station == self.grasp:
             return self.pulled.deflection
         return float(np.interp(station, self.driven.stations, self.driven.across))
+
+    def station_at(self, place: NDArray[np.float64]) -> float:
+        """Return where along the duct a place in space is.
+
+        Parameters
+        ----------
+        place
+            (3,) mm from the first clamp along the clamps, sideways and along the pull.
+
+        Returns
+        -------
+        float
+            Station of the nearest point of the pulled axis, mm from the first clamp.
+        """
+        dissection, driven = self.model.dissection, self.driven
+        positions = dissection.driving.positions
+        axis = (positions - dissection.axis_point(0.0)) @ dissection.frame
+        axis[:, 0] += driven.along - driven.stations
+        axis[:, 2] += driven.across
+        way = np.diff(axis, axis=0)
+        away = place - axis[:-1]
+        part = np.clip(np.einsum("ni,ni->n", away, way) / np.einsum("ni,ni->n", way, way), 0.0, 1.0)
+        off = np.linalg.norm(away - part[:, None] * way, axis=1)
+        nearest = int(np.argmin(off))
+        before, after = driven.stations[nearest : nearest + 2].tolist()
+        return float(before + part[nearest] * (after - before))
 
     def curve(
         self, count: int, *, deepest: float = 0.0

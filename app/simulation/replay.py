@@ -1,5 +1,6 @@
 """Replays: a logged run made again, to any moment, with the same readings to the bit."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,14 +16,14 @@ from app.simulation.run_log import (
     RunFileError,
     RunInput,
     RunLog,
-    TheoryChoice,
 )
 from app.simulation.session import VERTICES, Phase, Session
+from app.simulation.theory_choice import TheoryChoice
 from organ_geometry.organ import Organ
 
 __all__ = ["Replay", "Series", "replayed", "series_csv"]
 
-AFTER_TEAR = round(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND)
+AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
 
 
@@ -168,7 +169,7 @@ class Replay:
             The same log, with the measures and the outcome of this replay.
         """
         self.seek_tick(self.log.ticks)
-        return RunFile.of(self.log, self._session.measures(), self._session.outcome)
+        return RunFile.of(self.log, self._session.measures(), self._session.run.outcome)
 
     def series(self) -> Series:
         """Return what the instruments showed, tick by tick; the replay is then at its end.

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Exercise, Feedback, Figures, Outcome, feedback_visible, trial_of
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback, feedback_visible
 from app.simulation.measures import Measures, MeasureTaker, Place
 from app.simulation.run_log import (
     MOST_INPUTS,
@@ -15,9 +16,10 @@ from app.simulation.run_log import (
     RunInput,
     RunLog,
     RunStart,
-    TheoryChoice,
     versions,
 )
+from app.simulation.theory_choice import TheoryChoice
+from app.simulation.trial import Figures, Outcome, trial_of
 from physics import BreakEvent, Theory
 
 __all__ = ["Run", "StartingPoint"]

@@ -10,11 +10,12 @@ import msgspec
 import numpy as np
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Exercise, Feedback, Outcome
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback
 from app.simulation.measures import Measures
+from app.simulation.theory_choice import TheoryChoice
+from app.simulation.trial import Outcome
 from organ_geometry.organ import Organ
-from physics import Cubic, Exact, Theory, theory_named
-from physics.exact import Law
 
 __all__ = [
     "MOST_INPUTS",
@@ -26,7 +27,6 @@ __all__ = [
     "RunInput",
     "RunLog",
     "RunStart",
-    "TheoryChoice",
     "read_run",
     "run_json",
     "versions",
@@ -44,64 +44,6 @@ InputKind = Literal["force", "grab", "hand", "let-go", "grasp", "threshold", "th
 
 class RunFileError(ValueError):
     """A file that is no run, or not one that can be made again here."""
-
-
-class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A theory by its name and options, as `theory_named` takes them.
-
-    Attributes
-    ----------
-    name
-        Name of the theory.
-    q
-        Of the cubic.
-    shear, law
-        Of the exact beam.
-    """
-
-    name: str
-    q: float | Literal["fitted"] | None = None
-    shear: bool = False
-    law: Law | None = None
-
-    @classmethod
-    def of(cls, theory: Theory) -> "TheoryChoice":
-        """Return the choice that gives a theory.
-
-        Parameters
-        ----------
-        theory
-            The theory.
-
-        Returns
-        -------
-        TheoryChoice
-            The choice.
-
-        Raises
-        ------
-        ValueError
-            If it is none that has a name.
-        """
-        if isinstance(theory, Cubic):
-            choice = cls(theory.name, q=theory.q)
-        elif isinstance(theory, Exact):
-            choice = cls(theory.name, shear=theory.shear, law=theory.law)
-        else:
-            choice = cls(theory.name)
-        if choice.theory() != theory:
-            raise ValueError(f"theory {theory!r} cannot be written into a run")
-        return choice
-
-    def theory(self) -> Theory:
-        """Return the theory.
-
-        Returns
-        -------
-        Theory
-            The theory; a `ValueError` says if there is none such.
-        """
-        return theory_named(self.name, q=self.q, shear=self.shear, law=self.law)
 
 
 class OrganIdentity(msgspec.Struct, frozen=True):

@@ -1,7 +1,6 @@
 """A session: one trainee's duct, its inputs, its state and its steps in time. No viewer in it."""
 
 import contextlib
-import math
 from threading import RLock
 
 import numpy as np
@@ -9,8 +8,10 @@ from numpy.typing import NDArray
 
 from app.simulation.clock import Clock
 from app.simulation.dissection import Dissection, default_preset, fits
-from app.simulation.exercise import Exercise, Feedback, HoldStretch, Outcome
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import Exercise, HoldStretch
 from app.simulation.exercise_course import exercises_for
+from app.simulation.feedback import Feedback
 from app.simulation.ghost import Ghost, GhostReading
 from app.simulation.grasped_duct import GraspedDuct, Load
 from app.simulation.measures import Measures
@@ -20,10 +21,8 @@ from app.simulation.pulled_duct import PulledDuct
 from app.simulation.reading import Phase, Reading, Surface
 from app.simulation.run import Run, StartingPoint
 from app.simulation.run_log import InputKind, OrganIdentity, RunFile
-from app.simulation.surface_stress import SurfaceStress
 from app.simulation.swinging_chain import SwingingChain
 from organ_geometry.organ import Organ
-from organ_geometry.skin import organ_skin
 from physics import Cubic, NoEquilibrium, Theory
 
 __all__ = ["VERTICES", "Phase", "Reading", "Session", "Surface"]
@@ -64,11 +63,7 @@ class Session:
         self._lock = RLock()
         self._clock = Clock()
         self._organ, self._seed = organ, seed
-        walls = 2 if organ.hollow else 1
-        area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
-        self._edge_length = min(math.sqrt(area / vertices), organ.mean_radius)
-        self._skin = organ_skin(organ, edge_length=self._edge_length)
-        self._shape = 0
+        self._drawn = DrawnDuct(organ, vertices)
         self._ghost: Ghost | None = None
         self._chain: SwingingChain | None = None
         dissection = Dissection.of(organ, preset or default_preset(organ))
@@ -96,8 +91,9 @@ class Session:
 
     @property
     def force_wanted(self) -> float:
-        """Force that the pull grows or falls to, N."""
-        return self._pulled.control.force_wanted
+        """Force that the pull grows or falls to, N; by hand the one that the beam answers with."""
+        control = self._pulled.control
+        return control.force if control.mode == "hand" else control.force_wanted
 
     @property
     def force_limit(self) -> float:
@@ -128,12 +124,12 @@ class Session:
     @property
     def shape(self) -> int:
         """Number that changes whenever `surfaces` are others than before."""
-        return self._shape
+        return self._drawn.shape
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """The closed surfaces to draw."""
-        return self._surfaces
+        return self._drawn.surfaces
 
     @property
     def ghost(self) -> Ghost | None:
@@ -146,39 +142,9 @@ class Session:
         return self._chain if self._pulled.tear is None else None
 
     @property
-    def time(self) -> float:
-        """Time since the first pull of this run, s; it stands still once the run is over."""
-        return self._run.seconds
-
-    @property
-    def ticks(self) -> int:
-        """The same in ticks."""
-        return self._run.ticks
-
-    @property
-    def run_over(self) -> bool:
-        """Whether the run is over: by a tear, by its exercise or by `finish`."""
-        return self._run.over
-
-    @property
-    def exercise(self) -> Exercise | None:
-        """The exercise of this run."""
-        return self._run.exercise
-
-    @property
-    def progress(self) -> float:
-        """How far the exercise has come, 0 to 1."""
-        return self._run.progress
-
-    @property
-    def outcome(self) -> Outcome | None:
-        """How the exercise has ended; None while it goes and without one."""
-        return self._run.outcome
-
-    @property
-    def feedback_visible(self) -> bool:
-        """Whether the trainee is to see the figures now."""
-        return self._run.feedback_visible
+    def run(self) -> Run:
+        """The run that goes: its time, its exercise and how that stands; for looking at."""
+        return self._run
 
     def presets_offered(self) -> list[Preset]:
         """Return the presets that this organ can be clamped for.
@@ -217,18 +183,43 @@ class Session:
                     self._begin_run()
                 self._note("force", self._pulled.ask_force(force))
 
-    def grab(self, station: float) -> None:
+    def station_at(self, place: tuple[float, float, float]) -> float:
+        """Return where along the duct a place in space is, for a hand to take hold there.
+
+        Parameters
+        ----------
+        place
+            mm from the first clamp along the clamps, sideways and along the pull, as
+            `Reading.hook`.
+
+        Returns
+        -------
+        float
+            Station of the nearest point of the axis as it lies now, mm from the first clamp.
+        """
+        with self._lock:
+            return self._pulled.grasped.station_at(np.array(place, dtype=np.float64))
+
+    def grab(self, station: float) -> float | None:
         """Take the duct by hand, at a place and as far out as it is there.
 
         Parameters
         ----------
         station
             Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
+
+        Returns
+        -------
+        float | None
+            Displacement of the duct there, mm, from which the hand goes on; None if nothing was
+            taken hold of.
         """
         with self._lock:
-            if self._pulled.takes(station):
-                self._begin_run()
-                self._note("grab", self._pulled.grab(station))
+            if not self._pulled.takes(station):
+                return None
+            self._begin_run()
+            self._note("grab", self._pulled.grab(station))
+            return self._pulled.control.deflection
 
     def hand_to(self, deflection: float) -> None:
         """Lead the hand that holds the duct; the grasp follows in the next steps.
@@ -258,7 +249,9 @@ class Session:
             `Reading.hook`.
         """
         with self._lock:
-            self.hand_to(float(place[2]) - self._pulled.grasped.hook_at_rest[2])
+            dissection = self.dissection
+            rest = dissection.axis_point(self.grasp) - dissection.axis_point(0.0)
+            self.hand_to(float(place[2]) - float(rest @ dissection.frame[:, 2]))
 
     def let_go(self) -> None:
         """Let the duct spring back."""
@@ -326,6 +319,8 @@ class Session:
         # Outside the lock: a theory's first solution may have to be compiled.
         model = Model.of(self.dissection, theory)
         with self._lock:
+            if model.dissection is not self.dissection:  # another duct was chosen meanwhile
+                model = Model.of(self.dissection, theory)
             if self._pulled.tear is None:
                 self._pulled.solve_by(model)
                 if self._run.started:
@@ -348,7 +343,9 @@ class Session:
         """
         model = None if theory is None else Model.of(self.dissection, theory)
         with self._lock:
-            self._ghost = None if model is None else Ghost(model, self._skin)
+            if model is not None and model.dissection is not self.dissection:
+                model = Model.of(self.dissection, model.theory)
+            self._ghost = None if model is None else Ghost(model, self._drawn.skin)
             self._pulled.touch()
 
     def show_chain(self, shown: bool) -> None:
@@ -387,7 +384,7 @@ class Session:
         """Let go of the duct and make it whole: the next pull starts a run without an exercise."""
         with self._lock:
             if self._pulled.reset():
-                self._show_whole()
+                self._drawn.show_whole()
             self._new_run()
 
     def step(self, seconds: float) -> bool:
@@ -424,7 +421,9 @@ class Session:
             for _ in range(ticks):
                 changed |= self._tick()
             if changed:
-                self._draw()
+                self._drawn.draw(self._pulled)
+                if self.ghost is not None:
+                    self.ghost.draw()
             return changed
 
     def reading(self) -> Reading:
@@ -471,13 +470,7 @@ class Session:
             `out`.
         """
         with self._lock:
-            if self._stress is None:
-                self._stress = tuple(
-                    SurfaceStress(self.dissection, each.skin) for each in self._surfaces
-                )
-            tear = self._pulled.tear
-            part = 1.0 if tear is None else tear.carried
-            return self._stress[surface].write(self._pulled.grasped.pulled, out, part=part)
+            return self._drawn.write_stress(self._pulled, surface, out)
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the chosen theory's force-deflection curve, past the break and past this pull.
@@ -522,15 +515,13 @@ class Session:
     def _start(self, model: Model) -> None:
         """Start anew with a model that has been found."""
         dissection = model.dissection
-        self._pulled = PulledDuct(model, edge_length=self._edge_length, seed=self._seed)
-        self._bound = self._skin.bound_to(dissection.driving)
-        self._transforms = dissection.rest_transforms()
-        self._show_whole()
+        self._pulled = PulledDuct(model, edge_length=self._drawn.edge_length, seed=self._seed)
+        self._drawn.follow(dissection)
         if self._ghost is not None:
             theory, self._ghost = self._ghost.model.theory, None
             # A theory that ends before this duct's break has no ghost of it.
             with contextlib.suppress(NoEquilibrium):
-                self._ghost = Ghost(Model.of(dissection, theory), self._skin)
+                self._ghost = Ghost(Model.of(dissection, theory), self._drawn.skin)
         if self._chain is not None:
             self._chain = self._new_chain()
         self._new_run()
@@ -596,24 +587,5 @@ class Session:
                 torn=None if tear is None else tear.event,
             )
         if tear is not None:
-            self._show(tear.surfaces)
+            self._drawn.show(tear.surfaces)
         return changed
-
-    def _draw(self) -> None:
-        """Write the vertices of what is to be seen."""
-        tear, grasped = self._pulled.tear, self._pulled.grasped
-        if tear is not None:
-            tear.draw(self._transforms)
-            return
-        transforms = self.dissection.move(grasped.driven, self._transforms)
-        self._bound.deform(transforms, self._surfaces[0].vertices)
-        if self._ghost is not None:
-            self._ghost.draw()
-
-    def _show_whole(self) -> None:
-        self._show((Surface("skin", self._skin, self._skin.vertices.copy()),))
-
-    def _show(self, surfaces: tuple[Surface, ...]) -> None:
-        self._surfaces = surfaces
-        self._stress: tuple[SurfaceStress, ...] | None = None
-        self._shape += 1

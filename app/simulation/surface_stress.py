@@ -11,13 +11,16 @@ from physics import Equilibrium
 
 __all__ = ["SurfaceStress", "fibre_shares"]
 
+CLAMP_DEPTH = 0.01
+"""Part of the span by which the stress at a clamp goes on behind it."""
+
 
 class SurfaceStress:
     """Normal plus bending stress at the vertices of a skin, along the organ's axis.
 
     A vertex at the share s of its section's fibre distance, above zero towards the pull, has
     sigma_N - s sign(M) sigma_B, both linear between the stations at which the beam is sampled.
-    Where a clamp holds the organ there is none.
+    Well behind a clamp there is none.
 
     Parameters
     ----------
@@ -31,7 +34,8 @@ class SurfaceStress:
         first, last = dissection.clamps
         self._places = skin.stations - first
         self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
-        self._free = (skin.stations >= first) & (skin.stations <= last)
+        depth = CLAMP_DEPTH * (last - first)
+        self._free = (skin.stations >= first - depth) & (skin.stations <= last + depth)
         self._stations: NDArray[np.float64] | None = None
         self._before = np.zeros(skin.stations.size, dtype=np.int32)
         self._after = np.zeros(skin.stations.size, dtype=np.int32)

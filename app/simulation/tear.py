@@ -49,11 +49,16 @@ class Tear:
         self._dissection = dissection
         self._pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
         self._bound = [piece.skin.bound_to(dissection.driving) for piece in self._pieces]
-        self._elapsed = 0.0
+        self._ticks = 0
         self.surfaces = tuple(
             Surface(name, piece.skin, piece.skin.vertices.copy())
             for name, piece in zip(PIECES, self._pieces, strict=True)
         )
+
+    @property
+    def _elapsed(self) -> float:
+        """Time since the break, s."""
+        return self._ticks * TICK_SECONDS
 
     @property
     def phase(self) -> Phase:
@@ -72,7 +77,7 @@ class Tear:
 
     def advance(self) -> None:
         """Advance by one tick."""
-        self._elapsed += TICK_SECONDS
+        self._ticks += 1
 
     def draw(self, transforms: NDArray[np.float64]) -> None:
         """Write the pieces' vertices as they are now.
