@@ -21,8 +21,8 @@ _ROUNDS = 4
 _POINT_SHARE = 0.125
 SMOOTH_RADII = 1.0
 TANGENT_RADII = 1.5
-# A tube is at least so many radii long.
-_SHORTEST_RADII = 4.0
+# A tube is at least so many times as long as thick.
+_LONG_AND_THIN = 2.0
 # How far a section may reach, and its middle be from the deep way, in depths of the way there.
 _REACH_DEPTHS = 3.0
 _OFF_SHARE = 0.7
@@ -131,10 +131,9 @@ def centreline(tube: Tube) -> Centreline:
     length = float(stations[-1])
     # The way's ends run from the middle to the surface's furthest voxels.
     kept = (stations >= radius) & (stations <= length - radius)
-    if length < _SHORTEST_RADII * radius or np.count_nonzero(kept) < 5:
-        raise NoTube(
-            f"it is {length:.4g} long and {2.0 * radius:.4g} thick, and must be long and thin"
-        )
+    thick = 2.0 * float(way.depths.max())
+    if length < _LONG_AND_THIN * thick or np.count_nonzero(kept) < 5:
+        raise NoTube(f"it is {length:.4g} long and {thick:.4g} thick, and must be long and thin")
     gap = max(_POINT_SHARE * radius, float(tube.sizes.min()))
     start = smooth_points(evenly_spaced(way.points[kept], gap), round(SMOOTH_RADII * radius / gap))
     points = start

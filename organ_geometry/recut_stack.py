@@ -24,7 +24,13 @@ from organ_geometry.curve_frames import (
 from organ_geometry.grey_image import GreyImage, ImageStackError
 from organ_geometry.image_stack import ImageStack
 from organ_geometry.image_volume import even_step
-from organ_geometry.organ_voxels import OrganVoxels, half_level, is_bright, organ_voxels
+from organ_geometry.organ_voxels import (
+    OrganVoxels,
+    half_level,
+    is_bright,
+    organ_voxels,
+    sample_images,
+)
 from organ_geometry.plane_cut import plane_cut
 from organ_geometry.slices_suit import may_need_recut
 
@@ -178,10 +184,12 @@ def _organ(
 ) -> tuple[OrganVoxels, Tube]:
     """Return an organ's voxels."""
     step = even_step(stack.planes, stack.source)
-    if threshold is None:
-        threshold = half_level(stack)
-    bright = is_bright(stack, threshold) if polarity == "auto" else polarity == "bright"
-    voxels = organ_voxels(stack, threshold=threshold, bright=bright, seed=seed)
+    images = sample_images(stack)
+    level = half_level(images) if threshold is None else threshold
+    if level is None:
+        raise ImageStackError(f"nothing stands out in the images of {stack.source}")
+    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
+    voxels = organ_voxels(stack, threshold=level, bright=bright, seed=seed)
     sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])
     return voxels, Tube(voxels.inside.astype(np.uint8) * np.uint8(255), sizes)
 

@@ -9,15 +9,16 @@ from organ_geometry.image_stack import ImageStack
 from organ_geometry.image_volume import even_step
 from organ_geometry.organ_voxels import PART_SHARE, half_level, is_bright, sample_images
 
-_SAMPLES = 48
 _FEWEST_IMAGES = 8
 
 # A mask: all but this share of its pixels are within this share of its levels of either end.
 _GREY_SHARE = 0.05
 _GREY_LEVELS = 0.15
 
-# More than this share of the slices show several parts, or drift by over 45 degrees to the next.
-_SHARE = 0.08
+# More than these shares of the slices show several parts, or drift by over 45 degrees to the next.
+# They are below those that decide: a closer look is what this is for.
+_SEVERAL_SHARE = 0.08
+_DRIFT_SHARE = 0.12
 # The organ is longer across the slices than so many lengths of the stack.
 _LONG = 1.0
 
@@ -46,13 +47,15 @@ def may_need_recut(
         return False
     try:
         step = even_step(stack.planes, stack.source)
-        level = half_level(stack) if threshold is None else threshold
     except ImageStackError:
         return False
-    images = list(sample_images(stack, _SAMPLES))
-    if threshold is None and not all(_is_mask(image) for image in images):
+    if threshold is None and not _is_mask(stack.image(len(stack) // 2)):
         return False
-    bright = is_bright(stack, level) if polarity == "auto" else polarity == "bright"
+    images = sample_images(stack)
+    level = half_level(images) if threshold is None else threshold
+    if level is None or (threshold is None and not all(_is_mask(image) for image in images)):
+        return False
+    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
     several = drifting = shown = 0
     longest = 0.0
     gap = float(np.linalg.norm(step)) * (len(stack) - 1) / (len(images) - 1)
@@ -76,7 +79,11 @@ def may_need_recut(
             drifting += int(np.linalg.norm(middle - before) > gap)
         before = middle
     length = float(np.linalg.norm(step)) * (len(stack) - 1)
-    return several > _SHARE * shown or drifting > _SHARE * shown or longest > _LONG * length
+    return (
+        several > _SEVERAL_SHARE * shown
+        or drifting > _DRIFT_SHARE * shown
+        or longest > _LONG * length
+    )
 
 
 def _is_mask(image: GreyImage) -> bool:
