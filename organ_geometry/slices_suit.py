@@ -19,7 +19,7 @@ _GREY_LEVELS = 0.15
 # They are below those that decide: a closer look is what this is for.
 _SEVERAL_SHARE = 0.08
 _DRIFT_SHARE = 0.12
-# The organ is longer across the slices than so many lengths of the stack.
+# The organ is so many times longer across the slices than the part of the stack that shows it.
 _LONG = 1.0
 
 
@@ -40,8 +40,8 @@ def may_need_recut(
     Returns
     -------
     bool
-        Whether slices show several parts, drift far from one to the next, or show something longer
-        than the stack.
+        Whether slices show several parts, drift far from one to the next, or show something wider
+        than the stack of those that show it is high.
     """
     if len(stack) < _FEWEST_IMAGES:
         return False
@@ -78,11 +78,10 @@ def may_need_recut(
         if before is not None:
             drifting += int(np.linalg.norm(middle - before) > gap)
         before = middle
-    length = float(np.linalg.norm(step)) * (len(stack) - 1)
     return (
         several > _SEVERAL_SHARE * shown
         or drifting > _DRIFT_SHARE * shown
-        or longest > _LONG * length
+        or longest > _LONG * shown * gap
     )
 
 

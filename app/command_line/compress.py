@@ -84,6 +84,7 @@ def compress(
 
     check_target(output)
     side = _polarity(polarity)
+    when = _when(recut)
     console = Console(stderr=True)
     images = read_image_stack(
         stack,
@@ -94,7 +95,7 @@ def compress(
         window=_window(window),
         roi=_region(roi),
     )
-    images = recut_where_needed(images, _when(recut), polarity=side)
+    images = recut_where_needed(images, when, polarity=side)
     with Progress(
         TextColumn("Finding edges"),
         BarColumn(),
