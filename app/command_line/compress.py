@@ -11,7 +11,9 @@ import typer
 if TYPE_CHECKING:
     from organ_geometry.edges import Polarity
     from organ_geometry.image_region import Region
+    from organ_geometry.image_stack import ImageStack
     from organ_geometry.organ_builder import BuiltOrgan
+    from organ_geometry.recut_stack import When
 
 __all__ = ["compress"]
 
@@ -58,6 +60,12 @@ def compress(
         str | None,
         typer.Option(help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0."),
     ] = None,
+    recut: Annotated[
+        str,
+        typer.Option(
+            help="auto, always or never: cut again across a curved organ that slices do not suit."
+        ),
+    ] = "auto",
     sections: Annotated[bool, typer.Option("--sections", help="List every section.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -71,10 +79,12 @@ def compress(
     from organ_geometry.image_stack import read_image_stack
     from organ_geometry.organ_builder import build_organ
     from organ_geometry.organ_file import write_organ
+    from organ_geometry.recut_stack import recut_where_needed
     from organ_geometry.whole_file import check_target
 
     check_target(output)
     side = _polarity(polarity)
+    when = _when(recut)
     console = Console(stderr=True)
     images = read_image_stack(
         stack,
@@ -85,6 +95,7 @@ def compress(
         window=_window(window),
         roi=_region(roi),
     )
+    images = recut_where_needed(images, when, polarity=side)
     with Progress(
         TextColumn("Finding edges"),
         BarColumn(),
@@ -103,12 +114,12 @@ def compress(
         )
     write_organ(built.organ, output)
     if as_json:
-        print(json.dumps(_facts(built, images.bytes_in, output)))
+        print(json.dumps(_facts(built, images, output)))
     else:
-        _print_report(built, images.bytes_in, output, every_section=sections)
+        _print_report(built, images, output, every_section=sections)
 
 
-def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object]:
+def _facts(built: "BuiltOrgan", images: "ImageStack", output: Path) -> dict[str, object]:
     """Return what `--json` says."""
     return {
         "file": str(output),
@@ -123,10 +134,10 @@ def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object
         "rms_error_px": built.rms_error_px,
         "rms_error_mm": built.rms_error_mm,
         "max_error_mm": built.max_error_mm,
-        "bytes_in": bytes_in,
+        "bytes_in": images.bytes_in,
         "bytes_out": output.stat().st_size,
         "seconds": built.seconds,
-        "warnings": list(built.warnings),
+        "warnings": [*images.notes, *built.warnings],
         "sections": [
             {
                 key: None if isinstance(value, float) and math.isnan(value) else value
@@ -137,7 +148,9 @@ def _facts(built: "BuiltOrgan", bytes_in: int, output: Path) -> dict[str, object
     }
 
 
-def _print_report(built: "BuiltOrgan", bytes_in: int, output: Path, *, every_section: bool) -> None:
+def _print_report(
+    built: "BuiltOrgan", images: "ImageStack", output: Path, *, every_section: bool
+) -> None:
     """Print the sections, if wanted, then what the file holds."""
     organ = built.organ
     if every_section:
@@ -175,13 +188,16 @@ def _print_report(built: "BuiltOrgan", bytes_in: int, output: Path, *, every_sec
             f"{built.rms_error_px:.3f} px, {built.rms_error_mm:.4f} mm, "
             f"largest {built.max_error_mm:.4f} mm either way",
         ),
-        ("bytes", f"{bytes_in:,} in, {bytes_out:,} out, ratio {bytes_in / bytes_out:,.0f}"),
+        (
+            "bytes",
+            f"{images.bytes_in:,} in, {bytes_out:,} out, ratio {images.bytes_in / bytes_out:,.0f}",
+        ),
         ("time", f"{built.seconds:.2f} s"),
         ("written", str(output)),
     ]
     for name, value in lines:
         print(f"{name:<10} {value}")
-    for warning in built.warnings:
+    for warning in (*images.notes, *built.warnings):
         print(f"{'note':<10} {warning}")
     for section in without[:10]:
         print(f"left out   {section.name}: {section.problem}")
@@ -235,6 +251,13 @@ def _region(text: str | None) -> "Region | None":
         f"--roi must be four or six whole numbers, x0,y0,x1,y1 or x0,y0,x1,y1,first,last, "
         f"not {text}"
     )
+
+
+def _when(text: str) -> "When":
+    """Return when to cut again."""
+    if text not in ("auto", "always", "never"):
+        raise ValueError(f"--recut must be auto, always or never, not {text}")
+    return text
 
 
 def _polarity(text: str) -> "Polarity":

@@ -29,6 +29,16 @@ SPACING = {"pixel_spacing_mm": [0.1, 0.1], "slice_spacing_mm": 0.5}
 EDGE_PX = 0.05
 
 
+@dataclasses.dataclass(frozen=True)
+class LastFirst:
+    """The images of a stack, the last one first."""
+
+    stack: ImageStack
+
+    def image(self, index: int) -> Any:
+        return self.stack.image(len(self.stack) - 1 - index)
+
+
 def drawn(cover: NDArray[np.float64], *, dark: bool = False, depth: Any = np.uint8) -> Any:
     grey = 60.0 + 120.0 * cover
     grey = 255.0 - grey if dark else grey
@@ -373,7 +383,7 @@ def test_progress_counts_every_slice(cover: Cover, write_stack: WriteStack) -> N
 
 def test_an_unreadable_image_is_refused(cover: Cover, write_stack: WriteStack) -> None:
     stack = stack_of(write_stack, [drawn(cover(SHAPE, CENTRE, (20.0, 20.0)))] * 4)
-    stack.files[2].write_bytes(b"no image")
+    (stack.source / stack.names[2]).write_bytes(b"no image")
     with pytest.raises(ImageStackError, match=r"slice_2.png cannot be read"):
         trace_organ(stack)
 
@@ -431,7 +441,7 @@ def test_a_grey_aorta_and_its_masks_agree_where_a_level_parts_it(data_dir: Path)
     masks = trace_organ(read_image_stack(data_dir / "aorta_ct" / "masks"))
     truth = {section.index: section.outer for section in masks.sections}
     grey = read_image_stack(data_dir / "aorta_ct" / "images")
-    upside = dataclasses.replace(grey, names=grey.names[::-1], files=grey.files[::-1])
+    upside = dataclasses.replace(grey, names=grey.names[::-1], slices=LastFirst(grey))
     organ = trace_organ(upside, seed=(62, 89))
     errors = {
         129 - section.index: rms(polygon_distances(section.outer, truth[129 - section.index]))
