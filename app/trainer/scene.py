@@ -4,31 +4,32 @@ from dataclasses import dataclass
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from viser import transforms
 
 from app.simulation.session import Phase, Reading, Session, Surface
+from app.trainer.stage.contact import BITE, Contact, HookPlace, sink
 from app.trainer.stage.lighting import Look
+from app.trainer.stage.plain_tissue import TISSUE, PlainTissue
 from app.trainer.stage.stage import Stage
+from app.trainer.stage.streamed_mesh import FinishKeeper
+from app.trainer.stage.tissue import WET, Tissue, TornEnd
 
 __all__ = ["Scene"]
 
-TISSUE = (192, 124, 80)
-INSIDE = (138, 48, 40)
-"""sRGB colours of the outer wall, and of the lumen and torn tissue."""
 SAME_STAGE = 0.01
 """Change of the span that the eye does not see: a megabyte need not be sent anew for it."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
+_TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drawn:
-    """A mesh in the browser and the surface's vertices that it shows."""
+    """A surface of the session, the marks that instruments leave on it, and its picture."""
 
-    mesh: viser.MeshHandle
     surface: Surface
-    used: NDArray[np.int32]
+    contact: Contact
+    tissue: Tissue | PlainTissue
 
 
 class Scene:
@@ -52,6 +53,8 @@ class Scene:
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self._arch = 0.0
+        if look == "full":
+            self._keeper = FinishKeeper(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
 
     def draw(self, reading: Reading) -> None:
@@ -67,14 +70,27 @@ class Scene:
             stage.set_lift(self._lift(stage, reading), self._client)
             if self._session.shape != self._shape:
                 self._rebuild()
+            hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
-                drawn.mesh.vertices = drawn.surface.vertices[drawn.used]
-            lift = LIFT_AFTER_TEAR * stage.radius if reading.phase is Phase.TORN else 0.0
-            stage.place_hook(np.add(reading.hook, (0.0, 0.0, lift)), (0.0, 0.0, 1.0))
+                drawn.contact.mark(drawn.surface.vertices, hook)
+                drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
         self._set_stage().frame_camera(self._client)
+
+    def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
+        """Put the hook where it pulls, sunk into the wall, and return where that is."""
+        if reading.phase is Phase.TORN:
+            up = LIFT_AFTER_TEAR * stage.radius
+            stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)), (0.0, 0.0, 1.0))
+            return None
+        dissection = self._session.dissection
+        share = 1.0 - reading.check.distance_to_break
+        center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
+        stage.place_hook(center, (0.0, 0.0, 1.0))
+        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+        return HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
 
     def _lift(self, stage: Stage, reading: Reading) -> float:
         """Return how high the picture must show the duct: its arch at rest and the break above."""
@@ -103,6 +119,7 @@ class Scene:
                 span=span,
                 radius=dissection.organ.mean_radius,
                 look=self._look,
+                bite=BITE,
                 tissue=TISSUE,
             )
             self._stage.frame_camera(self._client)
@@ -117,31 +134,23 @@ class Scene:
         """Show the session's surfaces instead of those shown so far."""
         self._shape = self._session.shape
         for drawn in self._drawn:
-            drawn.mesh.remove()
+            drawn.tissue.remove()
+        dissection, scene = self._session.dissection, self._client.scene
+        organ, radius = dissection.organ, dissection.organ.mean_radius
         self._drawn = []
         for surface in self._session.surfaces:
-            outer = surface.skin.outer_faces
-            faces = surface.skin.faces
-            self._draw_faces(surface, surface.name, faces[:outer], TISSUE)
-            # A mesh of its own: another colour, and a sharp edge along the torn rim.
-            self._draw_faces(surface, f"{surface.name}_inside", faces[outer:], INSIDE)
-
-    def _draw_faces(
-        self,
-        surface: Surface,
-        name: str,
-        faces: NDArray[np.int32],
-        color: tuple[int, int, int],
-    ) -> None:
-        used, renumbered = np.unique(faces, return_inverse=True)
-        mesh = self._client.scene.add_mesh_simple(
-            f"/organ/{name}",
-            surface.vertices[used],
-            renumbered.reshape(faces.shape).astype(np.uint32),
-            color=color,
-            side="double",
-            # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        self._drawn.append(_Drawn(mesh, surface, used))
+            skin, node = surface.skin, f"/organ/{surface.name}"
+            axis = organ.axis_at(skin.stations)
+            contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+            if self._look == "full":
+                tissue = Tissue(
+                    scene,
+                    node,
+                    skin,
+                    length=organ.length,
+                    radius=radius,
+                    torn_end=_TORN_ENDS.get(surface.name),
+                )
+            else:
+                tissue = PlainTissue(scene, node, skin)
+            self._drawn.append(_Drawn(surface, contact, tissue))

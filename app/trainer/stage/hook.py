@@ -9,11 +9,44 @@ from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.gltf_asset import Part, binary_gltf
 from app.trainer.stage.solids import swept_solid
 
-_TIP_ANGLE = -0.45
+TIP_ANGLE = -0.45
+"""Where the wire ends on the viewer's side, rad; half pi is straight below the duct."""
 _LEAN = np.array([0.40, 0.14, 0.90])
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15
+
+
+def wire_radius(radius: float) -> float:
+    """Return the radius of the hook's wire.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm.
+
+    Returns
+    -------
+    float
+        The wire's radius, mm.
+    """
+    return 0.5 + 0.07 * radius
+
+
+def bend_radius(radius: float) -> float:
+    """Return the radius of the hook's bend, to the middle of its wire.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm.
+
+    Returns
+    -------
+    float
+        The bend's radius, mm.
+    """
+    return radius + wire_radius(radius) - _PRESS
 
 
 @cache
@@ -39,10 +72,9 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     side and up into a shaft that leans to the right and out of the picture.
     """
     corners = max(8, round(20 * detail))
-    wire = 0.5 + 0.07 * radius
-    bend = radius + wire - _PRESS
+    wire, bend = wire_radius(radius), bend_radius(radius)
     count = max(14, round(30 * detail))
-    angles = np.linspace(_TIP_ANGLE, np.pi, count, dtype=np.float64)
+    angles = np.linspace(TIP_ANGLE, np.pi, count, dtype=np.float64)
     arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
 
     lean = _LEAN / np.linalg.norm(_LEAN)
