@@ -1,17 +1,22 @@
 """The scene: the duct of one client between its clamps, and the hook that pulls it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 from viser import transforms
 
 from app.simulation.session import Phase, Reading, Session, Surface
+from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.contact import BITE, Contact, HookPlace, sink
+from app.trainer.stage.heat_map import UNLIT, HeatMap
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.plain_tissue import TISSUE, PlainTissue
 from app.trainer.stage.stage import Stage
-from app.trainer.stage.streamed_mesh import FinishKeeper
+from app.trainer.stage.streamed_mesh import keep_finish
 from app.trainer.stage.tissue import WET, Tissue, TornEnd
 
 __all__ = ["Scene"]
@@ -53,17 +58,41 @@ class Scene:
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self._arch = 0.0
+        self._heat_wanted = False
+        self._heat_maps: list[HeatMap] = []
+        keep_finish(client.scene, "/finish/unlit", UNLIT, unlit=True)
         if look == "full":
-            self._keeper = FinishKeeper(client.scene, "/finish/wet", WET)
+            keep_finish(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
 
-    def draw(self, reading: Reading) -> None:
+    @property
+    def heat_wanted(self) -> bool:
+        """Whether `draw` has use for the stress on the surfaces."""
+        return self._heat_wanted
+
+    def set_heat(self, wanted: bool) -> None:
+        """Show the stress on the surface instead of tissue, from the next `draw` that has it.
+
+        Parameters
+        ----------
+        wanted
+            Whether the heat map is wanted.
+        """
+        self._heat_wanted = wanted
+        if wanted and not self._heat_maps:
+            self._add_heat_maps()
+
+    def draw(
+        self, reading: Reading, stress: Sequence[NDArray[np.floating[Any]]] | None = None
+    ) -> None:
         """Draw the session as it is now.
 
         Parameters
         ----------
         reading
             The session's reading.
+        stress
+            For each of the session's surfaces, (V,) stress of its vertices by the threshold.
         """
         with self._client.atomic():
             stage = self._set_stage()
@@ -73,7 +102,42 @@ class Scene:
             hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
-                drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
+            if self._heat_wanted and stress is not None:
+                self._show_heat(stress)
+            else:
+                self._show_tissue()
+
+    def _show_tissue(self) -> None:
+        for drawn in self._drawn:
+            drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
+            drawn.tissue.visible = True
+        for heat_map in self._heat_maps:
+            heat_map.visible = False
+
+    def _add_heat_maps(self) -> None:
+        """Send the heat maps before they are looked at: their shader takes its time."""
+        viewer = self._session.dissection.frame @ TOWARDS_VIEWER
+        self._heat_maps = [
+            HeatMap(
+                self._client.scene,
+                f"/organ/{drawn.surface.name}_stress",
+                drawn.surface.skin,
+                viewer,
+                torn=drawn.surface.name in _TORN_ENDS,
+            )
+            for drawn in self._drawn
+        ]
+        for drawn, heat_map in zip(self._drawn, self._heat_maps, strict=True):
+            heat_map.visible = False
+            heat_map.show(drawn.contact.vertices, drawn.contact.shade)
+
+    def _show_heat(self, stress: Sequence[NDArray[np.floating[Any]]]) -> None:
+        if not self._heat_maps:
+            self._add_heat_maps()
+        for drawn, heat_map, share in zip(self._drawn, self._heat_maps, stress, strict=True):
+            heat_map.show(drawn.contact.vertices, share)
+            heat_map.visible = True
+            drawn.tissue.visible = False
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
@@ -123,6 +187,10 @@ class Scene:
                 tissue=TISSUE,
             )
             self._stage.frame_camera(self._client)
+        # A shader is compiled for what the camera sees.
+        self._client.scene.add_frame(
+            "/finish", show_axes=False, position=(0.5 * self._stage.span, 0.0, 0.0)
+        )
         # The organ stands where its images stand; the stage has its first clamp at the origin.
         turn = transforms.SO3.from_matrix(dissection.frame.T)
         self._client.scene.add_frame(
@@ -135,6 +203,9 @@ class Scene:
         self._shape = self._session.shape
         for drawn in self._drawn:
             drawn.tissue.remove()
+        for heat_map in self._heat_maps:
+            heat_map.remove()
+        self._heat_maps = []
         dissection, scene = self._session.dissection, self._client.scene
         organ, radius = dissection.organ, dissection.organ.mean_radius
         self._drawn = []

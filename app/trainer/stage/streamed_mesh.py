@@ -2,8 +2,8 @@
 
 viser's own streamed meshes have one colour and no gloss. A GLB has both, and the page takes a new
 one without an empty picture as long as it need not decode an image or compile a shader for it. So
-there are no textures here, and a keeper holds the shader: a triangle of the same finish that is
-never replaced. Without it the page compiles anew for each file, several times slower than it draws.
+there are no textures here, and `keep_finish` holds the shader: a triangle of the same finish that
+is never replaced. Without it the page compiles anew for each file, slower than it draws.
 """
 
 import json
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.gltf_asset import Finish
 
-__all__ = ["FinishKeeper", "StreamedMesh"]
+__all__ = ["StreamedMesh", "keep_finish"]
 
 _FLOAT, _UINT32 = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
@@ -95,8 +95,10 @@ class StreamedMesh:
             self._handle = None
 
 
-class FinishKeeper:
-    """A triangle too small to be seen that keeps the page's shader for a finish.
+def keep_finish(scene: viser.SceneApi, name: str, finish: Finish, *, unlit: bool = False) -> None:
+    """Add a triangle too small to be seen that keeps the page's shader for a finish.
+
+    It must stand where the camera looks at first: a shader is compiled for what is drawn.
 
     Parameters
     ----------
@@ -107,24 +109,10 @@ class FinishKeeper:
     finish, unlit
         As those of the streamed mesh.
     """
-
-    def __init__(
-        self, scene: viser.SceneApi, name: str, finish: Finish, *, unlit: bool = False
-    ) -> None:
-        file, positions, colors = _file(np.array([[0, 1, 2]]), 3, finish, unlit=unlit)
-        positions[:] = 1.0e-3 * np.eye(3)
-        colors[:] = 0.0
-        self._handle = scene.add_glb(name, bytes(file), cast_shadow=False, receive_shadow=False)
-
-    def place(self, position: NDArray[np.float64]) -> None:
-        """Put it where the camera looks, as a shader is compiled for what is drawn only.
-
-        Parameters
-        ----------
-        position
-            (3,) mm.
-        """
-        self._handle.position = position
+    file, positions, colors = _file(np.array([[0, 1, 2]]), 3, finish, unlit=unlit)
+    positions[:] = 1.0e-3 * np.eye(3)
+    colors[:] = 0.0
+    scene.add_glb(name, bytes(file), cast_shadow=False, receive_shadow=False)
 
 
 def _file(
