@@ -1,6 +1,6 @@
 """The scene: the duct of one client between its clamps, and the hook that pulls it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from viser import transforms
 
 from app.simulation.session import Phase, Reading, Session, Surface
+from app.trainer.drag_proxy import DragProxy, Hold
 from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.contact import BITE, Contact, HookPlace, sink
 from app.trainer.stage.heat_map import UNLIT, HeatMap
@@ -58,6 +59,7 @@ class Scene:
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self._arch = 0.0
+        self._hand: DragProxy | None = None
         self._heat_wanted = False
         self._heat_maps: list[HeatMap] = []
         keep_finish(client.scene, "/finish/unlit", UNLIT, unlit=True)
@@ -102,6 +104,8 @@ class Scene:
             hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
+            if self._hand is not None and len(self._drawn) == 1:
+                self._hand.follow(self._drawn[0].contact.vertices)
             if self._heat_wanted and stress is not None:
                 self._show_heat(stress)
             else:
@@ -138,6 +142,34 @@ class Scene:
             heat_map.show(drawn.contact.vertices, share)
             heat_map.visible = True
             drawn.tissue.visible = False
+
+    def let_drag(
+        self,
+        grabbed: Callable[[Hold], None],
+        moved: Callable[[Hold], None],
+        released: Callable[[], None],
+    ) -> None:
+        """Let the mouse drag duct and hook, from the next `draw` on.
+
+        Parameters
+        ----------
+        grabbed, moved, released
+            Those of `DragProxy`; they run on the server's loop and write inputs only.
+        """
+        self._hand = DragProxy(self._client, grabbed=grabbed, moved=moved, released=released)
+        self._offer_hand()
+
+    def _offer_hand(self) -> None:
+        """Let the whole duct be held, and a torn one not."""
+        hand, dissection = self._hand, self._session.dissection
+        if hand is None:
+            return
+        hand.let_go()
+        if len(self._drawn) == 1:
+            first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+            hand.set_duct(self._drawn[0].surface.skin, dissection.frame, first)
+            hand.set_hook(dissection.organ.mean_radius)
+            hand.follow(self._drawn[0].contact.vertices)
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
@@ -225,3 +257,4 @@ class Scene:
             else:
                 tissue = PlainTissue(scene, node, skin)
             self._drawn.append(_Drawn(surface, contact, tissue))
+        self._offer_hand()
