@@ -66,6 +66,8 @@ class Session:
         self._drawn = DrawnDuct(organ, vertices)
         self._ghost: Ghost | None = None
         self._chain: SwingingChain | None = None
+        self._run = Run(0.0)
+        self._last_run: Run | None = None
         dissection = Dissection.of(organ, preset or default_preset(organ))
         self._start(Model.of(dissection, Cubic()))
 
@@ -509,8 +511,18 @@ class Session:
             The run, its measures and its outcome; a `ValueError` says if nothing was pulled yet.
         """
         with self._lock:
-            log = self._run.log(OrganIdentity.of(self._organ), self._seed)
-            return RunFile.of(log, self._run.measures(), self._run.outcome)
+            return self._file(self._run)
+
+    def last_run_file(self) -> RunFile | None:
+        """Return the run before this one: a reset does not take its result away.
+
+        Returns
+        -------
+        RunFile | None
+            The run; None if there was none.
+        """
+        with self._lock:
+            return None if self._last_run is None else self._file(self._last_run)
 
     def _start(self, model: Model) -> None:
         """Start anew with a model that has been found."""
@@ -532,7 +544,14 @@ class Session:
         task_threshold = TASK_THRESHOLD * self._pulled.model.break_force
         if isinstance(exercise, HoldStretch):
             task_threshold = exercise.force_limit_N
+        if self._run.started:
+            self._run.finish()
+            self._last_run = self._run
         self._run = Run(task_threshold, exercise, feedback)
+
+    def _file(self, run: Run) -> RunFile:
+        log = run.log(OrganIdentity.of(self._organ), self._seed)
+        return RunFile.of(log, run.measures(), run.outcome)
 
     def _begin_run(self) -> None:
         """Start the run's clock with the first pull, on a duct that nothing was done to before."""

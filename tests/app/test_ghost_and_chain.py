@@ -1,16 +1,26 @@
 """What is set beside the duct: another theory's ghost, and the chain of masses and springs."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from simulated import phantom, pull, settle, tear
 
 from app.simulation.grasped_duct import Load
 from app.simulation.preset import preset_named, presets
 from app.simulation.session import Session
 from app.simulation.swinging_chain import SWINGS_PER_SECOND, SwingingChain
-from physics import Cubic, Exact, MassSpring, TautString
+from physics import (
+    Beam,
+    Cubic,
+    Equilibrium,
+    Exact,
+    MassSpring,
+    NoEquilibrium,
+    TautString,
+)
 
 
 @pytest.fixture
@@ -46,6 +56,33 @@ def test_a_ghost_in_hand_has_the_same_deflection_and_another_force(session: Sess
     assert ghost.deflection == 6.0
     assert ghost.force == pytest.approx(string)
     assert ghost.force_difference == pytest.approx(string - Cubic().force(beam, 25.4, 6.0))
+
+
+@dataclass(frozen=True)
+class Ending(Cubic):
+    """The cubic beam of a law that ends at 13 mm; the duct breaks at 12.8 mm."""
+
+    def under_deflection(
+        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
+    ) -> Equilibrium:
+        if deflection > 13.0:
+            raise NoEquilibrium("this law ends at 13 mm")
+        return super().under_deflection(beam, grasp, deflection, stations)
+
+
+def test_a_ghost_whose_theory_ends_says_nothing_and_comes_back(session: Session) -> None:
+    session.set_threshold(session.threshold_range[1])
+    session.choose_ghost(Ending())
+    session.grab(25.4)
+    session.hand_to(14.0)
+    settle(session)
+    assert session.reading().deflection == 14.0
+    assert session.ghost_reading() is None
+    session.hand_to(12.0)
+    settle(session)
+    ghost = session.ghost_reading()
+    assert ghost is not None
+    assert ghost.deflection == 12.0
 
 
 def test_a_ghost_of_the_same_theory_lies_on_the_duct_to_the_bit(session: Session) -> None:

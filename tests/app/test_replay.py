@@ -122,6 +122,24 @@ def test_a_pull_right_after_a_reset_starts_from_a_duct_never_pulled(label: str) 
     assert replayed(original, phantom()) == original
 
 
+def test_a_reset_does_not_take_the_last_run_away() -> None:
+    session = Session(phantom(), vertices=300)
+    assert session.last_run_file() is None
+    session.reset()
+    assert session.last_run_file() is None
+    first = dragged(session)
+    session.reset()
+    session.reset()
+    assert session.last_run_file() == first
+    session.set_force(1.0)
+    session.advance(7)
+    second = session.run_file()
+    session.choose_preset("thesis-rubber")
+    session.advance(3)
+    assert session.last_run_file() == second
+    assert replayed(second, phantom()) == second
+
+
 def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
     session = Session(phantom(), vertices=300)
     session.set_force(2.0)
