@@ -5,8 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from organ_geometry.centreline import NoTube, Tube, centreline
+from organ_geometry.curve_frames import evenly_spaced
 from organ_geometry.deep_way import arc_lengths, deep_way
 from organ_geometry.plane_cut import plane_cut
+from organ_geometry.section_planes import section_planes
 
 SIZES = np.array([0.5, 0.5, 0.8])
 
@@ -103,3 +105,15 @@ def test_a_plane_of_linear_levels_is_linear_and_beyond_is_the_outside() -> None:
     np.testing.assert_allclose(image, expected, atol=0.5)
     assert image.dtype == np.uint16
     assert (plane_cut(levels, 7.0, centre + 50.0, steps, (3, 5)) == 7).all()
+
+
+def test_planes_turn_so_as_not_to_cross_in_a_bend(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A corner in the middle of a block: planes across both legs meet at once.
+    corner = evenly_spaced(np.array([[6.0, 30, 20], [30, 30, 20], [30, 6, 20]]), 1.0)
+    tube = Tube(np.full((41, 61, 61), 255, dtype=np.uint8), np.ones(3))
+    depths = np.full(len(corner), 1.5)
+    turned = section_planes(tube, corner, depths, 3.0)
+    monkeypatch.setattr("organ_geometry.section_planes._TURN_FACTORS", (1.0,))
+    assert section_planes(tube, corner, depths, 3.0).crossing > turned.crossing
+    # Pixels of 1 mm, up to three depths from the middle.
+    assert turned.reach == pytest.approx(5.0)
