@@ -53,8 +53,8 @@ class Tube:
 
     def section(
         self, point: NDArray[np.float64], frame: NDArray[np.float64], depth: float
-    ) -> NDArray[np.float64]:
-        """Return the places of a section's pixels.
+    ) -> tuple[NDArray[np.float64], float]:
+        """Return the places of a section's pixels, and a pixel's side.
 
         Parameters
         ----------
@@ -67,9 +67,9 @@ class Tube:
 
         Returns
         -------
-        NDArray[np.float64]
+        tuple[NDArray[np.float64], float]
             (N, 2) along the plane's directions from the point, mm, of the part that is at the point
-            or nearest to it; none where the plane misses the tube.
+            or nearest to it, none where the plane misses the tube; and the pixel, mm.
         """
         pixel = max(float(self.sizes.min()), depth / 16.0)
         half = int(np.ceil(_REACH_DEPTHS * depth / pixel))
@@ -80,10 +80,10 @@ class Tube:
         labels = np.asarray(labels)
         places = np.argwhere(labels > 0)
         if len(places) == 0:
-            return np.zeros((0, 2))
+            return np.zeros((0, 2)), pixel
         nearest = places[((places - half) ** 2).sum(axis=1).argmin()]
         mine = np.argwhere(labels == labels[nearest[0], nearest[1]])
-        return np.asarray(pixel * (mine[:, ::-1] - half), dtype=np.float64)
+        return np.asarray(pixel * (mine[:, ::-1] - half), dtype=np.float64), pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +158,7 @@ def _moved_to_middle(
     nearest, depths = _nearest(way, points)
     middles = points.copy()
     for index, (point, frame) in enumerate(zip(points, frames, strict=True)):
-        section = tube.section(point, frame, float(depths[index]))
+        section, _ = tube.section(point, frame, float(depths[index]))
         if len(section):
             middles[index] += frame[:, :2] @ section.mean(axis=0)
     # Where tubes touch, a section is of both: the deep way stays within one.

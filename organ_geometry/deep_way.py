@@ -39,11 +39,6 @@ class DeepWay:
     points: NDArray[np.float64]
     depths: NDArray[np.float64]
 
-    @property
-    def stations(self) -> NDArray[np.float64]:
-        """(N,) arc length from the first point, mm."""
-        return arc_lengths(self.points)
-
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (N,) arc lengths along (N, 3) points."""

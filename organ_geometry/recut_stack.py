@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from organ_geometry.centreline import (
     SMOOTH_RADII,
-    TANGENT_RADII,
     Centreline,
     NoTube,
     Tube,
@@ -17,9 +16,7 @@ from organ_geometry.centreline import (
 )
 from organ_geometry.curve_frames import (
     evenly_spaced,
-    rotation_minimising_frames,
     smooth_points,
-    smooth_tangents,
 )
 from organ_geometry.grey_image import GreyImage, ImageStackError
 from organ_geometry.image_stack import ImageStack
@@ -32,22 +29,20 @@ from organ_geometry.organ_voxels import (
     sample_images,
 )
 from organ_geometry.plane_cut import plane_cut
+from organ_geometry.section_planes import section_planes
 from organ_geometry.slices_suit import may_need_recut
 
 When = Literal["auto", "always", "never"]
 
 _EDGE_PX = 6
-# Planes are turned towards their neighbours, by fitting tangents over so many times the usual
-# length, until they do not cross inside the organ.
-_TURN_FACTORS = (1.0, 1.5, 2.0, 3.0)
-
 # Slices do not suit an organ of which so many of them show several parts, or whose centreline lies
 # flatter than 45 degrees to them over so much of its length.
 _PARTS_SHARE = 0.1
 _FLAT_SHARE = 0.2
 _FLAT_COSINE = 0.5**0.5
 
-_ALONG_ROWS = np.array([1.0, 0.0, 0.0])
+# More than this share of the organ beside its sections is said.
+_BESIDE_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,19 +217,25 @@ def _recut_along(
     depths = np.interp(
         np.linspace(0.0, 1.0, len(points)), np.linspace(0.0, 1.0, len(line.depths)), line.depths
     )
-    frames, half, crossing = _planes(tube, points, depths, line.radius / gap)
+    planes = section_planes(tube, points, depths, line.radius / gap)
+    frames = planes.frames
     pixel = float(stack.pixel_size.min())
-    side = 2 * int(np.ceil(half / pixel)) + 2 * _EDGE_PX + 1
+    side = 2 * int(np.ceil(planes.reach / pixel)) + 2 * _EDGE_PX + 1
     # From the box's own axes to space.
     step = even_step(stack.planes, stack.source)
     axes = np.stack([*stack.frames[0, :, :2].T, step / np.linalg.norm(step)], axis=1)
     corner = np.array(voxels.corner[:2]) - 0.5 * (np.array(stack.shape[::-1]) - 1.0)
     start = stack.origins[voxels.corner[2]] + axes[:, :2] @ (corner * stack.pixel_size)
     note = f"cut again into {len(points)} sections perpendicular to its centreline"
-    if crossing:
+    if planes.crossing:
         note += (
-            f", of which {crossing} cross their neighbours inside the organ, which bends more "
-            f"tightly there than it is wide"
+            f", of which {planes.crossing} cross their neighbours inside the organ, which bends "
+            f"more tightly there than it is wide"
+        )
+    if planes.beside > _BESIDE_SHARE:
+        note += (
+            f"; {planes.beside:.0%} of the organ lies beside them, in a branch or where it touches "
+            f"itself"
         )
     return dataclasses.replace(
         stack,
@@ -253,38 +254,3 @@ def _recut_along(
         frames=axes @ frames,
         notes=(*stack.notes, note),
     )
-
-
-def _planes(
-    tube: Tube, points: NDArray[np.float64], depths: NDArray[np.float64], radius: float
-) -> tuple[NDArray[np.float64], float, int]:
-    """Return frames, how far sections reach in mm, and how many cross; the radius in points."""
-    tried: list[tuple[NDArray[np.float64], float, int]] = []
-    for factor in _TURN_FACTORS:
-        tangents = smooth_tangents(points, round(factor * TANGENT_RADII * radius))
-        frames = rotation_minimising_frames(points, tangents, _ALONG_ROWS)
-        half, crossing = _reach_and_crossings(tube, points, frames, depths)
-        tried.append((frames, half, crossing))
-        if crossing == 0:
-            break
-    return min(tried, key=lambda planes: planes[2])
-
-
-def _reach_and_crossings(
-    tube: Tube,
-    points: NDArray[np.float64],
-    frames: NDArray[np.float64],
-    depths: NDArray[np.float64],
-) -> tuple[float, int]:
-    """Return how far sections reach along rows or columns, mm, and how many cross the next one."""
-    reach, crossing = 0.0, 0
-    for index, (point, frame) in enumerate(zip(points, frames, strict=True)):
-        section = tube.section(point, frame, float(depths[index]))
-        if len(section) == 0:
-            continue
-        reach = max(reach, float(np.abs(section).max()))
-        if index + 1 < len(points):
-            # Every place of a section must lie before the next plane.
-            places = point + section @ frame[:, :2].T
-            crossing += bool(((points[index + 1] - places) @ frames[index + 1][:, 2] < 0.0).any())
-    return reach, crossing

@@ -1,5 +1,6 @@
 """Curved organs are cut again so that sections are sections; others are left alone."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -221,6 +222,16 @@ def test_never_and_always_are_obeyed() -> None:
     assert recut_where_needed(bent, "never") is bent
     upright = volume_stack(mask(straight((-10, 0, -9), (-5, 0, 50), 4.0)))
     assert len(recut_where_needed(upright, "always")) == pytest.approx(SHAPE[0], abs=3)
+
+
+def test_what_the_sections_leave_out_is_said() -> None:
+    # A trunk with a branch half as long: about a third of the voxels are the branch's.
+    trunk = straight((-28, 0, 17), (28, 0, 17), 5.0)
+    branch = straight((0, 0, 17), (0, 30, 17), 5.0)
+    (note,) = recut(volume_stack(mask(np.minimum(trunk, branch)))).notes
+    found = re.search(r"; (\d+)% of the organ lies beside them, in a branch or where", note)
+    assert found is not None, note
+    assert 20 <= int(found[1]) <= 35
 
 
 def test_what_cannot_be_cut_again_is_named() -> None:
