@@ -19,6 +19,7 @@ from app.trainer.stage.plain_tissue import TISSUE, PlainTissue
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.streamed_mesh import keep_finish
 from app.trainer.stage.tissue import WET, Tissue, TornEnd
+from app.trainer.stage.wall import Wall
 
 __all__ = ["Scene"]
 
@@ -36,6 +37,7 @@ class _Drawn:
     surface: Surface
     contact: Contact
     tissue: Tissue | PlainTissue
+    ring_ends: NDArray[np.int64]
 
 
 class Scene:
@@ -66,6 +68,12 @@ class Scene:
         if look == "full":
             keep_finish(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
+        # Once for the client, not for each stage: viser keeps every callback as long as the client.
+        client.camera.on_update(self._camera_moved)
+
+    def _camera_moved(self, camera: viser.CameraHandle) -> None:
+        if self._stage is not None:
+            self._stage.camera_moved(camera.client)
 
     @property
     def heat_wanted(self) -> bool:
@@ -104,6 +112,7 @@ class Scene:
             hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
+            stage.cast_shadow(self._axis())
             if self._hand is not None and len(self._drawn) == 1:
                 self._hand.follow(self._drawn[0].contact.vertices)
             if self._heat_wanted and stress is not None:
@@ -174,6 +183,13 @@ class Scene:
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
         self._set_stage().frame_camera(self._client)
+
+    def _axis(self) -> NDArray[np.float64]:
+        """Return points of the duct's axis as it is drawn, in the stage's coordinates, mm."""
+        dissection = self._session.dissection
+        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+        parts = [drawn.contact.vertices[drawn.ring_ends].mean(axis=1) for drawn in self._drawn]
+        return (np.concatenate(parts) - first) @ dissection.frame
 
     def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
         """Put the hook where it pulls, sunk into the wall, and return where that is."""
@@ -256,5 +272,9 @@ class Scene:
                 )
             else:
                 tissue = PlainTissue(scene, node, skin)
-            self._drawn.append(_Drawn(surface, contact, tissue))
+            wall = Wall.of(skin)
+            # Two opposite vertices of every other ring: their middle is on the axis.
+            rings = np.arange(0, wall.rings, 2)[:, None] * wall.sides
+            ring_ends = rings + np.array([0, wall.sides // 2])
+            self._drawn.append(_Drawn(surface, contact, tissue, ring_ends))
         self._offer_hand()

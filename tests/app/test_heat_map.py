@@ -51,7 +51,7 @@ def test_tone_curve_is_inverted(color: tuple[int, int, int]) -> None:
 @settings(deadline=None)
 def test_surface_that_faces_the_viewer_has_the_colours_of_the_stress(shares: list[float]) -> None:
     share = np.array(shares)
-    normals = np.tile(np.float32([0.0, -0.8, 0.6]), (share.size, 1))
+    normals = np.tile(np.array([0.0, -0.8, 0.6], np.float32), (share.size, 1))
     out = np.empty((share.size, 3), np.float32)
     heat_colors(share, normals, np.array([0.0, -0.8, 0.6]), out)
     place = np.clip(share, 0.0, 1.0) * 255.0
@@ -63,7 +63,9 @@ def test_surface_that_faces_the_viewer_has_the_colours_of_the_stress(shares: lis
 
 def test_key_has_the_same_colours_unit_and_break() -> None:
     key = heat_legend_html(0.2106)
-    stops = np.array(re.findall(r"rgb\((\d+),(\d+),(\d+)\)", key), int)
+    stops = np.array(
+        [list(map(int, stop)) for stop in re.findall(r"rgb\((\d+),(\d+),(\d+)\)", key)]
+    )
     assert len(stops) > 16
     assert (stops[0] == color_table()[0]).all()
     assert (stops[-1] == color_table()[-1]).all()

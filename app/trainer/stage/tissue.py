@@ -27,8 +27,8 @@ _TAN, _BROWN, _PINK, _FAT = (214, 160, 108), (176, 112, 74), (190, 98, 84), (228
 _VESSEL = (120, 26, 26)
 _BLOOD, _LUMEN, _RAW = (104, 12, 14), (70, 18, 16), (156, 48, 44)
 _PATTERN_LENGTH = 28.0  # mm of the axis that one picture of noise covers
-_SOFTNESS = 6.0  # pixels of that picture
-_RELIEF = 0.08  # mm
+_SOFTNESS = 7.5  # pixels of that picture
+_RELIEF = 0.10  # mm
 _SWELLING = 0.17  # mm
 
 
@@ -143,13 +143,13 @@ def _wall_colors(wall: Wall, radius: float, torn_end: TornEnd | None) -> NDArray
         return wall.sampled(_noise(cells, fall, seed), length=_PATTERN_LENGTH)
 
     color = _mixed(_light(_TAN), _BROWN, smooth_step(noise(2.0, 1.5, 31), 0.35, 0.75))
-    color = _mixed(color, _PINK, 0.55 * smooth_step(noise(4.0, 1.1, 32), 0.5, 0.8))
-    color = _mixed(color, _FAT, 0.55 * smooth_step(noise(5.0, 1.2, 33), 0.6, 0.85))
+    color = _mixed(color, _PINK, 0.45 * smooth_step(noise(4.0, 1.1, 32), 0.45, 0.9))
+    color = _mixed(color, _FAT, 0.5 * smooth_step(noise(5.0, 1.2, 33), 0.55, 0.95))
     color = color * (0.9 + 0.2 * noise(7.0, 0.4, 34))[..., None]
     if torn_end is not None:
         rough = noise(5.0, 0.9, 35)
         behind = _behind_rim(wall, torn_end) / radius
-        soaked = smooth_step(_single(behind - 1.1 * rough), 0.42, -0.25)
+        soaked = smooth_step(_single(behind - 1.3 * rough), 0.45, -0.45)
         color = _mixed(color, _PINK, 0.5 * smooth_step(_single(behind - rough), 0.9, 0.0))
         color = _mixed(color, _BLOOD, 0.92 * soaked)
     return color.reshape(-1, 3)
