@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import locale
 import re
 import shlex
 from pathlib import Path
@@ -41,6 +42,7 @@ def write(voxels: NDArray[Any], path: Path) -> Path:
 
 def write_series(voxels: NDArray[Any], folder: Path) -> None:
     folder.mkdir()
+    before = locale.setlocale(locale.LC_ALL)
     for index, values in enumerate(voxels):
         image = itk.GetImageFromArray(values)
         image.SetSpacing(SPACING[:2])
@@ -52,6 +54,8 @@ def write_series(voxels: NDArray[Any], folder: Path) -> None:
         writer.KeepOriginalImageUIDOn()
         writer.SetFileName(str(folder / f"{99 - index}.dcm"))
         writer.Execute(image)
+    # GDCM leaves the process in the C locale after it has written.
+    locale.setlocale(locale.LC_ALL, before)
 
 
 @pytest.fixture(scope="module")

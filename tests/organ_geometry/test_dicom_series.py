@@ -1,5 +1,6 @@
 """A DICOM series is taken in the order and at the distances at which its images stand."""
 
+import locale
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ def write_series(tmp_path: Path) -> WriteSeries:
     ) -> Path:
         folder = tmp_path / "series"
         folder.mkdir(exist_ok=True)
+        before = locale.setlocale(locale.LC_ALL)
         for index, height in enumerate(heights):
             image = itk.GetImageFromArray(np.full(shape, index, dtype), isVector=len(shape) > 2)
             image.SetSpacing((0.25, 0.5))
@@ -61,6 +63,8 @@ def write_series(tmp_path: Path) -> WriteSeries:
             writer.SetFileName(str(folder / f"{name}.dcm"))
             writer.Execute(image)
             (folder / f"{name}.dcm").rename(folder / name)
+        # GDCM leaves the process in the C locale after it has written.
+        locale.setlocale(locale.LC_ALL, before)
         return folder
 
     return write
