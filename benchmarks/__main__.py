@@ -1,4 +1,4 @@
-"""Measure the physics and the trainer in one run: a table, and the figures in build/bench.json.
+"""Measure physics, trainer and geometry in one run: tables, and the figures in build/bench.json.
 
 Run from the root of the repository: ``make bench``, or ``python -m benchmarks``.
 """
@@ -17,6 +17,7 @@ from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
 from benchmarks.exact_beam import exact_engines
+from benchmarks.geometry import measure_geometry
 from benchmarks.peers import peer_engines
 from benchmarks.session_step import step_figures
 from benchmarks.spring_chain import spring_chain_engine
@@ -131,6 +132,9 @@ def measure_trainer(console: Console) -> dict[str, float]:
         "",
         f"Trainer: a step (beam, criterion, skin) {figures['step_us']:.0f} us, its skin "
         f"({figures['vertices']:.0f} vertices) {figures['skin_us']:.0f} us",
+        f"  by hand {figures['hand_us']:.0f} us, with a ghost {figures['ghost_us']:.0f} us, with "
+        f"the chain {figures['chain_us']:.0f} us, idle {figures['idle_us']:.0f} us, stress "
+        f"{figures['stress_us']:.0f} us",
     ]
     lines += [
         f"{clients} client{'s' if clients > 1 else ''}: "
@@ -150,6 +154,7 @@ def main() -> None:
         "machine": machine(),
         "physics": measure_physics(console),
         "trainer": measure_trainer(console),
+        "geometry": measure_geometry(console),
     }
     FIGURES.parent.mkdir(exist_ok=True)
     FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

@@ -1,11 +1,13 @@
 """What one step of a trainee's session costs: beam, criterion and skin, without a viewer."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
 from app.command_line.load import shipped_organ
 from app.simulation.session import Session
+from physics import Exact
 
 __all__ = ["step_figures"]
 
@@ -22,7 +24,9 @@ def step_figures() -> dict[str, float]:
     Returns
     -------
     dict[str, float]
-        `vertices` of the skin, `step_us` and `skin_us`.
+        `vertices` of the skin, `step_us` and `skin_us`; of a step by hand alone, with the exact
+        beam's ghost and with the chain, `hand_us`, `ghost_us` and `chain_us`; of a step in which
+        nothing moves `idle_us`, of the stress at every vertex `stress_us`.
     """
     session = Session(shipped_organ())
     dissection = session.dissection
@@ -55,4 +59,38 @@ def step_figures() -> dict[str, float]:
         "vertices": float(len(out)),
         "step_us": 1e6 * float(np.median(steps)),
         "skin_us": 1e6 * float(np.median(skins)),
-    }
+    } | _beside_figures()
+
+
+def _beside_figures() -> dict[str, float]:
+    """Return what a hand, what is set beside the duct, and what does not move cost."""
+    session = Session(shipped_organ())
+    stress = np.empty(len(session.surfaces[0].vertices), dtype=np.float32)
+    far = 0.8 * session.deflection_limit
+    session.grab(session.grasp)
+
+    def drag(turn: int) -> None:
+        session.hand_to(far * (0.5 + 0.3 * (turn % 2)))
+        session.advance()
+
+    found = {"hand_us": _median_us(drag)}
+    session.choose_ghost(Exact())
+    found["ghost_us"] = _median_us(drag)
+    session.choose_ghost(None)
+    session.show_chain(True)
+    found["chain_us"] = _median_us(drag)
+    session.show_chain(False)
+    while session.advance():
+        pass
+    found["idle_us"] = _median_us(lambda _: session.advance())
+    found["stress_us"] = _median_us(lambda _: session.stress(stress))
+    return found
+
+
+def _median_us(action: Callable[[int], object]) -> float:
+    times: list[float] = []
+    for turn in range(SKINS):
+        start = time.perf_counter()
+        action(turn)
+        times.append(time.perf_counter() - start)
+    return 1e6 * float(np.median(times))

@@ -157,7 +157,7 @@ def even_step(planes: ImagePlanes, where: Path) -> NDArray[np.float64]:
     distance = float(np.linalg.norm(step))
     turned = np.abs(planes.frames - planes.frames[0]).max() > DIRECTION_TOLERANCE
     uneven = np.abs(steps - step).max() > EVEN_SHARE * distance
-    leaning = abs(float(planes.frames[0, :, 2] @ step)) < distance * (1.0 - EVEN_SHARE**2)
+    leaning = np.abs(planes.frames[0, :, :2].T @ step).max() > DIRECTION_TOLERANCE * distance
     if turned or uneven or leaning:
         what = "parallel" if turned else "evenly spaced" if uneven else "straight above each other"
         raise ImageStackError(f"the images of {where} are not {what}, and so are no volume")
@@ -229,6 +229,8 @@ def along_axis(
     directions = np.stack([frame[:, 0], frame[:, 1], step / distance], axis=1)
     sizes = np.array([*planes.pixel_size, distance])
     order = [1, 2, 0] if axis == 0 else [0, 2, 1]
+    column, row, across = directions[:, order].T
+    frame = plane_frame(column, row, across, where)
     counts = np.array(voxels.shape[::-1])
     middle = 0.5 * (planes.origins[0] + planes.origins[-1])
     count = int(counts[axis])
@@ -238,7 +240,7 @@ def along_axis(
         pixel_size=sizes[order[:2]],
         slice_spacing=float(sizes[axis]),
         origins=middle + offsets[:, np.newaxis] * directions[:, axis],
-        frames=np.broadcast_to(directions[:, order], (count, 3, 3)),
+        frames=np.broadcast_to(frame, (count, 3, 3)),
     )
     view = voxels.transpose(2, 0, 1) if axis == 0 else voxels.transpose(1, 0, 2)
     return view, turned

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.edges import FoundPolarity, NoEdgeFound, Polarity, find_edges, find_polarity
+from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
+from organ_geometry.found_section import OTHER_PART
 from organ_geometry.half_curves import (
     HalfCurves,
     NotSingleValued,
@@ -17,10 +18,11 @@ from organ_geometry.half_curves import (
     fit_half_curves,
     polygon_distances,
 )
-from organ_geometry.image_stack import GreyImage, ImageStack
+from organ_geometry.image_stack import ImageStack
 from organ_geometry.key_sections import check_tolerance, key_sections
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import stored_organ
+from organ_geometry.organ_tracing import TracedSection, trace_organ
 
 Progress = Callable[[int, int], None]
 
@@ -28,11 +30,9 @@ Progress = Callable[[int, int], None]
 # pixels makes every section a key section.
 TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
-_POLARITY_SAMPLES = 9
 _BACK_CORNERS = 128
 
 # What a report warns of.
-LARGE_PART = 0.05
 LARGE_ERROR = 2.0
 LONG_AXIS = 1.5
 
@@ -144,15 +144,18 @@ def build_organ(
     stack: ImageStack,
     *,
     polarity: Polarity = "auto",
+    threshold: float | None = None,
+    method: EdgeMethod = "half-level",
+    seed: tuple[float, float] | None = None,
     tolerance_mm: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
     """Return the organ of a stack of images, and a report on every section.
 
-    A section in which nothing is found is left out, and so is one whose organ touches the image's
-    border or is not single-valued; its neighbours keep their places. The organ is hollow if a lumen
-    is found in every section that is found.
+    A section in which nothing continues the organ is left out, and so is one whose organ touches
+    the image's border or is not single-valued; its neighbours keep their places. The organ is
+    hollow if a lumen is found in every section that is found.
 
     Parameters
     ----------
@@ -161,6 +164,8 @@ def build_organ(
     polarity
         Whether the organ is brighter or darker than its background; "auto" decides once for the
         whole stack.
+    threshold, method, seed
+        What the edge is and where the organ begins, see `trace_organ`.
     tolerance_mm
         RMS distance by which a section must change to be kept, mm. Default: 2 % of the mean radius,
         but at least half a pixel.
@@ -183,16 +188,16 @@ def build_organ(
     started = time.perf_counter()
     if tolerance_mm is not None:
         check_tolerance(tolerance_mm)
-    found_polarity = _stack_polarity(stack) if polarity == "auto" else polarity
+    edges = trace_organ(
+        stack, polarity=polarity, threshold=threshold, method=method, seed=seed, progress=progress
+    )
     traced: list[_Traced] = []
-    problems: dict[int, str] = {}
-    for index, image in enumerate(stack.images()):
+    problems = dict(edges.problems)
+    for section in edges.sections:
         try:
-            traced.append(_traced(stack, index, image, found_polarity))
-        except (NoEdgeFound, NotSingleValued) as error:
-            problems[index] = str(error)
-        if progress is not None:
-            progress(index + 1, len(stack))
+            traced.append(_traced(stack, section))
+        except NotSingleValued as error:
+            problems[section.index] = str(error)
     if len(traced) < 2:
         first = min(problems, default=None)
         reason = "" if first is None else f"; {stack.names[first]}: {problems[first]}"
@@ -228,7 +233,7 @@ def build_organ(
     return BuiltOrgan(
         organ=organ,
         sections=sections,
-        polarity=found_polarity,
+        polarity=edges.polarity,
         tolerance_mm=tolerance_mm,
         seconds=time.perf_counter() - started,
         warnings=tuple(_warnings(stack, organ, traced, sections, max(tolerance_mm, suitable_mm))),
@@ -256,7 +261,7 @@ class _Traced:
     lumen_curves
         Half-curves of the lumen, or None.
     other_part
-        Area of the largest other part in the image, as a share of the organ's.
+        Whether the image shows another part that stands out as clearly.
     """
 
     index: int
@@ -266,21 +271,12 @@ class _Traced:
     lumen: NDArray[np.float64] | None
     curves: HalfCurves
     lumen_curves: HalfCurves | None
-    other_part: float
+    other_part: bool
 
 
-def _stack_polarity(stack: ImageStack) -> FoundPolarity:
-    """Return the polarity that a few images spread over the stack agree on."""
-    count = min(_POLARITY_SAMPLES, len(stack))
-    wanted = np.unique(np.linspace(0, len(stack) - 1, count).round().astype(int))
-    return find_polarity(stack.image(int(index)) for index in wanted)
-
-
-def _traced(stack: ImageStack, index: int, image: GreyImage, polarity: FoundPolarity) -> _Traced:
+def _traced(stack: ImageStack, edges: TracedSection) -> _Traced:
     """Return one section's edge and half-curves."""
-    edges = find_edges(image, polarity)
-    if edges.touches_border:
-        raise NoEdgeFound("the organ touches the image's border")
+    index = edges.index
     rows, columns = stack.shape
     image_middle = 0.5 * np.array([columns - 1.0, rows - 1.0])
     outer = (edges.outer - image_middle) * stack.pixel_size
@@ -408,10 +404,10 @@ def _warnings(
             f"a lumen was found in {lumens} of {found} sections and is therefore ignored: "
             f"the organ is taken as solid"
         )
-    beside = sum(section.other_part >= LARGE_PART for section in traced)
+    beside = sum(section.other_part for section in traced)
     if beside:
         yield (
-            f"{beside} of {found} sections show another part of at least {LARGE_PART:.0%} of the "
+            f"{beside} of {found} sections show another part of at least {OTHER_PART:.0%} of the "
             f"organ's area beside it, which was left out"
         )
     rms = _pooled(sections, [section.rms_mm for section in sections])

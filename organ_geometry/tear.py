@@ -15,14 +15,25 @@ from organ_geometry.skin import Skin, ring_angles, sides_of, tube_skin
 
 __all__ = ["TornPiece", "torn_pieces"]
 
-RAGGEDNESS = 0.16
+RAGGEDNESS = 0.24
 """Largest distance of the rim from its mean station, in mean radii."""
+TONGUES = 5
+"""Tags of tissue that stand out of a rim."""
 REACH = 1.0
 """Along how much of the axis the rings adapt to the ragged rim, in mean radii."""
 SHORTEST_STUMP = 0.8
 """Least length of a piece, in mean radii: a duct that tears at a clamp leaves a stump in it."""
 GAPE = 0.55
 """How far a rim draws back along the axis once it is free, in mean radii."""
+GAPE_SPREAD = 0.45
+"""By what part more, or less, the side that tore first, or last, draws back: what has been free the
+longest has drawn back the most, and the lumen is seen."""
+FLARE, FLARE_WAVES = 0.09, 0.10
+"""How far a free rim turns outwards, in mean radii, on average and from wave to wave."""
+THINNED = 0.6
+"""Part of its thickness that the stretched wall has lost at a rim."""
+CURL = 0.9
+"""Along how much of the axis a rim is flared and thinned, in mean radii."""
 DRAWN_BACK = 3.0
 """Length of the axis over which a rim's drawing back fades out, in mean radii."""
 
@@ -131,19 +142,43 @@ def torn_pieces(
         behind = np.maximum(np.abs(skin.stations - middle) - raggedness, 0.0)
         fade = min(DRAWN_BACK * radius, length - raggedness)
         near = np.clip(1.0 - behind / fade, 0.0, 1.0) ** 2
-        gape = min(GAPE * radius, 0.3 * length)
-        return TornPiece(skin, height, gape * near[:, None] * away)
+        gape = min(GAPE * radius, 0.3 * length) * (1.0 + GAPE_SPREAD * (1.0 - 2.0 * height))
+        curled = np.clip(1.0 - behind / min(CURL * radius, fade), 0.0, 1.0) ** 2
+        outwards = _turned_out(organ, skin, angles.size, radius, seed)
+        return TornPiece(skin, height, (gape * near)[:, None] * away + curled[:, None] * outwards)
 
     return piece(skins[0], middle, -onwards), piece(skins[1], organ.length - middle, onwards)
 
 
+def _turned_out(
+    organ: Organ, skin: Skin, sides: int, radius: float, seed: int
+) -> NDArray[np.float64]:
+    """Return how far each vertex would turn out at a free rim, (V, 3) mm."""
+    offsets = skin.vertices - organ.axis_at(skin.stations)
+    distances = np.linalg.norm(offsets, axis=1, keepdims=True)
+    directions = offsets / np.maximum(distances, 1e-9)
+    waves = _ragged(ring_angles(sides), seed + 1)
+    outwards = np.zeros(len(offsets))
+    count = len(offsets) // sides * sides  # a solid organ's two end points stay on the axis
+    outwards[:count] = radius * np.tile(FLARE + FLARE_WAVES * waves, count // sides)
+    if organ.hollow:
+        outer, lumen = np.split(distances[:, 0], 2)
+        outwards[outer.size :] += THINNED * (outer - lumen)
+    return outwards[:, None] * directions
+
+
 def _ragged(angles: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-    """Return a wavy number for each of a ring's angles, of zero mean and from -1 to 1."""
+    """Return a rough number for each of a ring's angles, of zero mean and from -1 to 1."""
     random = np.random.default_rng(seed)
-    orders = np.arange(2, 12)
+    orders = np.arange(2, 18)
     phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
-    sizes = random.uniform(0.5, 1.0, orders.size) / np.sqrt(orders)
+    sizes = random.uniform(0.4, 1.0, orders.size) / np.sqrt(orders)
     waves = np.cos(np.outer(angles, orders) + phases) @ sizes
+    for middle, width in zip(
+        random.uniform(0.0, 2.0 * np.pi, TONGUES), random.uniform(0.12, 0.3, TONGUES), strict=True
+    ):
+        apart = np.angle(np.exp(1j * (angles - middle)))
+        waves += random.choice([-0.9, 1.3]) * np.exp(-((apart / width) ** 2))
     waves -= waves.mean()
     return waves / np.abs(waves).max()
 

@@ -146,7 +146,9 @@ def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
     total = equilibrium.total_stress
     if not total.size:
         raise ValueError("the equilibrium must be sampled at one station or more, got none")
-    highest = np.flatnonzero(total >= total.max() * (1.0 - EQUAL_STRESSES))
+    # Less a part of its size, whatever its sign: a slack beam's rounding is below zero all along.
+    most = float(total.max())
+    highest = np.flatnonzero(total >= most - EQUAL_STRESSES * abs(most))
     away = np.abs(equilibrium.stations[highest] - equilibrium.grasp)
     place = highest[np.argmin(away)]
     # Bending stretches the side away from the pull where the moment has the deflection's sign.

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from app.compression.stack_job import StackJob
+    from organ_geometry.image_region import Region
 
 __all__ = ["compress"]
 
@@ -81,6 +82,13 @@ def compress(
             rich_help_panel=_IMAGES,
         ),
     ] = None,
+    recut: Annotated[
+        str,
+        typer.Option(
+            help="auto, always or never: cut again across a curved organ that slices do not suit.",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = "auto",
     seed: Annotated[
         str | None,
         typer.Option(
@@ -154,31 +162,38 @@ def compress(
     Examples: bluntdissect compress scans/ -o duct.organ --pixel-size 0.1 --slice-spacing 0.4;
     bluntdissect compress a/ b.nii.gz c.tif -o organs/
     """
+    area = region(roi)
     reading: dict[str, Any] = {
         "pixel_size": pixel_pair(pixel_size),
         "slice_spacing": slice_spacing,
         "axis": axis,
         "label": label,
         "window": window_levels(window),
-        "roi": region(roi),
+        "roi": area,
     }
     building: dict[str, Any] = {
         "polarity": chosen("--polarity", polarity, ("auto", "bright", "dark")),
         "threshold": threshold,
         "method": chosen("--edges", edges, ("half-level", "canny")),
-        "seed": seed_point(seed),
+        "seed": _within(area, seed_point(seed)),
         "tolerance_mm": tolerance_mm,
         "tolerance_px": tolerance_px,
         "select": chosen("--select", select, ("fewest", "thesis")),
     }
+    when = chosen("--recut", recut, ("auto", "always", "never"))
     if tolerance_mm is not None and tolerance_px is not None:
         raise ValueError("give either --tolerance-mm or --tolerance-px")
     if len(stacks) > 1 or output.is_dir():
-        _compress_many(stacks, output, figure, reading, building, every=sections, as_json=as_json)
+        from app.compression.stack_job import jobs_into
+
+        jobs = jobs_into(
+            output, stacks, figures=figure, recut=when, reading=reading, building=building
+        )
+        _compress_many(jobs, output, figure, every=sections, as_json=as_json)
     else:
         from app.compression.stack_job import StackJob
 
-        job = StackJob(stacks[0], output, figure, reading, building)
+        job = StackJob(stacks[0], output, figure, when, reading, building)
         _compress_one(job, every=sections, as_json=as_json)
 
 
@@ -203,20 +218,12 @@ def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
 
 
 def _compress_many(
-    stacks: list[Path],
-    folder: Path,
-    figures: Path | None,
-    reading: dict[str, Any],
-    building: dict[str, Any],
-    *,
-    every: bool,
-    as_json: bool,
+    jobs: "list[StackJob]", folder: Path, figures: Path | None, *, every: bool, as_json: bool
 ) -> None:
     """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
     from app.compression.report import Facts, section_lines, summary_lines
-    from app.compression.stack_job import Failed, compress_all, jobs_into
+    from app.compression.stack_job import Failed, compress_all
 
-    jobs = jobs_into(folder, stacks, figures=figures, reading=reading, building=building)
     for place in (folder, figures):
         if place is not None:
             _make_folder(place)
@@ -245,6 +252,15 @@ def _compress_many(
             f"{len(failed)} of {len(jobs)} stacks could not be compressed: "
             + ", ".join(str(one.stack) for one in failed)
         )
+
+
+def _within(
+    area: "Region | None", seed: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    """Return a seed as counted in the images that are kept."""
+    if area is None or seed is None:
+        return seed
+    return seed[0] - area[0], seed[1] - area[1]
 
 
 def _make_folder(place: Path) -> None:

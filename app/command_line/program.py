@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import compress, export, solve, trainer, validate
+from app.command_line import compress, export, replay, solve, trainer, validate
 
 __all__ = ["main", "program"]
 
@@ -43,6 +43,7 @@ def versions(
 program.command("trainer")(trainer.trainer)
 program.command("compress")(compress.compress)
 program.command("export")(export.export)
+program.command("replay")(replay.replay)
 program.command("solve")(solve.solve)
 program.command("validate")(validate.validate)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from organ_geometry.image_stack import ImageStack
 from organ_geometry.organ_builder import BuiltOrgan, SectionReport
 
 __all__ = ["Facts", "facts", "report_lines", "section_lines", "summary_lines"]
@@ -96,17 +97,17 @@ class Facts:
         }
 
 
-def facts(built: BuiltOrgan, *, stack: Path, bytes_in: int, output: Path) -> Facts:
+def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -> Facts:
     """Return what compressing a stack gave.
 
     Parameters
     ----------
     built
         The organ.
+    images
+        The images it was found in.
     stack
-        Where its images are.
-    bytes_in
-        Size of the image files.
+        Where they are.
     output
         The organ file, written.
 
@@ -116,7 +117,7 @@ def facts(built: BuiltOrgan, *, stack: Path, bytes_in: int, output: Path) -> Fac
         The facts.
     """
     bytes_out = output.stat().st_size
-    pixel = built.pixel_mm
+    pixel = images.pixel_mm
     return Facts(
         stack=str(stack),
         file=str(output),
@@ -133,11 +134,11 @@ def facts(built: BuiltOrgan, *, stack: Path, bytes_in: int, output: Path) -> Fac
         rms_error_px=built.rms_error_px,
         max_error_mm=built.max_error_mm,
         max_error_px=built.max_error_mm / pixel,
-        bytes_in=bytes_in,
+        bytes_in=images.bytes_in,
         bytes_out=bytes_out,
-        ratio=bytes_in / bytes_out,
+        ratio=images.bytes_in / bytes_out,
         seconds=built.seconds,
-        warnings=built.warnings,
+        warnings=(*images.notes, *built.warnings),
         sections=built.sections,
     )
 

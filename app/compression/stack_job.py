@@ -13,6 +13,7 @@ from app.compression.report import Facts, facts
 from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import write_organ
+from organ_geometry.recut_stack import When, recut_where_needed
 
 __all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
 
@@ -29,6 +30,8 @@ class StackJob:
         The organ file to write.
     figure
         The picture to draw, or None.
+    recut
+        Whether a curved organ is cut again across its centreline.
     reading
         Keyword arguments of `read_image_stack`.
     building
@@ -38,6 +41,7 @@ class StackJob:
     stack: Path
     output: Path
     figure: Path | None = None
+    recut: When = "auto"
     reading: dict[str, Any] = field(default_factory=dict[str, Any])
     building: dict[str, Any] = field(default_factory=dict[str, Any])
 
@@ -89,12 +93,17 @@ def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = 
         If the images cannot be read, show no organ, or a file cannot be written.
     """
     images = read_image_stack(job.stack, **job.reading)
-    built = build_organ(images, progress=progress, **job.building)
+    building = dict(job.building)
+    where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}
+    suited = recut_where_needed(images, job.recut, **where)
+    if suited is not images:
+        building["seed"] = None  # it was of the images as they were
+    built = build_organ(suited, progress=progress, **building)
     write_organ(built.organ, job.output)
     if job.figure is not None:
         edges = [contour.outer for contour in built.contours]
         draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
-    return facts(built, stack=job.stack, bytes_in=images.bytes_in, output=job.output)
+    return facts(built, suited, stack=job.stack, output=job.output)
 
 
 def jobs_into(
@@ -102,6 +111,7 @@ def jobs_into(
     stacks: Sequence[Path],
     *,
     figures: Path | None,
+    recut: When,
     reading: dict[str, Any],
     building: dict[str, Any],
 ) -> list[StackJob]:
@@ -118,7 +128,7 @@ def jobs_into(
         Where the images are.
     figures
         Where the figures go, or None.
-    reading, building
+    recut, reading, building
         As in a `StackJob`.
 
     Returns
@@ -141,6 +151,7 @@ def jobs_into(
             stack=stack,
             output=folder / f"{name}.organ",
             figure=None if figures is None else figures / f"{name}.png",
+            recut=recut,
             reading=reading,
             building=building,
         )

@@ -182,7 +182,9 @@ class Dissection:
             out,
         )
 
-    def torn_at(self, check: RuptureCheck, *, edge_length: float) -> tuple[TornPiece, TornPiece]:
+    def torn_at(
+        self, check: RuptureCheck, *, edge_length: float, seed: int = 1
+    ) -> tuple[TornPiece, TornPiece]:
         """Return the two pieces that the organ tears into.
 
         Parameters
@@ -191,6 +193,8 @@ class Dissection:
             Where it tears, and on which side first.
         edge_length
             Wanted length of the triangles' edges, mm.
+        seed
+            Chooses the rim's raggedness.
 
         Returns
         -------
@@ -202,6 +206,7 @@ class Dissection:
             min(self.clamps[0] + check.station, self.clamps[1]),
             (check.tension_side or 1) * self.frame[:, 2],
             edge_length=edge_length,
+            seed=seed,
         )
 
 

@@ -1,179 +1,44 @@
 """A session: one trainee's duct, its inputs, its state and its steps in time. No viewer in it."""
 
-import math
-from dataclasses import dataclass
-from enum import StrEnum
+import contextlib
 from threading import RLock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import tear_course
-from app.simulation.dissection import PIECES, Dissection, default_preset, fits
+from app.simulation.clock import Clock
+from app.simulation.dissection import Dissection, default_preset, fits
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import Exercise, HoldStretch
+from app.simulation.exercise_course import exercises_for
+from app.simulation.feedback import Feedback
+from app.simulation.ghost import Ghost, GhostReading
+from app.simulation.grasped_duct import GraspedDuct, Load
+from app.simulation.measures import Measures
+from app.simulation.model import Model
 from app.simulation.preset import Preset, preset_named, presets
+from app.simulation.pulled_duct import PulledDuct
+from app.simulation.reading import Phase, Reading, Surface
+from app.simulation.run import Run, StartingPoint
+from app.simulation.run_log import InputKind, OrganIdentity, RunFile
+from app.simulation.swinging_chain import SwingingChain
 from organ_geometry.organ import Organ
-from organ_geometry.skin import BoundSkin, Skin, organ_skin
-from organ_geometry.tear import TornPiece
-from physics import (
-    Beam,
-    BreakEvent,
-    Cubic,
-    Equilibrium,
-    NoEquilibrium,
-    Pull,
-    RuptureCheck,
-    Theory,
-    break_event,
-    check_rupture,
-    critical_stations,
-)
+from physics import Cubic, NoEquilibrium, Theory
 
-__all__ = ["Phase", "Reading", "Session", "Surface"]
+__all__ = ["VERTICES", "Phase", "Reading", "Session", "Surface"]
 
 VERTICES = 5000
 """Vertices of the skin, about: what a browser without a graphics card still draws smoothly."""
-GRASP_MARGIN = 0.1
-"""Part of the span next to each clamp where the grasper finds no room."""
-THRESHOLD_RANGE = (0.25, 2.0)
-"""How far the threshold may be moved, in thresholds of the preset."""
-FORCE_RANGE = 1.5
-"""Largest force, in forces at break with a grasp in the middle."""
-RAMP_SECONDS = 0.75
-"""Time in which the pull can grow from nothing to the force at break."""
-BOUNDLESS_DEFLECTION = 1.0
-"""Deflection, in spans, that sets the range of forces for a duct that cannot be broken."""
-
-
-class Phase(StrEnum):
-    """What the duct is going through."""
-
-    INTACT = "intact"
-    TEARING = "tearing"
-    TORN = "torn"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """One closed surface to draw: its faces stay, its vertices move.
-
-    Attributes
-    ----------
-    name
-        "skin" while the duct is whole, else "first_piece" or "second_piece".
-    skin
-        The surface at rest.
-    vertices
-        (V, 3) places, mm; overwritten by each step.
-    """
-
-    name: str
-    skin: Skin
-    vertices: NDArray[np.float32]
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What the instruments show after a step.
-
-    Attributes
-    ----------
-    phase
-        What the duct is going through.
-    force
-        The grasper's whole force, N.
-    deflection
-        Displacement of the grasp, mm; 0 once the duct is in two.
-    check
-        Highest stress held against the threshold; at the break once it is torn.
-    breaks_at
-        Load at which the duct would break, or broke; None if it cannot.
-    deepest
-        Largest deflection of this pull, mm.
-    hook
-        The duct's axis at the grasp, mm from the first clamp along the clamps, sideways and
-        along the pull.
-    """
-
-    phase: Phase
-    force: float
-    deflection: float
-    check: RuptureCheck
-    breaks_at: BreakEvent | None
-    deepest: float
-    hook: tuple[float, float, float]
-
-
-@dataclass(slots=True)
-class _Tear:
-    pulled: Equilibrium
-    event: BreakEvent
-    pieces: tuple[TornPiece, TornPiece]
-    bound: tuple[BoundSkin, BoundSkin]
-    elapsed: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Model:
-    """What is solved: found in full before a session takes it, so that a refusal changes nothing.
-
-    Attributes
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that was chosen.
-    solved
-        The theory as it solves this organ.
-    threshold
-        The preset's threshold for it, MPa.
-    force_limit
-        Largest force the grasper gives, N.
-    force_per_second
-        How fast the pull grows, N/s.
-    """
-
-    dissection: Dissection
-    theory: Theory
-    solved: Theory
-    threshold: float
-    force_limit: float
-    force_per_second: float
-
-    @classmethod
-    def of(cls, dissection: Dissection, theory: Theory) -> "_Model":
-        solved, beam = dissection.theory_for(theory), dissection.beam
-        threshold = dissection.preset.threshold(solved, beam)
-        middle = 0.5 * beam.span
-        event = break_event(solved, beam, middle, threshold)
-        if event is None:
-            limit = _farthest_force(solved, beam, middle)
-        else:
-            limit = FORCE_RANGE * event.force
-        return cls(
-            dissection,
-            theory,
-            solved,
-            threshold,
-            _rounded_up(limit),
-            limit / FORCE_RANGE / RAMP_SECONDS,
-        )
-
-
-def _farthest_force(theory: Theory, beam: Beam, grasp: float) -> float:
-    """Return the force at a deflection that no duct needs, or where the theory ends, N."""
-    deflection = BOUNDLESS_DEFLECTION * beam.span
-    while True:
-        try:
-            return theory.under_deflection(beam, grasp, deflection, np.empty(0)).force
-        except NoEquilibrium:
-            deflection *= 0.8
+TASK_THRESHOLD = 0.5
+"""Force above which a run's time is counted, in forces at break with a grasp in the middle."""
 
 
 class Session:
     """One duct under one grasper, stepped in time. Safe to call from several threads.
 
     Inputs out of range are clamped to it and inputs that are no number are ignored: they come
-    from a browser. Steps and readings happen whether or not anybody looks.
+    from a browser. Steps and readings happen whether or not anybody looks. Time goes in ticks of
+    `TICK_SECONDS`; what happens is a function of the inputs and the ticks they come at, to the bit.
 
     Parameters
     ----------
@@ -183,76 +48,105 @@ class Session:
         The preset to start with; `default_preset` when None.
     vertices
         About how many vertices the skin shall have.
+    seed
+        Chooses the raggedness of the torn rim.
     """
 
     def __init__(
-        self, organ: Organ, preset: Preset | None = None, *, vertices: int = VERTICES
+        self,
+        organ: Organ,
+        preset: Preset | None = None,
+        *,
+        vertices: int = VERTICES,
+        seed: int = 1,
     ) -> None:
         self._lock = RLock()
-        self._organ = organ
-        walls = 2 if organ.hollow else 1
-        area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
-        self._edge_length = min(math.sqrt(area / vertices), organ.mean_radius)
-        self._skin = organ_skin(organ, edge_length=self._edge_length)
-        self._tear: _Tear | None = None
-        self._shape = 0
-        self._force: float = 0.0
-        self._force_wanted: float = 0.0
-        self._deepest: float = 0.0
+        self._clock = Clock()
+        self._organ, self._seed = organ, seed
+        self._drawn = DrawnDuct(organ, vertices)
+        self._ghost: Ghost | None = None
+        self._chain: SwingingChain | None = None
+        self._run = Run(0.0)
+        self._last_run: Run | None = None
         dissection = Dissection.of(organ, preset or default_preset(organ))
-        self._start(_Model.of(dissection, Cubic()))
+        self._start(Model.of(dissection, Cubic()))
 
     @property
     def dissection(self) -> Dissection:
         """The dissection of the chosen preset."""
-        return self._model.dissection
+        return self._pulled.model.dissection
 
     @property
     def theory(self) -> Theory:
         """The chosen theory."""
-        return self._model.theory
+        return self._pulled.model.theory
 
     @property
     def grasp(self) -> float:
         """Distance of the grasp from the first clamp that was asked for, mm."""
-        return self._grasp_wanted
+        return self._pulled.grasp_wanted
 
     @property
     def grasp_range(self) -> tuple[float, float]:
         """Where the grasper can hold, mm from the first clamp."""
-        span = self._model.dissection.beam.span
-        return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
+        return self._pulled.grasp_range
 
     @property
     def force_wanted(self) -> float:
-        """Force that the pull grows or falls to, N."""
-        return self._force_wanted
+        """Force that the pull grows or falls to, N; by hand the one that the beam answers with."""
+        control = self._pulled.control
+        return control.force if control.mode == "hand" else control.force_wanted
 
     @property
     def force_limit(self) -> float:
         """Largest force the grasper gives, N."""
-        return self._model.force_limit
+        return self._pulled.model.force_limit
+
+    @property
+    def deflection_limit(self) -> float:
+        """Largest deflection that a hand can ask for, mm."""
+        with self._lock:
+            return self._pulled.grasped.deflection_limit
 
     @property
     def threshold(self) -> float:
         """Stress at which the duct tears that was asked for, MPa."""
-        return self._threshold_wanted
+        return self._pulled.threshold_wanted
 
     @property
     def threshold_range(self) -> tuple[float, float]:
         """How far the threshold may be moved, MPa."""
-        low, high = THRESHOLD_RANGE
-        return low * self._model.threshold, high * self._model.threshold
+        return self._pulled.threshold_range
+
+    @property
+    def stress_range(self) -> tuple[float, float]:
+        """Ends of the scale of stress on the surface, MPa: none, and the threshold."""
+        return 0.0, self._pulled.threshold_wanted
 
     @property
     def shape(self) -> int:
         """Number that changes whenever `surfaces` are others than before."""
-        return self._shape
+        return self._drawn.shape
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """The closed surfaces to draw."""
-        return self._surfaces
+        return self._drawn.surfaces
+
+    @property
+    def ghost(self) -> Ghost | None:
+        """The other theory's duct, while this one is whole."""
+        return self._ghost if self._pulled.tear is None else None
+
+    @property
+    def chain(self) -> SwingingChain | None:
+        """The chain of masses and springs beside the duct, while this one is whole."""
+        return self._chain if self._pulled.tear is None else None
+
+    @property
+    def run(self) -> Run:
+        """The run that goes: its time, its exercise and how that stands; for looking at."""
+        return self._run
 
     def presets_offered(self) -> list[Preset]:
         """Return the presets that this organ can be clamped for.
@@ -264,6 +158,19 @@ class Session:
         """
         return [preset for preset in presets().values() if fits(self._organ, preset)]
 
+    def exercises_offered(self) -> tuple[Exercise, ...]:
+        """Return the exercises for this duct, with the present grasp and threshold.
+
+        Returns
+        -------
+        tuple[Exercise, ...]
+            The exercises; their numbers follow from the duct's own break.
+        """
+        with self._lock:
+            pulled = self._pulled
+            duct = GraspedDuct(pulled.model, pulled.grasp_wanted, pulled.threshold_wanted)
+        return exercises_for(duct)
+
     def set_force(self, force: float) -> None:
         """Ask for a force; the pull grows or falls to it in the next steps.
 
@@ -272,8 +179,87 @@ class Session:
         force
             The grasper's whole force, N.
         """
-        if self._tear is None and math.isfinite(force):
-            self._force_wanted = min(max(float(force), 0.0), self._model.force_limit)
+        with self._lock:
+            if self._pulled.takes(force):
+                if force > 0.0:
+                    self._begin_run()
+                self._note("force", self._pulled.ask_force(force))
+
+    def station_at(self, place: tuple[float, float, float]) -> float:
+        """Return where along the duct a place in space is, for a hand to take hold there.
+
+        Parameters
+        ----------
+        place
+            mm from the first clamp along the clamps, sideways and along the pull, as
+            `Reading.hook`.
+
+        Returns
+        -------
+        float
+            Station of the nearest point of the axis as it lies now, mm from the first clamp.
+        """
+        with self._lock:
+            return self._pulled.grasped.station_at(np.array(place, dtype=np.float64))
+
+    def grab(self, station: float) -> float | None:
+        """Take the duct by hand, at a place and as far out as it is there.
+
+        Parameters
+        ----------
+        station
+            Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
+
+        Returns
+        -------
+        float | None
+            Displacement of the duct there, mm, from which the hand goes on; None if nothing was
+            taken hold of.
+        """
+        with self._lock:
+            if not self._pulled.takes(station):
+                return None
+            self._begin_run()
+            self._note("grab", self._pulled.grab(station))
+            return self._pulled.control.deflection
+
+    def hand_to(self, deflection: float) -> None:
+        """Lead the hand that holds the duct; the grasp follows in the next steps.
+
+        The hand sets the displacement, the beam answers with the force. A hook pulls and does not
+        push: below zero the duct lies where it is at rest.
+
+        Parameters
+        ----------
+        deflection
+            Wanted displacement of the grasp along the pull, mm.
+        """
+        with self._lock:
+            if self._pulled.takes(deflection):
+                self._note("hand", self._pulled.lead_to(deflection))
+
+    def hand_to_place(self, place: tuple[float, float, float]) -> None:
+        """Lead the hand to a place in space.
+
+        The beam bends in one plane, so of the hand's way only the part along the pull counts: what
+        it moves along the clamps or sideways slides over the duct.
+
+        Parameters
+        ----------
+        place
+            mm from the first clamp along the clamps, sideways and along the pull, as
+            `Reading.hook`.
+        """
+        with self._lock:
+            dissection = self.dissection
+            rest = dissection.axis_point(self.grasp) - dissection.axis_point(0.0)
+            self.hand_to(float(place[2]) - float(rest @ dissection.frame[:, 2]))
+
+    def let_go(self) -> None:
+        """Let the duct spring back."""
+        with self._lock:
+            if self._pulled.tear is None and self._pulled.control.let_go():
+                self._run.note("let-go")
 
     def set_grasp(self, grasp: float) -> None:
         """Ask for another grasp, taken with the next step.
@@ -283,9 +269,9 @@ class Session:
         grasp
             Distance from the first clamp, mm.
         """
-        if self._tear is None and math.isfinite(grasp):
-            low, high = self.grasp_range
-            self._grasp_wanted = min(max(float(grasp), low), high)
+        with self._lock:
+            if self._pulled.takes(grasp):
+                self._note("grasp", self._pulled.ask_grasp(grasp))
 
     def set_threshold(self, threshold: float) -> None:
         """Ask for another stress at which the duct tears, taken with the next step.
@@ -295,9 +281,9 @@ class Session:
         threshold
             Normal plus bending stress, MPa.
         """
-        if self._tear is None and math.isfinite(threshold):
-            low, high = self.threshold_range
-            self._threshold_wanted = min(max(float(threshold), low), high)
+        with self._lock:
+            if self._pulled.takes(threshold):
+                self._note("threshold", self._pulled.ask_threshold(threshold))
 
     def choose_preset(self, name: str) -> None:
         """Start anew with another preset; a torn duct is reset first, by `reset`.
@@ -314,9 +300,9 @@ class Session:
             its break; nothing changes.
         """
         dissection = Dissection.of(self._organ, preset_named(name))
-        model = _Model.of(dissection, self._model.theory)
+        model = Model.of(dissection, self.theory)
         with self._lock:
-            if self._tear is None:
+            if self._pulled.tear is None:
                 self._start(model)
 
     def choose_theory(self, theory: Theory) -> None:
@@ -333,65 +319,114 @@ class Session:
             If the theory ends before the preset's break; nothing changes.
         """
         # Outside the lock: a theory's first solution may have to be compiled.
-        model = _Model.of(self._model.dissection, theory)
+        model = Model.of(self.dissection, theory)
         with self._lock:
-            if self._tear is None:
-                self._model = model
-                self._threshold_wanted = model.threshold
-                self._force_wanted = min(self._force_wanted, model.force_limit)
-                self._force = min(self._force, model.force_limit)
-                self._deepest = 0.0
-                self._refresh()
+            if model.dissection is not self.dissection:  # another duct was chosen meanwhile
+                model = Model.of(self.dissection, theory)
+            if self._pulled.tear is None:
+                self._pulled.solve_by(model)
+                if self._run.started:
+                    self._run.note("theory", theory)
+                else:
+                    self._new_run(self._run.exercise, self._run.feedback)
+
+    def choose_ghost(self, theory: Theory | None) -> None:
+        """Lay the duct by another theory over this one, under the same load.
+
+        Parameters
+        ----------
+        theory
+            The other theory; None takes the ghost away.
+
+        Raises
+        ------
+        ValueError
+            If the theory ends before the preset's break; nothing changes.
+        """
+        model = None if theory is None else Model.of(self.dissection, theory)
+        with self._lock:
+            if model is not None and model.dissection is not self.dissection:
+                model = Model.of(self.dissection, model.theory)
+            self._ghost = None if model is None else Ghost(model, self._drawn.skin)
+            self._pulled.touch()
+
+    def show_chain(self, shown: bool) -> None:
+        """Set the mass-spring chain beside the beam, or take it away.
+
+        Parameters
+        ----------
+        shown
+            Whether it shall be there.
+        """
+        with self._lock:
+            if shown != (self._chain is not None):
+                self._chain = self._new_chain() if shown else None
+                self._pulled.touch()
+
+    def start_exercise(self, exercise: Exercise, feedback: Feedback = Feedback.CONTINUOUS) -> None:
+        """Start anew with an exercise; its time runs from the first pull.
+
+        Parameters
+        ----------
+        exercise
+            The exercise.
+        feedback
+            When the trainee sees the figures.
+        """
+        with self._lock:
+            self.reset()
+            self._new_run(exercise, feedback)
+
+    def finish(self) -> None:
+        """End the run as it stands; the duct stays as it is."""
+        with self._lock:
+            self._run.finish()
 
     def reset(self) -> None:
-        """Let go of the duct and make it whole."""
+        """Let go of the duct and make it whole: the next pull starts a run without an exercise."""
         with self._lock:
-            self._force = self._force_wanted = 0.0
-            self._deepest = 0.0
-            if self._tear is not None:
-                self._tear = None
-                self._show_whole()
-            self._stale = True
+            if self._pulled.reset():
+                self._drawn.show_whole()
+            self._new_run()
 
     def step(self, seconds: float) -> bool:
-        """Advance the duct in time.
+        """Advance the duct by as many ticks as real time asks for, and draw it.
 
         Parameters
         ----------
         seconds
-            Length of the step, s.
+            Real time since the last step, s.
 
         Returns
         -------
         bool
-            Whether anything has changed since the last step.
+            Whether anything has changed since the last step, or is about to.
         """
         with self._lock:
-            if self._tear is not None:
-                return self._step_tear(self._tear, seconds)
-            moved = self._grasp != self._grasp_wanted
-            if moved or self._threshold != self._threshold_wanted:
-                self._deepest = 0.0 if moved else self._deepest
-                self._refresh()
-            if self._force == self._force_wanted and not self._stale:
-                return False
-            self._stale = False
-            before = self._force, self._deepest
-            most = self._model.force_per_second * seconds
-            self._force += min(max(self._force_wanted - self._force, -most), most)
-            try:
-                self._solve()
-            except NoEquilibrium:  # as far as the law carries
-                self._force = self._force_wanted = before[0]
-                return True
-            if self._check.broken:
-                self._start_tear(*before)
-            else:
-                self._bound.deform(
-                    self._model.dissection.move(self._pulled, self._transforms),
-                    self._surfaces[0].vertices,
-                )
-            return True
+            return self.advance(self._clock.ticks(seconds)) or self._pulled.moving
+
+    def advance(self, ticks: int = 1) -> bool:
+        """Advance the duct by a number of ticks, and draw it as it is then.
+
+        Parameters
+        ----------
+        ticks
+            How many.
+
+        Returns
+        -------
+        bool
+            Whether anything has changed.
+        """
+        with self._lock:
+            changed = False
+            for _ in range(ticks):
+                changed |= self._tick()
+            if changed:
+                self._drawn.draw(self._pulled)
+                if self.ghost is not None:
+                    self.ghost.draw()
+            return changed
 
     def reading(self) -> Reading:
         """Return what the instruments show now.
@@ -402,25 +437,42 @@ class Session:
             The reading.
         """
         with self._lock:
-            tear = self._tear
-            if tear is None:
-                phase, force, shown = Phase.INTACT, self._force, 1.0
-            elif tear.elapsed < tear_course.RUN_SECONDS:
-                phase, force, shown = Phase.TEARING, tear.event.force, 1.0
-            else:
-                phase, force, shown = Phase.TORN, 0.0, 0.0
-            deflection = shown * self._pulled.deflection
-            slide = shown * self._slide
-            rest = self._grasp_at_rest
-            return Reading(
-                phase=phase,
-                force=force,
-                deflection=deflection,
-                check=self._check,
-                breaks_at=tear.event if tear else self._breaks_at,
-                deepest=self._deepest,
-                hook=(float(rest[0]) + slide, float(rest[1]), float(rest[2]) + deflection),
-            )
+            return self._pulled.reading()
+
+    def ghost_reading(self) -> GhostReading | None:
+        """Return what the ghost's theory says beside this one.
+
+        Returns
+        -------
+        GhostReading | None
+            The reading; None without a ghost, and where its theory ends before the load.
+        """
+        with self._lock:
+            if self.ghost is None:
+                return None
+            control, grasped = self._pulled.control, self._pulled.grasped
+            return self.ghost.reading(control.grip_force, grasped.pulled.deflection)
+
+    def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
+        """Write the stress along the organ at each vertex of a surface.
+
+        Normal plus bending stress by the beam; on the pieces of a tear what they carry until the
+        front has crossed.
+
+        Parameters
+        ----------
+        out
+            (V,) receives the stress, MPa.
+        surface
+            Which of `surfaces`.
+
+        Returns
+        -------
+        NDArray[np.float32]
+            `out`.
+        """
+        with self._lock:
+            return self._drawn.write_stress(self._pulled, surface, out)
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the chosen theory's force-deflection curve, past the break and past this pull.
@@ -436,112 +488,123 @@ class Session:
             (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
         """
         with self._lock:
-            beam = self._model.dissection.beam
-            last = (
-                self._breaks_at.deflection if self._breaks_at else BOUNDLESS_DEFLECTION * beam.span
-            )
-            deflections = np.linspace(0.0, 1.15 * max(last, self._deepest), count)
-            pull = Pull(self._model.solved, beam, self._grasp)
-        nowhere = np.empty(0)
-        forces: list[float] = []
-        try:
-            forces.extend(pull.to_deflection(each, nowhere).force for each in deflections.tolist())
-        except NoEquilibrium:
-            deflections = deflections[: len(forces)]
-        return deflections, np.array(forces)
+            duct, deepest = self._pulled.grasped, self._pulled.deepest
+        return duct.curve(count, deepest=deepest)
 
-    def _start(self, model: "_Model") -> None:
+    def measures(self) -> Measures:
+        """Return the measures of this run so far.
+
+        Returns
+        -------
+        Measures
+            The measures.
+        """
+        with self._lock:
+            return self._run.measures()
+
+    def run_file(self) -> RunFile:
+        """Return this run so far, to keep, download and replay.
+
+        Returns
+        -------
+        RunFile
+            The run, its measures and its outcome; a `ValueError` says if nothing was pulled yet.
+        """
+        with self._lock:
+            return self._file(self._run)
+
+    def last_run_file(self) -> RunFile | None:
+        """Return the run before this one: a reset does not take its result away.
+
+        Returns
+        -------
+        RunFile | None
+            The run; None if there was none.
+        """
+        with self._lock:
+            return None if self._last_run is None else self._file(self._last_run)
+
+    def _start(self, model: Model) -> None:
         """Start anew with a model that has been found."""
-        self._model = model
-        self._bound = self._skin.bound_to(model.dissection.driving)
-        self._transforms = model.dissection.rest_transforms()
-        self._grasp_wanted = 0.5 * model.dissection.beam.span
-        self._threshold_wanted = model.threshold
-        self._force = self._force_wanted = 0.0
-        self._deepest = 0.0
-        self._tear = None
-        self._show_whole()
-        self._refresh()
+        dissection = model.dissection
+        self._pulled = PulledDuct(model, edge_length=self._drawn.edge_length, seed=self._seed)
+        self._drawn.follow(dissection)
+        if self._ghost is not None:
+            theory, self._ghost = self._ghost.model.theory, None
+            # A theory that ends before this duct's break has no ghost of it.
+            with contextlib.suppress(NoEquilibrium):
+                self._ghost = Ghost(Model.of(dissection, theory), self._drawn.skin)
+        if self._chain is not None:
+            self._chain = self._new_chain()
+        self._new_run()
 
-    def _refresh(self) -> None:
-        """Bring what depends on the inputs up to date; where the law ends, give way."""
-        self._grasp, self._threshold = self._grasp_wanted, self._threshold_wanted
-        dissection, solved = self._model.dissection, self._model.solved
-        beam = dissection.beam
-        self._grasp_at_rest = dissection.frame.T @ (
-            dissection.axis_point(self._grasp) - dissection.axis_point(0.0)
+    def _new_run(
+        self, exercise: Exercise | None = None, feedback: Feedback = Feedback.CONTINUOUS
+    ) -> None:
+        task_threshold = TASK_THRESHOLD * self._pulled.model.break_force
+        if isinstance(exercise, HoldStretch):
+            task_threshold = exercise.force_limit_N
+        if self._run.started:
+            self._run.finish()
+            self._last_run = self._run
+        self._run = Run(task_threshold, exercise, feedback)
+
+    def _file(self, run: Run) -> RunFile:
+        log = run.log(OrganIdentity.of(self._organ), self._seed)
+        return RunFile.of(log, run.measures(), run.outcome)
+
+    def _begin_run(self) -> None:
+        """Start the run's clock with the first pull, on a duct that nothing was done to before."""
+        if self._run.started or self._run.over:
+            return
+        model, pulled = self._pulled.model, self._pulled
+        self._run.start(
+            StartingPoint(
+                model.dissection.preset.name,
+                model.theory,
+                pulled.grasp_wanted,
+                pulled.threshold_wanted,
+            )
         )
-        self._breaks_at = break_event(solved, beam, self._grasp, self._threshold)
-        stations = dissection.beam_stations
-        critical = critical_stations(beam, self._grasp, theory=solved)
-        self._driven = slice(0, stations.size)
-        self._loaded = slice(stations.size, None)
-        self._stations = np.concatenate([stations, critical])
-        self._grasped = stations.size + int(np.searchsorted(critical, self._grasp))
-        self._pull = Pull(solved, beam, self._grasp)
-        self._stale = True
-        while True:
-            try:
-                self._solve()
-            except NoEquilibrium:
-                self._force *= 0.9
-                self._force_wanted = self._force
-            else:
-                return
+        pulled.renew()
 
-    def _solve(self) -> None:
-        """Find the equilibrium under the present force and hold it against the threshold."""
-        pulled = self._pull.to_force(self._force, self._stations)
-        self._pulled = pulled.part(self._driven)
-        self._slide = float(pulled.along[self._grasped]) - self._grasp
-        self._check = check_rupture(pulled.part(self._loaded), self._threshold)
-        self._deepest = max(self._deepest, pulled.deflection)
+    def _note(self, kind: InputKind, wish: float | None) -> None:
+        if wish is not None:
+            self._run.note(kind, wish)
 
-    def _show_whole(self) -> None:
-        self._surfaces = (Surface("skin", self._skin, self._skin.vertices.copy()),)
-        self._shape += 1
-        self._stale = True
+    def _new_chain(self) -> SwingingChain:
+        grasped = self._pulled.grasped
+        chain = SwingingChain(self.dissection.beam, grasped.grasp)
+        chain.start_from(grasped.pulled.deflection)
+        return chain
 
-    def _start_tear(self, force_before: float, deepest_before: float) -> None:
-        """Tear the duct at the load that met the criterion, between the last step and this."""
-        at_break = self._force
-        if self._breaks_at is not None:
-            at_break = min(max(self._breaks_at.force, force_before), self._force)
-        self._force, self._deepest = at_break, deepest_before
-        self._solve()
-        pieces = self._model.dissection.torn_at(self._check, edge_length=self._edge_length)
-        driving = self._model.dissection.driving
-        self._tear = _Tear(
-            pulled=self._pulled,
-            event=BreakEvent(at_break, self._pulled.deflection, self._check),
-            pieces=pieces,
-            bound=(pieces[0].skin.bound_to(driving), pieces[1].skin.bound_to(driving)),
-        )
-        self._surfaces = tuple(
-            Surface(name, piece.skin, piece.skin.vertices.copy())
-            for name, piece in zip(PIECES, pieces, strict=True)
-        )
-        self._shape += 1
-        self._draw_tear(self._tear)
-
-    def _step_tear(self, tear: _Tear, seconds: float) -> bool:
-        if tear.elapsed >= tear_course.SETTLED_SECONDS:
-            return False
-        tear.elapsed += seconds
-        if tear.elapsed >= tear_course.RUN_SECONDS:
-            self._force = self._force_wanted = 0.0
-        self._draw_tear(tear)
-        return True
-
-    def _draw_tear(self, tear: _Tear) -> None:
-        front, part = tear_course.front(tear.elapsed), tear_course.swing(tear.elapsed)
-        self._model.dissection.move(tear.pulled, self._transforms, part=part)
-        for surface, piece, bound in zip(self._surfaces, tear.pieces, tear.bound, strict=True):
-            bound.deform(self._transforms, surface.vertices)
-            piece.open(front, surface.vertices)
-
-
-def _rounded_up(value: float) -> float:
-    """Return the value rounded up to two digits, for the end of a scale."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return math.ceil(value / unit) * unit
+    def _tick(self) -> bool:
+        """Advance by one tick without drawing."""
+        pulled, was_whole = self._pulled, self._pulled.tear is None
+        place = pulled.grasped.grasp
+        changed = pulled.tick()
+        if not was_whole:
+            return changed
+        control, grasped, tear = pulled.control, pulled.grasped, pulled.tear
+        if grasped.grasp != place:
+            self._run.regrasp()
+        if self._ghost is not None and changed:
+            self._ghost.follow(grasped.grasp, control.load)
+        if self._chain is not None:
+            if self._chain.grasp != grasped.grasp:
+                self._chain = self._new_chain()
+            free = control.mode == "free"
+            changed |= self._chain.advance(Load("force", 0.0) if free else control.load)
+        if self._run.going:
+            self._run.take(
+                control.grip_force if tear is None else tear.event.force,
+                grasped.pulled.deflection,
+                grasped.hook(),
+                grasped.check.distance_to_break,
+                came_from=pulled.came_from,
+                held=control.holds,
+                torn=None if tear is None else tear.event,
+            )
+        if tear is not None:
+            self._drawn.show(tear.surfaces)
+        return changed

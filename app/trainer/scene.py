@@ -1,6 +1,8 @@
 """The scene: the duct of one client between its clamps, and the hook that pulls it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import viser
@@ -8,27 +10,34 @@ from numpy.typing import NDArray
 from viser import transforms
 
 from app.simulation.session import Phase, Reading, Session, Surface
+from app.trainer.drag_proxy import DragProxy, Hold
+from app.trainer.stage.camera import TOWARDS_VIEWER
+from app.trainer.stage.contact import BITE, Contact, HookPlace, sink
+from app.trainer.stage.heat_map import UNLIT, HeatMap
 from app.trainer.stage.lighting import Look
+from app.trainer.stage.plain_tissue import TISSUE, PlainTissue
 from app.trainer.stage.stage import Stage
+from app.trainer.stage.streamed_mesh import keep_finish
+from app.trainer.stage.tissue import WET, Tissue, TornEnd
+from app.trainer.stage.wall import Wall
 
 __all__ = ["Scene"]
 
-TISSUE = (192, 124, 80)
-INSIDE = (138, 48, 40)
-"""sRGB colours of the outer wall, and of the lumen and torn tissue."""
 SAME_STAGE = 0.01
 """Change of the span that the eye does not see: a megabyte need not be sent anew for it."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
+_TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drawn:
-    """A mesh in the browser and the surface's vertices that it shows."""
+    """A surface of the session, the marks that instruments leave on it, and its picture."""
 
-    mesh: viser.MeshHandle
     surface: Surface
-    used: NDArray[np.int32]
+    contact: Contact
+    tissue: Tissue | PlainTissue
+    ring_ends: NDArray[np.int64]
 
 
 class Scene:
@@ -52,29 +61,148 @@ class Scene:
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self._arch = 0.0
+        self._hand: DragProxy | None = None
+        self._heat_wanted = False
+        self._heat_maps: list[HeatMap] = []
+        keep_finish(client.scene, "/finish/unlit", UNLIT, unlit=True)
+        if look == "full":
+            keep_finish(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
+        # Once for the client, not for each stage: viser keeps every callback as long as the client.
+        client.camera.on_update(self._camera_moved)
 
-    def draw(self, reading: Reading) -> None:
+    def _camera_moved(self, camera: viser.CameraHandle) -> None:
+        if self._stage is not None:
+            self._stage.camera_moved(camera.client)
+
+    @property
+    def heat_wanted(self) -> bool:
+        """Whether `draw` has use for the stress on the surfaces."""
+        return self._heat_wanted
+
+    def set_heat(self, wanted: bool) -> None:
+        """Show the stress on the surface instead of tissue, from the next `draw` that has it.
+
+        Parameters
+        ----------
+        wanted
+            Whether the heat map is wanted.
+        """
+        self._heat_wanted = wanted
+        if wanted and not self._heat_maps:
+            self._add_heat_maps()
+
+    def draw(
+        self, reading: Reading, stress: Sequence[NDArray[np.floating[Any]]] | None = None
+    ) -> None:
         """Draw the session as it is now.
 
         Parameters
         ----------
         reading
             The session's reading.
+        stress
+            For each of the session's surfaces, (V,) stress of its vertices by the threshold.
         """
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(self._lift(stage, reading), self._client)
             if self._session.shape != self._shape:
                 self._rebuild()
+            hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
-                drawn.mesh.vertices = drawn.surface.vertices[drawn.used]
-            lift = LIFT_AFTER_TEAR * stage.radius if reading.phase is Phase.TORN else 0.0
-            stage.place_hook(np.add(reading.hook, (0.0, 0.0, lift)), (0.0, 0.0, 1.0))
+                drawn.contact.mark(drawn.surface.vertices, hook)
+            stage.cast_shadow(self._axis())
+            if self._hand is not None and len(self._drawn) == 1:
+                self._hand.follow(self._drawn[0].contact.vertices)
+            if self._heat_wanted and stress is not None:
+                self._show_heat(stress)
+            else:
+                self._show_tissue()
+
+    def _show_tissue(self) -> None:
+        for drawn in self._drawn:
+            drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
+            drawn.tissue.visible = True
+        for heat_map in self._heat_maps:
+            heat_map.visible = False
+
+    def _add_heat_maps(self) -> None:
+        """Send the heat maps before they are looked at: their shader takes its time."""
+        viewer = self._session.dissection.frame @ TOWARDS_VIEWER
+        self._heat_maps = [
+            HeatMap(
+                self._client.scene,
+                f"/organ/{drawn.surface.name}_stress",
+                drawn.surface.skin,
+                viewer,
+                torn=drawn.surface.name in _TORN_ENDS,
+            )
+            for drawn in self._drawn
+        ]
+        for drawn, heat_map in zip(self._drawn, self._heat_maps, strict=True):
+            heat_map.visible = False
+            heat_map.show(drawn.contact.vertices, drawn.contact.shade)
+
+    def _show_heat(self, stress: Sequence[NDArray[np.floating[Any]]]) -> None:
+        if not self._heat_maps:
+            self._add_heat_maps()
+        for drawn, heat_map, share in zip(self._drawn, self._heat_maps, stress, strict=True):
+            heat_map.show(drawn.contact.vertices, share)
+            heat_map.visible = True
+            drawn.tissue.visible = False
+
+    def let_drag(
+        self,
+        grabbed: Callable[[Hold], None],
+        moved: Callable[[Hold], None],
+        released: Callable[[], None],
+    ) -> None:
+        """Let the mouse drag duct and hook, from the next `draw` on.
+
+        Parameters
+        ----------
+        grabbed, moved, released
+            Those of `DragProxy`; they run on the server's loop and write inputs only.
+        """
+        self._hand = DragProxy(self._client, grabbed=grabbed, moved=moved, released=released)
+        self._offer_hand()
+
+    def _offer_hand(self) -> None:
+        """Let the whole duct be held, and a torn one not."""
+        hand, dissection = self._hand, self._session.dissection
+        if hand is None:
+            return
+        hand.let_go()
+        if len(self._drawn) == 1:
+            first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+            hand.set_duct(self._drawn[0].surface.skin, dissection.frame, first)
+            hand.set_hook(dissection.organ.mean_radius)
+            hand.follow(self._drawn[0].contact.vertices)
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
         self._set_stage().frame_camera(self._client)
+
+    def _axis(self) -> NDArray[np.float64]:
+        """Return points of the duct's axis as it is drawn, in the stage's coordinates, mm."""
+        dissection = self._session.dissection
+        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+        parts = [drawn.contact.vertices[drawn.ring_ends].mean(axis=1) for drawn in self._drawn]
+        return (np.concatenate(parts) - first) @ dissection.frame
+
+    def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
+        """Put the hook where it pulls, sunk into the wall, and return where that is."""
+        if reading.phase is Phase.TORN:
+            up = LIFT_AFTER_TEAR * stage.radius
+            stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)), (0.0, 0.0, 1.0))
+            return None
+        dissection = self._session.dissection
+        share = 1.0 - reading.check.distance_to_break
+        center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
+        stage.place_hook(center, (0.0, 0.0, 1.0))
+        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
+        return HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
 
     def _lift(self, stage: Stage, reading: Reading) -> float:
         """Return how high the picture must show the duct: its arch at rest and the break above."""
@@ -103,9 +231,14 @@ class Scene:
                 span=span,
                 radius=dissection.organ.mean_radius,
                 look=self._look,
+                bite=BITE,
                 tissue=TISSUE,
             )
             self._stage.frame_camera(self._client)
+        # A shader is compiled for what the camera sees.
+        self._client.scene.add_frame(
+            "/finish", show_axes=False, position=(0.5 * self._stage.span, 0.0, 0.0)
+        )
         # The organ stands where its images stand; the stage has its first clamp at the origin.
         turn = transforms.SO3.from_matrix(dissection.frame.T)
         self._client.scene.add_frame(
@@ -117,31 +250,31 @@ class Scene:
         """Show the session's surfaces instead of those shown so far."""
         self._shape = self._session.shape
         for drawn in self._drawn:
-            drawn.mesh.remove()
+            drawn.tissue.remove()
+        for heat_map in self._heat_maps:
+            heat_map.remove()
+        self._heat_maps = []
+        dissection, scene = self._session.dissection, self._client.scene
+        organ, radius = dissection.organ, dissection.organ.mean_radius
         self._drawn = []
         for surface in self._session.surfaces:
-            outer = surface.skin.outer_faces
-            faces = surface.skin.faces
-            self._draw_faces(surface, surface.name, faces[:outer], TISSUE)
-            # A mesh of its own: another colour, and a sharp edge along the torn rim.
-            self._draw_faces(surface, f"{surface.name}_inside", faces[outer:], INSIDE)
-
-    def _draw_faces(
-        self,
-        surface: Surface,
-        name: str,
-        faces: NDArray[np.int32],
-        color: tuple[int, int, int],
-    ) -> None:
-        used, renumbered = np.unique(faces, return_inverse=True)
-        mesh = self._client.scene.add_mesh_simple(
-            f"/organ/{name}",
-            surface.vertices[used],
-            renumbered.reshape(faces.shape).astype(np.uint32),
-            color=color,
-            side="double",
-            # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        self._drawn.append(_Drawn(mesh, surface, used))
+            skin, node = surface.skin, f"/organ/{surface.name}"
+            axis = organ.axis_at(skin.stations)
+            contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+            if self._look == "full":
+                tissue = Tissue(
+                    scene,
+                    node,
+                    skin,
+                    length=organ.length,
+                    radius=radius,
+                    torn_end=_TORN_ENDS.get(surface.name),
+                )
+            else:
+                tissue = PlainTissue(scene, node, skin)
+            wall = Wall.of(skin)
+            # Two opposite vertices of every other ring: their middle is on the axis.
+            rings = np.arange(0, wall.rings, 2)[:, None] * wall.sides
+            ring_ends = rings + np.array([0, wall.sides // 2])
+            self._drawn.append(_Drawn(surface, contact, tissue, ring_ends))
+        self._offer_hand()

@@ -6,6 +6,7 @@ import logging
 import socket
 import threading
 import time
+import warnings
 
 import numpy as np
 import viser
@@ -65,6 +66,8 @@ class Trainer:
         self._views: dict[int, ClientView] = {}
         self._views_lock = threading.Lock()
         self._stopping = threading.Event()
+        # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
+        warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         _warm(organ)
         self._server = _serve(host, port)
         # Where "reset view" leads; each client's own camera is set when its scene is drawn.

@@ -206,7 +206,7 @@ def test_help_names_every_preset() -> None:
 
 
 def test_help_of_every_command_has_an_example() -> None:
-    for name in ("trainer", "compress", "export", "solve"):
+    for name in ("trainer", "compress", "export", "solve", "replay"):
         done = run(name, "--help")
         assert done.returncode == 0
         assert f"bluntdissect {name}" in done.stdout

@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -236,14 +236,6 @@ class PretendedCamera:
         self.aspect = aspect
         self.position = self.look_at = self.up_direction = np.zeros(3)
         self.fov = self.near = self.far = self.max_orbit_distance = 0.0
-        self.callbacks: list[Callable[[Any], None]] = []
-
-    def on_update(self, callback: Callable[[Any], None]) -> None:
-        self.callbacks.append(callback)
-
-    def update(self) -> None:
-        for callback in self.callbacks:
-            callback(self)
 
 
 def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
@@ -257,24 +249,24 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
     camera.position = np.full(3, 3.0)  # the browser resets the camera after it connects
-    camera.update()
+    stage.camera_moved(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
     now[0] += 10.0
     camera.aspect = 0.6  # the window is turned
-    camera.update()
+    stage.camera_moved(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 0.6).position)
     now[0] += 10.0
     looked_from = np.array([0.0, -90.0, 40.0])
     camera.position = looked_from
-    camera.update()
+    stage.camera_moved(client)
     camera.aspect = 1.2
-    camera.update()
+    stage.camera_moved(client)
     np.testing.assert_array_equal(camera.position, looked_from)
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
     stage.remove()
     camera.aspect = 2.0
-    camera.update()
+    stage.camera_moved(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
 
 

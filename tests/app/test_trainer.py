@@ -51,9 +51,14 @@ def newest(trainer: Trainer) -> Session:
     return sessions[max(sessions)]
 
 
+def untouched(at_rest: np.ndarray) -> np.ndarray:
+    """Vertices of the duct at rest that neither the clamps nor the hook in the middle mark."""
+    return np.abs(np.abs(at_rest[:, 0] - 25.4) - 8.0) < 3.0
+
+
 def rise(tab: TrainerPage, at_rest: np.ndarray) -> float:
     """How far the top of the duct's middle has risen in the page, mm."""
-    middle = np.abs(at_rest[:, 0] - 25.4) < 0.6
+    middle = (np.abs(at_rest[:, 0] - 25.4) < 0.6) & (at_rest[:, 2] > 4.0)
     now = tab.vertices("skin")
     return float((now[middle, 2] - at_rest[middle, 2]).max())
 
@@ -71,8 +76,9 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
         # The ring next to the grasp is a quarter of a millimetre off it at most.
         assert rise(tab, at_rest) == pytest.approx(expected, rel=5e-3)
-        drawn = newest(trainer).surfaces[0].vertices[: len(at_rest)]
-        assert tab.vertices("skin") == pytest.approx(drawn, abs=SINGLE_PRECISION)
+        computed = newest(trainer).surfaces[0].vertices[: len(at_rest)]
+        free = untouched(at_rest)
+        assert tab.vertices("skin")[free] == pytest.approx(computed[free], abs=SINGLE_PRECISION)
         assert tab.figure("distance-to-break") == pytest.approx(
             newest(trainer).reading().check.distance_to_break, abs=1e-5
         )
@@ -89,7 +95,7 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         expect(tab.page.get_by_role("button", name="Reset")).to_be_enabled()
         expect(tab.page.get_by_role("textbox").filter(visible=True)).to_have_count(0)
         gap = _gap_when_settled(tab)
-        assert gap > 2.0  # mm between the two pieces
+        assert gap > 1.0  # mm between the tongues of the two pieces
 
         tab.page.get_by_role("button", name="Reset").click()
         tab.wait_for_phase("intact")
@@ -274,6 +280,27 @@ def test_prints_the_address_that_answers_and_ends_cleanly(number: signal.Signals
         assert errors == ""
 
 
+def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> None:
+    with started("--port", 0, "--look", "plain") as (process, address):
+        for _ in range(3):
+            with trainer_page(browser, address, width=640, height=480) as tab:
+                tab.slide("Force F (N)", 3.0)  # and gone, while the duct still moves
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=20)
+        assert errors == ""
+
+
+def test_one_camera_callback_whatever_the_duct(browser: Browser, trainer: Trainer) -> None:
+    """viser keeps them all: one for each new stage would draw stages that are gone."""
+    with trainer_page(browser, trainer.address, width=640, height=480):
+        view = trainer._views[max(trainer._views)]
+        callbacks = view.client.camera._state.camera_cb
+        for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
+            view.session.choose_preset(preset)
+            _wait_until(lambda name=preset: view._scene._clamps == view.session.dissection.clamps)
+        assert len(callbacks) == 1
+
+
 def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) -> None:
     organ = tmp_path / "duct.organ"
     write_organ(phantom(), organ)
@@ -313,11 +340,10 @@ def test_a_tab_that_closes_while_it_connects_leaves_nothing(
     trainer: Trainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server, "ClientView", lambda *_: object())
-    before = set(trainer._views)
     gone = cast("ClientHandle", SimpleNamespace(client_id=10**6))
     trainer._disconnect(gone)
     trainer._connect(gone)
-    assert set(trainer._views) == before
+    assert gone.client_id not in trainer._views
 
 
 def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:

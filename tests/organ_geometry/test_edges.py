@@ -185,3 +185,12 @@ def test_what_is_no_grey_image_is_refused(image: NDArray[np.uint8]) -> None:
 def test_an_unknown_polarity_is_refused() -> None:
     with pytest.raises(ValueError, match="polarity must be auto, bright or dark, not 'grey'"):
         find_edges(np.zeros((4, 4), np.uint8), "grey")  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("pixel_size", [(1e-6, 1000.0), (1000.0, 1e-6)])
+def test_blur_does_not_follow_pixels_of_any_shape(
+    cover: Cover, pixel_size: tuple[float, float]
+) -> None:
+    image = drawn(cover(SHAPE, CENTRE, (30.0, 30.0)), "bright", "clean", np.uint8)
+    edges = find_edges(image, pixel_size=pixel_size)
+    np.testing.assert_allclose(fitted_radii(edges.outer), [*CENTRE, 30.0, 30.0], atol=0.2)

@@ -144,3 +144,15 @@ def test_a_narrow_place_between_the_even_stations_is_where_it_breaks() -> None:
     assert event.force < even.force
     threshold = calibrated_threshold(theory, DUCT, 25.4, event.force)
     assert threshold == pytest.approx(0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize("grasp", [20.0, 25.4])
+@pytest.mark.parametrize("force", [0.0, 1e-299, 1e-30, 1e-18])
+def test_a_slack_beam_has_a_highest_stress_although_rounding_squeezes_it(
+    grasp: float, force: float
+) -> None:
+    beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    pulled = Exact().under_force(beam, grasp, force, critical_stations(beam, grasp))
+    check = check_rupture(pulled, 0.2)
+    assert check.distance_to_break == pytest.approx(1.0)
+    assert not check.broken

@@ -11,6 +11,8 @@ FIELD_OF_VIEW = 0.62
 """Vertical, rad."""
 
 _VIEW_DIRECTION = np.array([0.0, 0.80, -0.60])
+TOWARDS_VIEWER = -_VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+"""(3,) from the stage towards the camera when it is framed."""
 _MARGIN = 0.93
 _NARROW = 0.8
 _NARROW_SHIFT = 0.42

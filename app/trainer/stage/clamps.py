@@ -31,6 +31,7 @@ _CUFF_FACE = -0.02
 """Where the cuff meets the duct, radii."""
 _RAW = (138, 48, 40)
 """sRGB of torn tissue."""
+_IN_SHADE = 0.86
 _ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
 
 
@@ -67,7 +68,7 @@ def clamp_glb(
     parts = [
         Part(_steel_solid(bite, corners), steel(detail)),
         Part(_shaft_solid(corners), INSULATION),
-        Part(_cuff_solid(bite, corners), Finish(color=tissue, roughness=1.0)),
+        Part(_cuff_solid(bite, corners), _cuff_finish(tissue, detail)),
         Part(_face_solid(bite, corners), Finish(color=_RAW, roughness=1.0)),
     ]
     mirrored = end == "second"
@@ -90,6 +91,14 @@ def steel(detail: float) -> Finish:
         Shining steel, or a matt one below 1.
     """
     return STEEL if detail >= 1.0 else MATT_STEEL
+
+
+def _cuff_finish(tissue: tuple[int, int, int], detail: float) -> Finish:
+    """Return the finish of the pinched tissue, which lies in the jaws' shade."""
+    if detail < 1.0:
+        return Finish(color=tissue, roughness=1.0)
+    red, green, blue = (round(_IN_SHADE * part) for part in tissue)
+    return Finish(color=(red, green, blue), roughness=0.46, clearcoat=0.8, clearcoat_roughness=0.17)
 
 
 def _steel_solid(bite: float, corners: int) -> Solid:

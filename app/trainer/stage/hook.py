@@ -7,13 +7,46 @@ from numpy.typing import ArrayLike, NDArray
 
 from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.gltf_asset import Part, binary_gltf
-from app.trainer.stage.solids import swept_solid
+from app.trainer.stage.solids import Solid, swept_solid
 
-_TIP_ANGLE = -0.45
+TIP_ANGLE = -0.45
+"""Where the wire ends on the viewer's side, rad; half pi is straight below the duct."""
 _LEAN = np.array([0.40, 0.14, 0.90])
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15
+
+
+def wire_radius(radius: float) -> float:
+    """Return the radius of the hook's wire.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm.
+
+    Returns
+    -------
+    float
+        The wire's radius, mm.
+    """
+    return 0.5 + 0.07 * radius
+
+
+def bend_radius(radius: float) -> float:
+    """Return the radius of the hook's bend, to the middle of its wire.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm.
+
+    Returns
+    -------
+    float
+        The bend's radius, mm.
+    """
+    return radius + wire_radius(radius) - _PRESS
 
 
 @cache
@@ -39,21 +72,12 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     side and up into a shaft that leans to the right and out of the picture.
     """
     corners = max(8, round(20 * detail))
-    wire = 0.5 + 0.07 * radius
-    bend = radius + wire - _PRESS
-    count = max(14, round(30 * detail))
-    angles = np.linspace(_TIP_ANGLE, np.pi, count, dtype=np.float64)
-    arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
-
+    wire, count = wire_radius(radius), max(14, round(30 * detail))
+    path = _wire_path(radius, count)
     lean = _LEAN / np.linalg.norm(_LEAN)
-    turns = np.linspace(0.0, 1.0, 16)[1:, None]
-    directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * lean
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    neck = arc[-1] + np.cumsum(directions, axis=0) * (_NECK * radius / len(turns))
-    path = np.concatenate([arc, neck])
     radii = np.interp(np.arange(len(path)), [0, 5], [0.82 * wire, wire])
 
-    root = neck[-1]
+    root = path[-1]
     taper = np.linspace(0.0, 1.0, 14)
     swelling = taper * taper * (3.0 - 2.0 * taper)
     ferrule = root + (7.0 * taper[:, None] - 1.0) * lean
@@ -72,6 +96,38 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
             ),
         ]
     )
+
+
+def grip_solid(radius: float) -> Solid:
+    """Return a coarse bar around the hook's neck and shaft, for a mouse to pick.
+
+    Parameters
+    ----------
+    radius
+        Of the duct, mm.
+
+    Returns
+    -------
+    Solid
+        In the coordinates of `hook_glb`, mm.
+    """
+    wire, path = wire_radius(radius), _wire_path(radius, 14)
+    lean = _LEAN / np.linalg.norm(_LEAN)
+    above = path[-1] + np.array([[4.0], [40.0]]) * lean
+    return swept_solid(np.concatenate([path, above]), 1.5 * wire, corners=6, cap_rings=1)
+
+
+def _wire_path(radius: float, count: int) -> NDArray[np.float64]:
+    """Return the middle of the wire, from its tip around below the duct to the shaft, mm."""
+    bend = bend_radius(radius)
+    angles = np.linspace(TIP_ANGLE, np.pi, count, dtype=np.float64)
+    arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
+    lean = _LEAN / np.linalg.norm(_LEAN)
+    turns = np.linspace(0.0, 1.0, 16)[1:, None]
+    directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * lean
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    neck = arc[-1] + np.cumsum(directions, axis=0) * (_NECK * radius / len(turns))
+    return np.concatenate([arc, neck])
 
 
 def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 Look = Literal["full", "plain"]
 """'plain' leaves out environment map and normal map, for slow machines."""
@@ -11,6 +12,24 @@ Look = Literal["full", "plain"]
 _BACKGROUND = (10, 3, 4)
 _FOG = (2, 0, 0)  # the client takes fog colours for linear light: this is _BACKGROUND in sRGB
 _REFERENCE_SPAN = 50.8
+
+
+def lamp_position(span: float) -> NDArray[np.float64]:
+    """Return where the lamp is.
+
+    Parameters
+    ----------
+    span
+        Between the clamps, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (3,) mm in stage coordinates.
+    """
+    return np.array([0.5 * span, 0.0, 0.0]) + np.array([-32.0, -30.0, 86.0]) * (
+        span / _REFERENCE_SPAN
+    )
 
 
 def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
@@ -40,8 +59,8 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
 
     scale = span / _REFERENCE_SPAN
     center = np.array([0.5 * span, 0.0, 0.0])
-    lamp = np.array([-32.0, -30.0, 86.0]) * scale
-    aim = -lamp / np.linalg.norm(lamp)
+    lamp = lamp_position(span)
+    aim = (center - lamp) / np.linalg.norm(center - lamp)
     scene.add_light_spot(
         "/stage/light/lamp",
         color=(255, 244, 232),
@@ -49,7 +68,7 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
         decay=0.0,
         angle=0.56,
         penumbra=1.0,
-        position=_triple(center + lamp),
+        position=_triple(lamp),
         direction=_triple(aim),
     )
     scene.add_light_point(

@@ -1,11 +1,13 @@
 """The stage: everything still around the duct, on one client's scene."""
 
 import time
+from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
+from app.trainer.stage.bed_shadow import BedShadow
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.hook import hook_glb, hook_wxyz
@@ -63,7 +65,6 @@ class Stage:
         self._lift: float | None = None
         self._framed_at = 0.0
         self._looked_around = False
-        self._follows_camera = False
         full = look == "full"
         detail = 1.0 if full else 0.5
         scale = self.span / REFERENCE_SPAN
@@ -74,7 +75,7 @@ class Stage:
         scene.add_glb("/stage/tissue_bed", bed, scale=scale, position=floor, cast_shadow=False)
         scene.add_glb(
             "/stage/neighbours",
-            neighbours_glb() if full else neighbours_glb(corners=16),
+            neighbours_glb() if full else neighbours_glb(corners=16, pixels=96),
             scale=scale,
             position=floor,
             cast_shadow=False,
@@ -88,6 +89,9 @@ class Stage:
                 cast_shadow=False,
                 receive_shadow=False,
             )
+        self._shadow = (
+            BedShadow(scene, span=self.span, radius=self.radius, floor=floor) if full else None
+        )
         self._hook = scene.add_frame("/stage/hook", show_axes=False)
         scene.add_glb(
             "/stage/hook/instrument",
@@ -132,6 +136,17 @@ class Stage:
             self._hook.wxyz = wxyz
             self._hook_wxyz = wxyz
 
+    def cast_shadow(self, axis: NDArray[np.floating[Any]]) -> None:
+        """Lay the duct's shadow on the bed; the plain look has none.
+
+        Parameters
+        ----------
+        axis
+            (N, 3) points of the duct's axis in order, mm in stage coordinates.
+        """
+        if self._shadow is not None:
+            self._shadow.show(axis)
+
     def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
         """Keep a duct in the picture that is lifted this high.
 
@@ -155,7 +170,18 @@ class Stage:
         self._hook.visible = False
 
     def frame_camera(self, client: viser.ClientHandle) -> None:
-        """Set the client's camera so that both clamps are in its picture, and keep it so.
+        """Set the client's camera so that both clamps are in its picture.
+
+        Parameters
+        ----------
+        client
+            Whose scene this stage is on.
+        """
+        self._looked_around = False
+        self._frame(client, client.camera.aspect)
+
+    def camera_moved(self, client: viser.ClientHandle) -> None:
+        """Keep both clamps in the client's picture when its camera or its shape has changed.
 
         Parameters
         ----------
@@ -169,24 +195,17 @@ class Stage:
         picture's shape changes, and for three seconds whenever it is not where it was put.
         Once the user has looked around after that, the camera is left alone.
         """
-        self._looked_around = False
-        self._frame(client, client.camera.aspect)
-        if self._follows_camera:
+        if self._removed or self._looked_around:
             return
-        self._follows_camera = True
-
-        @client.camera.on_update
-        def _(camera: viser.CameraHandle) -> None:
-            if self._removed or self._looked_around:
-                return
-            aspect = camera.aspect
-            reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
-            settling = time.monotonic() - self._framed_at < _SETTLING_TIME
-            away = not self._is_framed(camera)
-            if reshaped or (settling and away):
-                self._frame(client, aspect, settles=reshaped)
-            elif away:
-                self._looked_around = True
+        camera = client.camera
+        aspect = camera.aspect
+        reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
+        settling = time.monotonic() - self._framed_at < _SETTLING_TIME
+        away = not self._is_framed(camera)
+        if reshaped or (settling and away):
+            self._frame(client, aspect, settles=reshaped)
+        elif away:
+            self._looked_around = True
 
     def remove(self) -> None:
         """Take everything off the scene, so that another stage can be built."""

@@ -40,6 +40,31 @@ def smooth_noise(shape: tuple[int, int], *, cells: float, fall: float, seed: int
     return np.clip(0.5 + noise / 5.0, 0.0, 1.0).astype(np.float32)
 
 
+def noise_at(x: Image, y: Image, *, length: float, cells: float, fall: float, seed: int) -> Image:
+    """Return noise at places of the ground, alike wherever the places are denser or sparser.
+
+    Parameters
+    ----------
+    x, y
+        (H, W) places, mm.
+    length
+        After which the noise repeats itself, mm.
+    cells, fall, seed
+        Those of `smooth_noise`.
+
+    Returns
+    -------
+    Image
+        (H, W), 0 to 1.
+    """
+    size = 512
+    tile = np.pad(smooth_noise((size, size), cells=cells, fall=fall, seed=seed), 1, mode="wrap")
+    column, row = (
+        (np.mod(place / length, 1.0) * size + 1.0).astype(np.float32) for place in (x, y)
+    )
+    return cv2.remap(tile, column, row, cv2.INTER_LINEAR).astype(np.float32)
+
+
 def smooth_step(values: Image, low: float, high: float) -> Image:
     """Return 0 below `low`, 1 above `high` and a smooth ramp between.
 

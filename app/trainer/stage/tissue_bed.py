@@ -4,10 +4,12 @@ Everything is drawn for a span of 50.8 mm about the origin below the duct's midd
 One height picture drives the surface, its normals and its colours.
 """
 
+from dataclasses import dataclass
 from functools import cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
 from app.trainer.stage.solids import Solid, grid_faces, smooth_path, vertex_normals
@@ -16,12 +18,13 @@ from app.trainer.stage.textures import (
     blurred,
     jpeg_file,
     mixed_color,
+    noise_at,
     normal_map,
-    smooth_noise,
     smooth_step,
 )
 
 REFERENCE_SPAN = 50.8
+_ROWS, _COLUMNS, _PIXELS = 64, 70, 896  # of the full look
 
 _HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
 _FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (86, 26, 23), (52, 14, 15), (120, 62, 54)
@@ -50,7 +53,7 @@ _VEINS = (
 
 
 @cache
-def tissue_bed_glb(*, rows: int = 64, columns: int = 70, pixels: int = 896) -> bytes:
+def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = _PIXELS) -> bytes:
     """Return the bed as a GLB file.
 
     Parameters
@@ -65,21 +68,8 @@ def tissue_bed_glb(*, rows: int = 64, columns: int = 70, pixels: int = 896) -> b
     bytes
         The file, mm at a span of 50.8 mm; z = 0 is the bed's floor below the duct's middle.
     """
-    shape = (round(pixels * 0.85), pixels)
-    x, y = _ground(shape)
-    lobules, grain = _lobules(x, y)
-    veins = _veins(x, y)
-    coarse = smooth_noise(shape, cells=3.0, fall=2.0, seed=11)
-    fine = smooth_noise(shape, cells=9.0, fall=1.5, seed=12)
-    relief = (2.6 * (coarse - 0.5) + 1.2 * (fine - 0.5) + 1.7 * lobules + 0.7 * veins).astype(
-        np.float32
-    )
-
-    surface_relief = cv2.resize(
-        blurred(relief, pixels / 180.0), (columns, rows), interpolation=cv2.INTER_AREA
-    )
-    surface_x, surface_y = _ground((rows, columns))
-    height = _basin(surface_x, surface_y) + surface_relief
+    ground = _drawn_ground(pixels)
+    surface_x, surface_y, height = _surface(rows, columns, pixels)
     vertices = np.stack([surface_x, surface_y, height], axis=-1).reshape(-1, 3).astype(np.float64)
     faces = grid_faces(rows, columns)
     uv = np.stack(
@@ -87,14 +77,81 @@ def tissue_bed_glb(*, rows: int = 64, columns: int = 70, pixels: int = 896) -> b
     ).reshape(-1, 2)
     solid = Solid(vertices, faces, vertex_normals(vertices, faces), uv)
 
-    color = _bed_color(x, y, lobules, grain, veins, coarse, fine)
+    color = _bed_color(ground)
     finish = Finish(
-        roughness=0.52,
-        specular=0.35,
+        roughness=0.46,
+        specular=0.5,
         base_jpeg=jpeg_file(np.flipud(color), quality=78),
-        normal_jpeg=_normal_jpeg(relief, y) if pixels >= 512 else b"",
+        normal_jpeg=_normal_jpeg(ground) if pixels >= 512 else b"",
     )
     return binary_gltf([Part(solid, finish)])
+
+
+def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the height of the full bed.
+
+    Parameters
+    ----------
+    x, y
+        Places, mm at a span of 50.8 mm; those beyond the bed count as on its edge.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        The shape of `x`, mm.
+    """
+    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
+    column = np.interp(x, surface_x[0], np.arange(_COLUMNS, dtype=np.float64))
+    row = np.interp(y, surface_y[:, 0], np.arange(_ROWS, dtype=np.float64))
+    left = np.minimum(column.astype(int), _COLUMNS - 2)
+    near = np.minimum(row.astype(int), _ROWS - 2)
+    u, v = column - left, row - near
+    return (
+        (1.0 - v) * ((1.0 - u) * height[near, left] + u * height[near, left + 1])
+        + v * ((1.0 - u) * height[near + 1, left] + u * height[near + 1, left + 1])
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ground:
+    """Pictures of the bed, all (H, W): places, mm, what lies there, 0 to 1, and the relief, mm."""
+
+    x: Image
+    y: Image
+    lobules: Image
+    grain: Image
+    veins: Image
+    coarse: Image
+    fine: Image
+    folds: Image
+    relief: Image
+
+
+@cache
+def _drawn_ground(pixels: int) -> _Ground:
+    shape = (round(pixels * 0.85), pixels)
+    x, y = _ground(shape)
+    lobules, grain = _lobules(x, y)
+    veins = _veins(x, y)
+    coarse = noise_at(x, y, length=130.0, cells=3.0, fall=2.0, seed=11)
+    fine = noise_at(x, y, length=90.0, cells=7.0, fall=1.4, seed=12)
+    # Folds of fascia: ridges where a smooth field passes its middle.
+    folds = 1.0 - np.abs(2.0 * noise_at(x, y, length=120.0, cells=4.0, fall=2.4, seed=13) - 1.0)
+    folds = smooth_step(folds.astype(np.float32), 0.72, 1.0)
+    relief = (
+        3.0 * (coarse - 0.5) + 1.1 * (fine - 0.5) + 1.0 * folds + 1.9 * lobules + 0.8 * veins
+    ).astype(np.float32)
+    return _Ground(x, y, lobules, grain, veins, coarse, fine, folds, relief)
+
+
+@cache
+def _surface(rows: int, columns: int, pixels: int) -> tuple[Image, Image, Image]:
+    """Return x, y and height of the surface's points, (rows, columns) mm."""
+    relief = blurred(_drawn_ground(pixels).relief, pixels / 180.0)
+    surface_relief = cv2.resize(relief, (columns, rows), interpolation=cv2.INTER_AREA)
+    surface_x, surface_y = _ground((rows, columns))
+    height = _basin(surface_x, surface_y) + surface_relief
+    return surface_x, surface_y, height.astype(np.float32)
 
 
 def _ground(shape: tuple[int, int]) -> tuple[Image, Image]:
@@ -166,17 +223,18 @@ def _veins(x: Image, y: Image) -> Image:
     return blurred(picture.astype(np.float32) / 255.0, columns / 400.0)
 
 
-def _bed_color(
-    x: Image, y: Image, lobules: Image, grain: Image, veins: Image, coarse: Image, fine: Image
-) -> Image:
+def _bed_color(ground: _Ground) -> Image:
     """Return the bed's colours, darker in the groove and softer away from the duct."""
+    x, y, lobules, veins = ground.x, ground.y, ground.lobules, ground.veins
+    grain, coarse, fine, folds = ground.grain, ground.coarse, ground.fine, ground.folds
     color = mixed_color(_FASCIA, _FASCIA_DEEP, smooth_step(coarse, 0.35, 0.75))
     color = mixed_color(color, _FASCIA_PALE, 0.35 * smooth_step(fine, 0.5, 0.85))
+    color = mixed_color(color, _FASCIA_PALE, 0.45 * folds)
     color = mixed_color(color, _VEIN, 0.7 * veins)
     fat = mixed_color(_FAT_DEEP, _FAT, smooth_step(lobules, 0.25, 0.85))
     fat = mixed_color(fat, _FASCIA, 0.10 + 0.35 * grain)
     color = mixed_color(color, fat, smooth_step(lobules, 0.06, 0.38))
-    shade = 1.0 - 0.45 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
+    shade = 1.0 - 0.25 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
     shade = shade * (1.0 - 0.75 * smooth_step(y, -36.0, -130.0))
     color = color * shade[..., None].astype(np.float32)
     # Out of focus: the farther from the duct's plane, the softer.
@@ -186,11 +244,14 @@ def _bed_color(
     return mixed_color(soft, softer, smooth_step(away.astype(np.float32), 14.0, 48.0))
 
 
-def _normal_jpeg(relief: Image, y: Image) -> bytes:
+def _normal_jpeg(ground: _Ground) -> bytes:
     """Return the part of the relief that the surface is too coarse for, as a normal map."""
-    pixels = relief.shape[1]
+    x, y, pixels = ground.x, ground.y, ground.x.shape[1]
+    # A pixel far away covers more ground, so the same height is a gentler slope there.
+    covered = np.hypot(np.gradient(x, axis=1), np.gradient(y, axis=0))
+    relief = (ground.relief * (covered.min() / covered)).astype(np.float32)
     detail = blurred(relief, pixels / 420.0) - blurred(relief, pixels / 110.0)
     detail = detail * (1.0 - 0.6 * smooth_step(np.abs(y), 15.0, 55.0))
     picture = normal_map(np.flipud(detail).astype(np.float32), 5.0)
-    half = cv2.resize(picture, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
+    half = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return jpeg_file(half.astype(np.float32), quality=80)

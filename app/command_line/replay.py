@@ -1,0 +1,93 @@
+"""`bluntdissect replay`: a run that was downloaded, made again, and its measures."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.command_line.load import organ_from
+
+if TYPE_CHECKING:
+    from app.simulation.measures import Measures
+
+__all__ = ["replay"]
+
+
+def replay(
+    run: Annotated[Path, typer.Argument(help="A run, as the trainer's JSON download.")],
+    organ: Annotated[
+        Path | None,
+        typer.Option(help="The .organ file that it was made on; the shipped organ if not given."),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="File for the run tick by tick, as comma-separated values."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Make a run again from its inputs and print its measures.
+
+    Says whether they are those of the original, to the digit. Example: bluntdissect replay run.json
+    """
+    import msgspec
+
+    from app.simulation.replay import Replay, series_csv
+    from app.simulation.run_log import MOST_BYTES, read_run, versions
+
+    with run.open("rb") as file:
+        original = read_run(file.read(MOST_BYTES + 1))
+    if csv is not None and not csv.parent.is_dir():
+        raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
+    again = Replay(original.log, organ_from(organ), vertices=300)
+    found = again.run_file()
+    same = (found.measures, found.outcome) == (original.measures, original.outcome)
+    others = {name: made for name, made in original.log.versions.items() if name in versions()}
+    others = {name: made for name, made in others.items() if versions()[name] != made}
+    if csv is not None:
+        csv.write_text(series_csv(again.series()))
+    if as_json:
+        outcome = None if found.outcome is None else msgspec.to_builtins(found.outcome)
+        measures = msgspec.to_builtins(found.measures)
+        print(json.dumps({"measures": measures, "outcome": outcome, "as_recorded": same}))
+        return
+    for name, value in _lines(found.measures):
+        print(f"{name:<28} {value}")
+    if found.outcome is not None:
+        print(f"{'exercise':<28} {'passed' if found.outcome.passed else 'not passed'}: ", end="")
+        print(found.outcome.reason)
+    made = ", ".join(f"{name} {version}" for name, version in others.items())
+    note = f"; it was made with {made}" if others else ""
+    print(f"{'as recorded':<28} {'yes, to the digit' if same else f'no{note}'}")
+
+
+def _lines(measures: "Measures") -> list[tuple[str, str]]:
+    def figure(value: float | None, unit: str) -> str:
+        return "none" if value is None else f"{value!r} {unit}".rstrip()
+
+    torn = measures.tear
+    lines = [
+        ("time", figure(measures.time_s, "s")),
+        ("maximum force", figure(measures.maximum_force_N, "N")),
+        ("mean absolute non-zero force", figure(measures.mean_absolute_nonzero_force_N, "N")),
+        ("standard deviation of it", figure(measures.force_sd_N, "N")),
+        ("force-time product", figure(measures.force_time_product_N_s, "N s")),
+        (
+            "time over threshold",
+            f"{measures.time_over_threshold_s!r} s over {measures.task_threshold_N!r} N",
+        ),
+        ("path length", figure(measures.path_length_mm, "mm")),
+        ("economy of motion", figure(measures.economy_of_motion, "")),
+        ("smoothness", figure(measures.smoothness, "(log dimensionless jerk)")),
+        ("smallest distance to break", figure(measures.smallest_distance_to_break, "")),
+    ]
+    if torn is None:
+        return [*lines, ("tear", "none")]
+    return [
+        *lines,
+        (
+            "tear",
+            f"at {torn.time_s!r} s under {torn.force_N!r} N, {torn.station_mm:.6g} mm from the "
+            f"first clamp: {torn.criterion}",
+        ),
+    ]

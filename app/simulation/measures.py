@@ -1,0 +1,261 @@
+"""Measures of a run, by their published names, taken while it runs (docs/measures.md)."""
+
+import math
+
+import msgspec
+
+from app.simulation.clock import TICK_SECONDS
+from physics import BreakEvent
+
+__all__ = ["MeasureTaker", "Measures", "TearMeasures"]
+
+Place = tuple[float, float, float]
+
+
+class TearMeasures(msgspec.Struct, frozen=True):
+    """What broke, when and under which load.
+
+    Attributes
+    ----------
+    criterion
+        The criterion that was met.
+    station_mm
+        Where, mm from the first clamp.
+    side
+        Side on which it started: "pull", "away" from it, or "even" where nothing bends.
+    time_s
+        When, s from the start of the run.
+    force_N, deflection_mm
+        The load.
+    normal_stress_MPa, bending_stress_MPa, threshold_MPa
+        The stresses there and what they were held against.
+    """
+
+    criterion: str
+    station_mm: float
+    side: str
+    time_s: float
+    force_N: float  # noqa: N815
+    deflection_mm: float
+    normal_stress_MPa: float  # noqa: N815
+    bending_stress_MPa: float  # noqa: N815
+    threshold_MPa: float  # noqa: N815
+
+
+class Measures(msgspec.Struct, frozen=True):
+    """The measures of a run; None where a run gives none.
+
+    Attributes
+    ----------
+    time_s
+        Length of the run, s.
+    maximum_force_N
+        Largest force.
+    mean_absolute_nonzero_force_N, force_sd_N
+        Mean and standard deviation (of the whole population) of |F| over the ticks with force.
+    force_time_product_N_s
+        Sum of |F| times the length of a tick: the impulse.
+    task_threshold_N, time_over_threshold_s
+        The task's threshold of force and the time above it.
+    path_length_mm
+        Way of the hook while it holds the duct.
+    economy_of_motion
+        Farthest distance of the hook from where it took hold, over its path: 1 for one straight
+        pull.
+    smoothness
+        Log dimensionless jerk of the hook's path: the nearer to zero, the smoother.
+    smallest_distance_to_break
+        Least of 1 - stress / threshold, 0 at the break.
+    tear
+        What broke, or None.
+    """
+
+    time_s: float
+    maximum_force_N: float  # noqa: N815
+    mean_absolute_nonzero_force_N: float | None  # noqa: N815
+    force_sd_N: float | None  # noqa: N815
+    force_time_product_N_s: float  # noqa: N815
+    task_threshold_N: float  # noqa: N815
+    time_over_threshold_s: float
+    path_length_mm: float
+    economy_of_motion: float | None
+    smoothness: float | None
+    smallest_distance_to_break: float
+    tear: TearMeasures | None
+
+
+class MeasureTaker:
+    """Takes the measures tick by tick, each tick in the same few operations.
+
+    Parameters
+    ----------
+    task_threshold
+        Force above which time is counted, N.
+
+    Attributes
+    ----------
+    ticks
+        Ticks so far.
+    """
+
+    __slots__ = (
+        "_distance",
+        "_farthest",
+        "_force_sum",
+        "_held",
+        "_jerk",
+        "_last",
+        "_loaded",
+        "_maximum",
+        "_mean",
+        "_moving",
+        "_over",
+        "_path",
+        "_peak",
+        "_spread",
+        "_start",
+        "_tear",
+        "_threshold",
+        "ticks",
+    )
+
+    def __init__(self, task_threshold: float) -> None:
+        self._threshold = task_threshold
+        self.ticks = 0
+        self._maximum = self._force_sum = 0.0
+        self._loaded, self._mean, self._spread = 0, 0.0, 0.0
+        self._over = 0
+        self._path = self._farthest = 0.0
+        self._start: Place | None = None
+        self._held = 0  # ticks of the present hold
+        self._moving = 0  # steps of the hook's way, of all holds
+        self._last: tuple[Place, Place, Place] | None = None
+        self._jerk = self._peak = 0.0
+        self._distance = 1.0
+        self._tear: TearMeasures | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Time so far, s."""
+        return self.ticks * TICK_SECONDS
+
+    @property
+    def force_time_product(self) -> float:
+        """Force-time product so far, N s."""
+        return self._force_sum * TICK_SECONDS
+
+    def take(
+        self,
+        force: float,
+        hook: Place,
+        distance_to_break: float,
+        *,
+        held: bool,
+        came_from: Place | None = None,
+    ) -> None:
+        """Take one tick.
+
+        Parameters
+        ----------
+        force
+            The grasper's whole force, N.
+        hook
+            Where the axis at the grasp is, mm.
+        distance_to_break
+            1 at rest, 0 at the threshold.
+        held
+            Whether the grasper holds the duct.
+        came_from
+            Where a hold that starts with this tick took the duct, mm; `hook` when None.
+        """
+        self.ticks += 1
+        size = abs(force)
+        if size > 0.0:
+            self._maximum = max(self._maximum, size)
+            self._force_sum += size
+            self._loaded += 1
+            off = size - self._mean
+            self._mean += off / self._loaded
+            self._spread += off * (size - self._mean)  # Welford's sum of squares
+            if size > self._threshold:
+                self._over += 1
+        self._distance = min(self._distance, distance_to_break)
+        if held:
+            if self._held == 0 and came_from is not None:
+                self._move_to(came_from)
+            self._move_to(hook)
+        else:
+            self._held = 0
+
+    def regrasp(self) -> None:
+        """Start a new hold: the way from one grasp to the next is no pull."""
+        self._held = 0
+
+    def tear(self, event: BreakEvent) -> None:
+        """Take what broke, at the present tick.
+
+        Parameters
+        ----------
+        event
+            The load at the break and the criterion there.
+        """
+        check = event.check
+        self._tear = TearMeasures(
+            criterion="normal stress + bending stress > threshold",
+            station_mm=check.station,
+            side={1: "pull", -1: "away"}.get(check.tension_side, "even"),
+            time_s=self.seconds,
+            force_N=event.force,
+            deflection_mm=event.deflection,
+            normal_stress_MPa=check.normal_stress,
+            bending_stress_MPa=check.bending_stress,
+            threshold_MPa=check.threshold,
+        )
+
+    def measures(self) -> Measures:
+        """Return the measures so far.
+
+        Returns
+        -------
+        Measures
+            The measures.
+        """
+        loaded = self._loaded > 0
+        return Measures(
+            time_s=self.seconds,
+            maximum_force_N=self._maximum,
+            mean_absolute_nonzero_force_N=self._force_sum / self._loaded if loaded else None,
+            force_sd_N=math.sqrt(self._spread / self._loaded) if loaded else None,
+            force_time_product_N_s=self.force_time_product,
+            task_threshold_N=self._threshold,
+            time_over_threshold_s=self._over * TICK_SECONDS,
+            path_length_mm=self._path,
+            economy_of_motion=self._farthest / self._path if self._path > 0.0 else None,
+            smoothness=self._smoothness(),
+            smallest_distance_to_break=self._distance,
+            tear=self._tear,
+        )
+
+    def _move_to(self, hook: Place) -> None:
+        """Take a place of the hook: differences of first and third order, within one hold."""
+        if self._held == 0:
+            self._start, self._last = hook, (hook, hook, hook)
+        assert self._start is not None and self._last is not None  # noqa: S101, PT018
+        one, two, three = self._last
+        if self._held >= 1:
+            way = math.dist(hook, one)
+            self._path += way
+            self._moving += 1
+            self._peak = max(self._peak, way)
+            self._farthest = max(self._farthest, math.dist(hook, self._start))
+        if self._held >= 3:
+            for x, a, b, c in zip(hook, one, two, three, strict=True):
+                self._jerk += (x - 3.0 * a + 3.0 * b - c) ** 2
+        self._last = (hook, one, two)
+        self._held += 1
+
+    def _smoothness(self) -> float | None:
+        """Return -ln(T^3 / v^2 * integral of jerk^2), with the tick's length cancelled from it."""
+        if self._peak == 0.0 or self._jerk == 0.0:
+            return None
+        return -math.log(self._moving**3 * self._jerk / self._peak**2)

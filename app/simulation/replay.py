@@ -1,0 +1,306 @@
+"""Replays: a logged run made again, to any moment, with the same readings to the bit."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation import tear_course
+from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
+from app.simulation.preset import preset_named, presets
+from app.simulation.run_log import (
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    RunInput,
+    RunLog,
+)
+from app.simulation.session import VERTICES, Phase, Session
+from app.simulation.theory_choice import TheoryChoice
+from organ_geometry.organ import Organ
+
+__all__ = ["Replay", "Series", "replayed", "series_csv"]
+
+AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
+"""Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """What the instruments showed at each of T ticks.
+
+    Attributes
+    ----------
+    time
+        (T,) s from the first pull.
+    force, deflection
+        (T,) N and mm.
+    stress
+        (T,) highest normal plus bending stress, MPa.
+    distance_to_break
+        (T,) 1 at rest, 0 at the break.
+    hook
+        (T, 3) the axis at the grasp, mm along the clamps, sideways and along the pull.
+    held
+        (T,) whether the grasper held the duct.
+    phase
+        T phases.
+    """
+
+    time: NDArray[np.float64]
+    force: NDArray[np.float64]
+    deflection: NDArray[np.float64]
+    stress: NDArray[np.float64]
+    distance_to_break: NDArray[np.float64]
+    hook: NDArray[np.float64]
+    held: NDArray[np.bool_]
+    phase: tuple[Phase, ...]
+
+    HEADER: ClassVar[str] = (
+        "time_s,force_N,deflection_mm,stress_MPa,distance_to_break,"
+        "hook_along_mm,hook_sideways_mm,hook_pull_mm,held,phase"
+    )
+
+
+class Replay:
+    """A logged run in a session of its own.
+
+    Parameters
+    ----------
+    log
+        The run.
+    organ
+        The organ that it was made on.
+    vertices
+        About how many vertices the skin shall have.
+
+    Raises
+    ------
+    RunFileError
+        If it was made on another organ, or what it starts from is not to be had.
+    """
+
+    def __init__(self, log: RunLog, organ: Organ, *, vertices: int = VERTICES) -> None:
+        identity = OrganIdentity.of(organ)
+        if identity.sha256 != log.organ.sha256:
+            raise RunFileError(
+                f"this run was made on another organ, {_named(log.organ)}; "
+                f"this one is {_named(identity)}"
+            )
+        if log.start.preset not in presets():
+            raise RunFileError(
+                f"the run's preset must be one of {', '.join(presets())}, got {log.start.preset!r}"
+            )
+        self.log = log
+        self._session = Session(
+            organ, preset_named(log.start.preset), vertices=vertices, seed=log.seed
+        )
+        self._at = self._next = 0
+        self._tore: bool | None = None
+        self._restart()
+
+    @property
+    def session(self) -> Session:
+        """The session that is made to go through the run; for looking at."""
+        return self._session
+
+    @property
+    def time(self) -> float:
+        """Where the replay is, s from the first pull."""
+        return self._at * TICK_SECONDS
+
+    @property
+    def duration(self) -> float:
+        """Length of what can be seen, s: the run, and what torn pieces do after it."""
+        return self.ticks * TICK_SECONDS
+
+    @property
+    def ticks(self) -> int:
+        """The same in ticks."""
+        if self._tore is None:
+            at = self._at
+            self.seek_tick(self.log.ticks)
+            self.seek_tick(at)
+        return self.log.ticks + (AFTER_TEAR if self._tore else 0)
+
+    def seek(self, seconds: float) -> None:
+        """Go to a moment; an earlier one is reached from the start.
+
+        Parameters
+        ----------
+        seconds
+            s from the first pull; the nearest tick of the run is taken.
+        """
+        self.seek_tick(round(min(max(seconds, 0.0), 1e9) * TICKS_PER_SECOND))
+
+    def seek_tick(self, tick: int) -> None:
+        """Go to a tick.
+
+        Parameters
+        ----------
+        tick
+            Ticks from the first pull; a later one than the last is the last.
+        """
+        if tick < self._at:
+            self._restart()
+        while self._at < min(tick, self.log.ticks):
+            self._take_inputs()
+            due = min(tick, self.log.ticks, self._next_tick())
+            self._session.advance(due - self._at)
+            self._at = due
+        if self._at == self.log.ticks:
+            self._take_inputs()
+            self._session.finish()
+            if self._tore is None:
+                self._tore = self._session.reading().phase is not Phase.INTACT
+            rest = min(tick, self.ticks) - self._at
+            if rest > 0:
+                self._session.advance(rest)
+                self._at += rest
+
+    def run_file(self) -> RunFile:
+        """Return the run as it has come out here, made to its end.
+
+        Returns
+        -------
+        RunFile
+            The same log, with the measures and the outcome of this replay.
+        """
+        self.seek_tick(self.log.ticks)
+        return RunFile.of(self.log, self._session.measures(), self._session.run.outcome)
+
+    def series(self) -> Series:
+        """Return what the instruments showed, tick by tick; the replay is then at its end.
+
+        Returns
+        -------
+        Series
+            One row a tick of the run.
+        """
+        self._restart()
+        rows = np.empty((self.log.ticks, 7))
+        held = np.empty(self.log.ticks, dtype=np.bool_)
+        phases: list[Phase] = []
+        for tick in range(self.log.ticks):
+            self.seek_tick(tick + 1)
+            reading = self._session.reading()
+            check = reading.check
+            rows[tick, :4] = (
+                reading.force,
+                reading.deflection,
+                check.total_stress,
+                check.distance_to_break,
+            )
+            rows[tick, 4:] = reading.hook
+            held[tick] = reading.held
+            phases.append(reading.phase)
+        return Series(
+            time=np.arange(1, self.log.ticks + 1, dtype=np.float64) * TICK_SECONDS,
+            force=rows[:, 0],
+            deflection=rows[:, 1],
+            stress=rows[:, 2],
+            distance_to_break=rows[:, 3],
+            hook=rows[:, 4:],
+            held=held,
+            phase=tuple(phases),
+        )
+
+    def _restart(self) -> None:
+        session, log = self._session, self.log
+        session.reset()
+        try:
+            theory = log.start.theory.theory()
+            if session.theory != theory:
+                session.choose_theory(theory)
+        except ValueError as error:
+            raise RunFileError(f"the run's theory: {error}") from None
+        session.set_grasp(log.start.grasp_mm)
+        session.set_threshold(log.start.threshold_MPa)
+        if (session.grasp, session.threshold) != (log.start.grasp_mm, log.start.threshold_MPa):
+            raise RunFileError(
+                f"the run's grasp of {log.start.grasp_mm:g} mm or threshold of "
+                f"{log.start.threshold_MPa:g} MPa is out of this duct's range"
+            )
+        if log.exercise is not None:
+            session.start_exercise(log.exercise, log.feedback)
+        self._at = self._next = 0
+
+    def _next_tick(self) -> int:
+        """Return the tick before which the next input comes."""
+        inputs = self.log.inputs
+        return inputs[self._next].tick if self._next < len(inputs) else self.log.ticks
+
+    def _take_inputs(self) -> None:
+        inputs = self.log.inputs
+        while self._next < len(inputs) and inputs[self._next].tick <= self._at:
+            _give(self._session, inputs[self._next])
+            self._next += 1
+
+
+def replayed(run: RunFile, organ: Organ) -> RunFile:
+    """Return a run as it comes out when it is made again.
+
+    Parameters
+    ----------
+    run
+        The run.
+    organ
+        The organ that it was made on.
+
+    Returns
+    -------
+    RunFile
+        The same log with the measures found now; a `RunFileError` says if that cannot be.
+    """
+    return Replay(run.log, organ, vertices=300).run_file()
+
+
+def series_csv(series: Series) -> str:
+    """Return a series as comma-separated values, its numbers to the last bit.
+
+    Parameters
+    ----------
+    series
+        The series.
+
+    Returns
+    -------
+    str
+        A line of names with units, then one line a tick.
+    """
+    lines = [Series.HEADER]
+    for tick, phase in enumerate(series.phase):
+        numbers = (
+            series.time[tick],
+            series.force[tick],
+            series.deflection[tick],
+            series.stress[tick],
+            series.distance_to_break[tick],
+            *series.hook[tick],
+        )
+        figures = ",".join(repr(float(number)) for number in numbers)
+        lines.append(f"{figures},{int(series.held[tick])},{phase.value}")
+    return "\n".join(lines) + "\n"
+
+
+def _named(organ: OrganIdentity) -> str:
+    return f"{organ.name or 'unnamed'} ({organ.length_mm:.1f} mm, sha256 {organ.sha256[:12]})"
+
+
+def _give(session: Session, each: RunInput) -> None:
+    """Give a session one input of a run."""
+    value = each.value
+    if each.kind == "let-go":
+        session.let_go()
+    elif isinstance(value, TheoryChoice):
+        session.choose_theory(value.theory())
+    elif value is not None:
+        {
+            "force": session.set_force,
+            "grab": session.grab,
+            "hand": session.hand_to,
+            "grasp": session.set_grasp,
+            "threshold": session.set_threshold,
+        }[each.kind](value)

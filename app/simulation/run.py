@@ -1,0 +1,271 @@
+"""A run while it goes: its inputs, its measures and its exercise, tick by tick."""
+
+from array import array
+from dataclasses import dataclass
+from typing import get_args
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback, feedback_visible
+from app.simulation.measures import Measures, MeasureTaker, Place
+from app.simulation.run_log import (
+    MOST_INPUTS,
+    MOST_TICKS,
+    InputKind,
+    OrganIdentity,
+    RunInput,
+    RunLog,
+    RunStart,
+    versions,
+)
+from app.simulation.theory_choice import TheoryChoice
+from app.simulation.trial import Figures, Outcome, trial_of
+from physics import BreakEvent, Theory
+
+__all__ = ["Run", "StartingPoint"]
+
+KINDS: tuple[InputKind, ...] = get_args(InputKind)
+LAST_COUNTS = frozenset({"force", "hand", "grasp", "threshold"})
+"""Inputs of which, between two ticks, only the last one matters."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartingPoint:
+    """What a run starts from.
+
+    Attributes
+    ----------
+    preset
+        Name of the preset.
+    theory
+        The theory.
+    grasp
+        mm from the first clamp.
+    threshold
+        MPa.
+    """
+
+    preset: str
+    theory: Theory
+    grasp: float
+    threshold: float
+
+
+class Run:
+    """One run: it starts with the first pull and is over with the tear or the exercise.
+
+    Parameters
+    ----------
+    task_threshold
+        Force above which time is counted, N.
+    exercise
+        The exercise to judge, or None.
+    feedback
+        When its figures are to be seen.
+
+    Attributes
+    ----------
+    exercise, feedback
+        As given.
+    """
+
+    def __init__(
+        self,
+        task_threshold: float,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+    ) -> None:
+        self.exercise, self.feedback = exercise, feedback
+        self._trial = None if exercise is None else trial_of(exercise)
+        self._taker = MeasureTaker(task_threshold)
+        self._start: StartingPoint | None = None
+        self._over = False
+        # Rows of bare numbers: half an hour of dragging is one megabyte.
+        self._ticks, self._kinds, self._values = array("L"), array("B"), array("d")
+        self._theories: list[Theory] = []
+
+    @property
+    def started(self) -> bool:
+        """Whether the duct has been pulled."""
+        return self._start is not None
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is taken any more."""
+        return self._over
+
+    @property
+    def going(self) -> bool:
+        """Whether it has started and is not over."""
+        return self._start is not None and not self._over
+
+    @property
+    def ticks(self) -> int:
+        """Ticks so far."""
+        return self._taker.ticks
+
+    @property
+    def seconds(self) -> float:
+        """Time so far, s."""
+        return self._taker.seconds
+
+    @property
+    def progress(self) -> float:
+        """How far the exercise has come, 0 to 1; 0 without one."""
+        return 0.0 if self._trial is None else self._trial.progress
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How the exercise has ended, or None."""
+        return None if self._trial is None else self._trial.outcome
+
+    @property
+    def feedback_visible(self) -> bool:
+        """Whether the figures are to be seen now."""
+        return feedback_visible(self.feedback, self.seconds, over=self._over)
+
+    def start(self, point: StartingPoint) -> None:
+        """Start the clock, with the first pull.
+
+        Parameters
+        ----------
+        point
+            What it starts from.
+        """
+        self._start = point
+
+    def note(self, kind: InputKind, value: float | Theory | None = None) -> None:
+        """Note an input; nothing before the start and once it is over.
+
+        Parameters
+        ----------
+        kind
+            What was asked for.
+        value
+            Its number, or the theory.
+        """
+        if not self.going:
+            return
+        number, ticks = KINDS.index(kind), self.ticks
+        if value is None:
+            figure = 0.0
+        elif isinstance(value, int | float):
+            figure = float(value)
+        else:
+            figure = float(len(self._theories))
+            self._theories.append(value)
+        again = self._ticks and (self._ticks[-1], self._kinds[-1]) == (ticks, number)
+        if again and kind in LAST_COUNTS:
+            self._values[-1] = figure
+            return
+        if len(self._ticks) >= MOST_INPUTS:
+            self.finish()
+            return
+        self._ticks.append(ticks)
+        self._kinds.append(number)
+        self._values.append(figure)
+
+    def take(
+        self,
+        force: float,
+        deflection: float,
+        hook: Place,
+        distance_to_break: float,
+        *,
+        came_from: Place,
+        held: bool,
+        torn: BreakEvent | None,
+    ) -> None:
+        """Take one tick; nothing before the start and once it is over.
+
+        Parameters
+        ----------
+        force, deflection
+            N and mm at the grasp.
+        hook
+            The axis at the grasp, mm.
+        distance_to_break
+            1 at rest, 0 at the break.
+        came_from
+            Where the axis at the grasp was before this tick, mm.
+        held
+            Whether the grasper holds the duct.
+        torn
+            The break, at the tick at which the duct tears.
+        """
+        if not self.going:
+            return
+        taker = self._taker
+        taker.take(force, hook, distance_to_break, held=held, came_from=came_from)
+        if torn is not None:
+            taker.tear(torn)
+        if self._trial is not None:
+            product = taker.force_time_product
+            self._trial.take(
+                Figures(force, deflection, distance_to_break, product, held, torn is not None)
+            )
+        if torn is not None or self.outcome is not None or self.ticks >= MOST_TICKS:
+            self._over = True
+
+    def regrasp(self) -> None:
+        """Say that the grasper holds another place."""
+        self._taker.regrasp()
+
+    def finish(self) -> None:
+        """End the run as it stands."""
+        self._over = True
+
+    def measures(self) -> Measures:
+        """Return the measures so far.
+
+        Returns
+        -------
+        Measures
+            The measures.
+        """
+        return self._taker.measures()
+
+    def log(self, organ: OrganIdentity, seed: int) -> RunLog:
+        """Return the log so far.
+
+        Parameters
+        ----------
+        organ
+            The organ.
+        seed
+            The session's seed.
+
+        Returns
+        -------
+        RunLog
+            The log.
+
+        Raises
+        ------
+        ValueError
+            If nothing has been pulled yet or a theory has no name.
+        """
+        start = self._start
+        if start is None:
+            raise ValueError("a run starts with the first pull; there has been none")
+        return RunLog(
+            versions=versions(),
+            organ=organ,
+            start=RunStart(
+                start.preset, TheoryChoice.of(start.theory), start.grasp, start.threshold
+            ),
+            seed=seed,
+            tick_seconds=TICK_SECONDS,
+            ticks=self.ticks,
+            inputs=[
+                RunInput(tick, KINDS[kind], self._value(KINDS[kind], value))
+                for tick, kind, value in zip(self._ticks, self._kinds, self._values, strict=True)
+            ],
+            exercise=self.exercise,
+            feedback=self.feedback,
+        )
+
+    def _value(self, kind: InputKind, value: float) -> float | TheoryChoice | None:
+        if kind == "let-go":
+            return None
+        return TheoryChoice.of(self._theories[int(value)]) if kind == "theory" else value

@@ -1,0 +1,308 @@
+"""Run logs: what a run was made of, small enough to keep and enough to make it again to the bit."""
+
+import hashlib
+import math
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback
+from app.simulation.measures import Measures
+from app.simulation.theory_choice import TheoryChoice
+from app.simulation.trial import Outcome
+from organ_geometry.organ import Organ
+
+__all__ = [
+    "MOST_INPUTS",
+    "MOST_TICKS",
+    "InputKind",
+    "OrganIdentity",
+    "RunFile",
+    "RunFileError",
+    "RunInput",
+    "RunLog",
+    "RunStart",
+    "read_run",
+    "run_json",
+    "versions",
+]
+
+FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
+VERSION = 1
+MOST_TICKS = 2 * 60 * 60 * 30
+"""Two hours: nobody trains longer at one duct."""
+MOST_INPUTS = 200_000
+MOST_BYTES = 16_000_000
+
+InputKind = Literal["force", "grab", "hand", "let-go", "grasp", "threshold", "theory"]
+
+
+class RunFileError(ValueError):
+    """A file that is no run, or not one that can be made again here."""
+
+
+class OrganIdentity(msgspec.Struct, frozen=True):
+    """Which organ a run was made on.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    length_mm
+        Its length.
+    sha256
+        Digest of its axis, frames and curves.
+    """
+
+    name: str
+    length_mm: float
+    sha256: str
+
+    @classmethod
+    def of(cls, organ: Organ) -> "OrganIdentity":
+        """Return an organ's identity.
+
+        Parameters
+        ----------
+        organ
+            The organ.
+
+        Returns
+        -------
+        OrganIdentity
+            The same for equal geometry, whatever the organ is called.
+        """
+        digest = hashlib.sha256()
+        for array in (organ.axis, organ.frames, organ.keys, organ.outer, organ.lumen):
+            if array is not None:
+                digest.update(repr(array.shape).encode())
+                digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return cls(organ.name, organ.length, digest.hexdigest())
+
+
+class RunStart(msgspec.Struct, frozen=True):
+    """What a run starts from.
+
+    Attributes
+    ----------
+    preset
+        Name of the preset.
+    theory
+        The theory.
+    grasp_mm
+        Distance of the grasp from the first clamp, mm.
+    threshold_MPa
+        Stress at which the duct tears, MPa.
+    """
+
+    preset: str
+    theory: TheoryChoice
+    grasp_mm: float
+    threshold_MPa: float  # noqa: N815
+
+
+class RunInput(msgspec.Struct, frozen=True, array_like=True):
+    """One input, taken before a tick.
+
+    Attributes
+    ----------
+    tick
+        Ticks done when it came.
+    kind
+        What was asked for.
+    value
+        N for "force", mm for "grab" (where), "hand" (how far) and "grasp", MPa for "threshold";
+        nothing for "let-go", a choice for "theory".
+    """
+
+    tick: int
+    kind: InputKind
+    value: float | TheoryChoice | None
+
+
+class RunLog(msgspec.Struct, frozen=True):
+    """A run: all that its course depends on.
+
+    Attributes
+    ----------
+    versions
+        Of this program and what it computes with.
+    organ
+        Which organ.
+    start
+        What it starts from.
+    seed
+        Of the torn rim's raggedness.
+    tick_seconds
+        Length of a tick, s.
+    ticks
+        How many there were.
+    inputs
+        The inputs in order; only changes.
+    exercise
+        The exercise that was done, or None.
+    feedback
+        When its figures were to be seen.
+    """
+
+    versions: dict[str, str]
+    organ: OrganIdentity
+    start: RunStart
+    seed: int
+    tick_seconds: float
+    ticks: int
+    inputs: list[RunInput]
+    exercise: Exercise | None = None
+    feedback: Feedback = Feedback.CONTINUOUS
+
+
+class RunFile(msgspec.Struct, frozen=True):
+    """A run and its result, as they are downloaded.
+
+    Attributes
+    ----------
+    format, version
+        What the file is.
+    log
+        The run.
+    measures
+        Its measures.
+    outcome
+        How the exercise ended, or None.
+    """
+
+    format: Literal["bluntdissect-run"]
+    version: int
+    log: RunLog
+    measures: Measures
+    outcome: Outcome | None = None
+
+    @classmethod
+    def of(cls, log: RunLog, measures: Measures, outcome: Outcome | None) -> "RunFile":
+        """Return a file of this version.
+
+        Parameters
+        ----------
+        log, measures, outcome
+            Its content.
+
+        Returns
+        -------
+        RunFile
+            The file.
+        """
+        return cls(FORMAT, VERSION, log, measures, outcome)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what a run is computed with.
+
+    Returns
+    -------
+    dict[str, str]
+        By name.
+    """
+    found = {"python": platform.python_version()}
+    for name in ("bluntdissect", "numpy", "numba"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
+
+
+def run_json(run: RunFile) -> bytes:
+    """Return a run as JSON, its numbers to the last bit.
+
+    Parameters
+    ----------
+    run
+        The run.
+
+    Returns
+    -------
+    bytes
+        UTF-8.
+    """
+    return msgspec.json.encode(run)
+
+
+def read_run(content: bytes) -> RunFile:
+    """Return the run in a JSON file, checked.
+
+    Parameters
+    ----------
+    content
+        The file's bytes.
+
+    Returns
+    -------
+    RunFile
+        The run.
+
+    Raises
+    ------
+    RunFileError
+        If it is no run, one of another version or tick, too long, or has an input out of order or
+        of the wrong kind.
+    """
+    if len(content) > MOST_BYTES:
+        raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
+    try:
+        head = msgspec.json.decode(content, type=_Head)
+    except msgspec.MsgspecError as error:
+        raise RunFileError(f"not a run of bluntdissect: {error}") from None
+    if head.version != VERSION:
+        raise RunFileError(f"a run of version {head.version}; this program reads {VERSION}")
+    try:
+        run = msgspec.json.decode(content, type=RunFile)
+    except msgspec.MsgspecError as error:
+        raise RunFileError(f"a damaged run: {error}") from None
+    _check(run.log)
+    return run
+
+
+class _Head(msgspec.Struct):
+    format: Literal["bluntdissect-run"]
+    version: int
+
+
+def _check(log: RunLog) -> None:
+    if log.tick_seconds != TICK_SECONDS:
+        raise RunFileError(f"tick_seconds must be {TICK_SECONDS} s, got {log.tick_seconds}")
+    if not 0 <= log.ticks <= MOST_TICKS:
+        raise RunFileError(f"ticks must be from 0 to {MOST_TICKS:,}, got {log.ticks:,}")
+    if not 0 <= log.seed < 2**63:
+        raise RunFileError(f"seed must be from 0 to below 2^63, got {log.seed}")
+    if len(log.inputs) > MOST_INPUTS:
+        raise RunFileError(f"a run has at most {MOST_INPUTS:,} inputs, not {len(log.inputs):,}")
+    _known(log.start.theory, "start")
+    before = 0
+    for number, each in enumerate(log.inputs):
+        where = f"input {number}"
+        if not before <= each.tick <= log.ticks:
+            raise RunFileError(
+                f"{where} must be at a tick from {before} to {log.ticks}, got {each.tick}"
+            )
+        before = each.tick
+        if each.kind == "theory":
+            if not isinstance(each.value, TheoryChoice):
+                raise RunFileError(f"{where}, a theory, must name one, got {each.value!r}")
+            _known(each.value, where)
+        elif each.kind == "let-go":
+            if each.value is not None:
+                raise RunFileError(f"{where}, let-go, must have no value, got {each.value!r}")
+        elif not isinstance(each.value, float) or not math.isfinite(each.value):
+            raise RunFileError(f"{where}, {each.kind}, must have a number, got {each.value!r}")
+
+
+def _known(choice: TheoryChoice, where: str) -> None:
+    try:
+        choice.theory()
+    except ValueError as error:
+        raise RunFileError(f"{where}: {error}") from None

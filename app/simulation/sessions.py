@@ -1,0 +1,141 @@
+"""Sessions by token: a page that is loaded anew finds its trainee's session again."""
+
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+
+from app.simulation.session import Session
+
+__all__ = ["Sessions", "SessionsFullError"]
+
+KEPT_SECONDS = 600.0
+"""How long a session waits for its page to come back."""
+MOST_SESSIONS = 64
+TOKEN_BYTES = 16
+
+
+class SessionsFullError(ValueError):
+    """There are as many sessions at work as there may be."""
+
+
+@dataclass(slots=True)
+class _Kept:
+    session: Session
+    left_at: float | None = None
+
+
+class Sessions:
+    """The sessions of all clients, each under a token that only its client knows.
+
+    Parameters
+    ----------
+    make
+        Makes a new session.
+    most
+        How many there may be.
+    kept_seconds
+        How long one that was left is kept, s.
+    clock
+        Gives the time, s.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Session],
+        *,
+        most: int = MOST_SESSIONS,
+        kept_seconds: float = KEPT_SECONDS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._make, self._clock = make, clock
+        self._most, self._kept_seconds = most, kept_seconds
+        self._lock = Lock()
+        self._kept: dict[str, _Kept | None] = {}
+
+    def __len__(self) -> int:
+        with self._lock:
+            return len(self._kept)
+
+    def claim(self, token: str | None = None) -> tuple[str, Session]:
+        """Return the session that a client left, or a new one.
+
+        Parameters
+        ----------
+        token
+            The client's token from before. A token that is not known, has expired or whose
+            session another client is using now gets a new session.
+
+        Returns
+        -------
+        tuple[str, Session]
+            The token to come back with, and the session.
+
+        Raises
+        ------
+        SessionsFullError
+            If there are `most` sessions and none of them has been left.
+        """
+        with self._lock:
+            self._expire()
+            kept = None if token is None else self._kept.get(token)
+            if token is not None and kept is not None and kept.left_at is not None:
+                kept.left_at = None
+                return token, kept.session
+            if len(self._kept) >= self._most:
+                self._drop_longest_left()
+            token = secrets.token_urlsafe(TOKEN_BYTES)
+            self._kept[token] = None  # the place is taken while the session is made
+        try:
+            session = self._make()
+        except BaseException:
+            with self._lock:
+                del self._kept[token]
+            raise
+        with self._lock:
+            self._kept[token] = _Kept(session)
+        return token, session
+
+    def leave(self, token: str) -> None:
+        """Say that a session's client has gone; it is kept for a while.
+
+        Parameters
+        ----------
+        token
+            Its token.
+        """
+        with self._lock:
+            kept = self._kept.get(token)
+            if kept is not None and kept.left_at is None:
+                kept.left_at = self._clock()
+            self._expire()
+
+    def expire(self) -> None:
+        """Drop the sessions that were left too long ago."""
+        with self._lock:
+            self._expire()
+
+    def _expire(self) -> None:
+        now = self._clock()
+        gone = [
+            token
+            for token, kept in self._kept.items()
+            if kept is not None
+            and kept.left_at is not None
+            and now - kept.left_at > self._kept_seconds
+        ]
+        for token in gone:
+            del self._kept[token]
+
+    def _drop_longest_left(self) -> None:
+        left = [
+            (kept.left_at, token)
+            for token, kept in self._kept.items()
+            if kept is not None and kept.left_at is not None
+        ]
+        if not left:
+            raise SessionsFullError(
+                f"{self._most} trainees are at work already; come back when one has left"
+            )
+        del self._kept[min(left)[1]]

@@ -1,0 +1,221 @@
+"""The hand: what a mouse drags of the duct or the hook, as places in the organ's coordinates.
+
+Dragging needs something to pick. The duct itself is sent anew for every picture, so inside it there
+is a coarse tube that nobody sees, which follows it; another is inside the hook.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.trainer.stage.hook import grip_solid
+from app.trainer.stage.solids import grid_faces
+from app.trainer.stage.wall import Wall
+from organ_geometry.skin import Skin
+
+__all__ = ["DragProxy", "Hold"]
+
+RINGS, SIDES = 25, 8
+SHRUNK = 0.9
+"""The tube's radius by the duct's: inside it, the tube hides nothing, but can be picked."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hold:
+    """What a hand holds, and where it is.
+
+    Attributes
+    ----------
+    station
+        Arc length of the organ's axis where the duct was grabbed, mm; None for the hook.
+    start
+        (3,) where it was grabbed, mm.
+    place
+        (3,) where the hand is now, mm: under the mouse, in the plane of the pull through `start`.
+    """
+
+    station: float | None
+    start: NDArray[np.float64]
+    place: NDArray[np.float64]
+
+    @property
+    def moved(self) -> NDArray[np.float64]:
+        """(3,) from where it was grabbed to where the hand is, mm."""
+        return self.place - self.start
+
+
+class DragProxy:
+    """What one client's mouse can drag.
+
+    The callbacks run in order on the server's loop, some twenty times a second: let them write
+    inputs only.
+
+    Parameters
+    ----------
+    client
+        The client.
+    grabbed, moved
+        Called with the hold when a drag starts, and whenever the hand has moved.
+    released
+        Called when the hand lets go, or the duct can no longer be held.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        *,
+        grabbed: Callable[[Hold], None],
+        moved: Callable[[Hold], None],
+        released: Callable[[], None],
+    ) -> None:
+        self._client = client
+        self._grabbed, self._moved, self._released = grabbed, moved, released
+        self._tube: viser.MeshHandle | None = None
+        self._hook: viser.MeshHandle | None = None
+        self._hold: Hold | None = None
+        self._frame, self._origin = np.eye(3), np.zeros(3)
+
+    def set_duct(self, skin: Skin, frame: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
+        """Let a duct and the hook be dragged.
+
+        Parameters
+        ----------
+        skin
+            The whole duct's skin.
+        frame
+            (3, 3) orthonormal columns: along the duct, lateral, along the pull.
+        origin
+            (3,) the first clamp's place on the axis, mm.
+        """
+        wall = Wall.of(skin)
+        rings = np.linspace(0, wall.rings - 1, min(RINGS, wall.rings)).round().astype(int)
+        self._ring_vertices = rings[:, None] * wall.sides + np.arange(wall.sides)
+        self._sides = np.arange(SIDES) * wall.sides // SIDES
+        self._stations = wall.stations[rings].mean(axis=1)
+        self._frame, self._origin = frame, origin
+        self._remove_tube()
+        self._tube = self._client.scene.add_mesh_simple(
+            "/organ/grip",
+            self._places(skin.vertices),
+            grid_faces(len(rings), SIDES, closed=True).astype(np.uint32),
+            **_UNSEEN,
+        )
+        self._listen(self._tube, self._grab_duct)
+
+    def set_hook(self, radius: float) -> None:
+        """Let the hook be dragged.
+
+        Parameters
+        ----------
+        radius
+            Of the duct that it fits, mm.
+        """
+        solid = grip_solid(radius)
+        self._hook = self._client.scene.add_mesh_simple(
+            "/stage/hook/grip",
+            solid.vertices.astype(np.float32),
+            solid.faces.astype(np.uint32),
+            **_UNSEEN,
+        )
+        self._listen(self._hook, self._grab_hook)
+
+    def follow(self, vertices: NDArray[np.float32]) -> None:
+        """Move the tube with the duct.
+
+        Parameters
+        ----------
+        vertices
+            (V, 3) the deformed skin's, mm.
+        """
+        if self._tube is not None:
+            self._tube.vertices = self._places(vertices)
+
+    def let_go(self) -> None:
+        """Let nothing be dragged, as when the duct is torn."""
+        self._remove_tube()
+        if self._hook is not None:
+            self._hook.remove()
+            self._hook = None
+        if self._hold is not None:
+            self._hold = None
+            self._released()
+
+    def _remove_tube(self) -> None:
+        if self._tube is not None:
+            self._tube.remove()
+            self._tube = None
+
+    def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the tube's vertices inside a deformed skin."""
+        rings = vertices[self._ring_vertices]
+        self._axis = rings.mean(axis=1)
+        shown = self._axis[:, None] + SHRUNK * (rings[:, self._sides] - self._axis[:, None])
+        return shown.reshape(-1, 3).astype(np.float32)
+
+    def _listen(
+        self,
+        mesh: viser.MeshHandle,
+        start: Callable[[NDArray[np.float64], NDArray[np.float64]], Hold],
+    ) -> None:
+        @mesh.on_drag("left", modifier=None)
+        async def _(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            hand = np.asarray(event.end_position, np.float64)
+            if not np.isfinite(hand).all():
+                return
+            if event.phase == "start":
+                grip = self._organ_place(np.asarray(event.start_position, np.float64))
+                self._hold = start(grip, self._in_pull_plane(hand, grip))
+                self._grabbed(self._hold)
+            elif self._hold is not None:
+                held = self._hold
+                place = self._in_pull_plane(hand, held.start)
+                self._hold = Hold(held.station, held.start, place)
+                if event.phase == "end":
+                    self._hold = None
+                    self._released()
+                else:
+                    self._moved(self._hold)
+
+    def _grab_duct(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
+        """Return the hold on the duct where the grip is: the station nearest to it."""
+        spans = np.diff(self._axis, axis=0)
+        along = np.sum((grip - self._axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
+        part = np.clip(along, 0.0, 1.0)
+        nearest = self._axis[:-1] + part[:, None] * spans
+        segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
+        before, after = self._stations[segment : segment + 2].tolist()
+        return Hold(before + float(part[segment]) * (after - before), grip, place)
+
+    def _grab_hook(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
+        return Hold(None, grip, place)
+
+    def _organ_place(self, stage_place: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._origin + self._frame @ stage_place
+
+    def _in_pull_plane(
+        self, hand: NDArray[np.float64], grip: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the organ's place under the mouse in the plane of the pull."""
+        # The page gives the hand on a plane that faces the camera; the line of sight through it
+        # meets the plane of the pull where the user sees the hand.
+        eye = self._organ_place(np.asarray(self._client.camera.position, np.float64))
+        sight = self._organ_place(hand) - eye
+        lateral = self._frame[:, 1]
+        towards = float(sight @ lateral)
+        if abs(towards) < _LEAST_FACING * float(np.linalg.norm(sight)):  # seen edge-on
+            return self._organ_place(hand)
+        return eye + sight * (float((grip - eye) @ lateral) / towards)
+
+
+_LEAST_FACING = 0.15
+_UNSEEN: dict[str, Any] = {
+    "color": (255, 255, 255),
+    "opacity": 0.0,
+    "side": "double",
+    "cast_shadow": False,
+    "receive_shadow": False,
+}

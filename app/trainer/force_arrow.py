@@ -1,0 +1,77 @@
+"""The grasper's force: an arrow with a number at the hook."""
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+__all__ = ["ForceArrow"]
+
+FORCE_COLOR = (255, 196, 60)
+
+
+class ForceArrow:
+    """An arrow with a number at the hook: the grasper's force. Hidden until it is made visible.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    span
+        Between the clamps, mm; a force at the break is drawn a fifth as long.
+    """
+
+    def __init__(self, scene: viser.SceneApi, span: float) -> None:
+        self._length = 0.2 * span
+        self._arrow = scene.add_arrows(
+            "/organ/force",
+            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], np.float32),
+            FORCE_COLOR,
+            shaft_radius=0.008 * span,
+            head_radius=0.020 * span,
+            head_length=0.045 * span,
+            visible=False,
+        )
+        self._label = scene.add_label("/organ/force_label", "", visible=False)
+        self._visible = False
+        self._text = ""
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return self._visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._visible = visible
+        self._arrow.visible = self._label.visible = visible
+
+    def show(
+        self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
+    ) -> None:
+        """Draw a force.
+
+        Parameters
+        ----------
+        foot
+            (3,) where it acts, mm.
+        force
+            (3,) N.
+        at_break
+            Force at the break, N: the arrow's scale.
+        """
+        size = float(np.linalg.norm(force))
+        length = self._length * min(size / at_break, 1.5) if at_break > 0.0 else 0.0
+        drawn = self._visible and size > 0.0
+        if drawn:
+            tip = foot + force * (max(length, 0.3 * self._length) / size)
+            self._arrow.points = np.stack([foot, tip])[None].astype(np.float32)
+            self._label.position = tip
+            text = f"{size:.2f} N"
+            if text != self._text:  # a label is rendered anew whenever its text is set
+                self._label.text = self._text = text
+        self._arrow.visible = self._label.visible = drawn
+
+    def remove(self) -> None:
+        """Take it off the scene."""
+        self._arrow.remove()
+        self._label.remove()

@@ -1,0 +1,126 @@
+"""Another model beside the first: a duct's ghost, and the nodes of a mass-spring chain."""
+
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.trainer.stage.wall import Wall
+from organ_geometry.skin import Skin
+
+__all__ = ["Chain", "Ghost"]
+
+GHOST_COLOR = (70, 130, 235)
+NODE_COLOR, LINK_COLOR = (236, 120, 220), (190, 100, 200)
+NODE_SIZE = 0.55
+"""Radius, mm."""
+
+
+class Ghost:
+    """Another duct over the first, translucent. Hidden until it is made visible.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    skin
+        The skin that both ducts have.
+    """
+
+    def __init__(self, scene: viser.SceneApi, skin: Skin) -> None:
+        self._count = Wall.of(skin).count
+        self._mesh = scene.add_mesh_simple(
+            "/organ/ghost",
+            skin.vertices[: self._count],
+            skin.faces[: skin.outer_faces].astype(np.uint32),
+            color=GHOST_COLOR,
+            opacity=0.3,
+            side="front",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return self._mesh.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._mesh.visible = visible
+
+    def show(self, vertices: NDArray[np.float32]) -> None:
+        """Draw the other duct.
+
+        Parameters
+        ----------
+        vertices
+            (V, 3) the skin's vertices as the other duct deforms them, mm.
+        """
+        self._mesh.vertices = vertices[: self._count]
+
+    def remove(self) -> None:
+        """Take it off the scene."""
+        self._mesh.remove()
+
+
+class Chain:
+    """The nodes and links of a mass-spring chain. Hidden until it is made visible.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    count
+        Number of nodes.
+    """
+
+    def __init__(self, scene: viser.SceneApi, count: int) -> None:
+        nodes = np.zeros((count, 3), np.float32)
+        self._links = scene.add_line_segments(
+            "/organ/chain/links",
+            np.zeros((count - 1, 2, 3), np.float32),
+            LINK_COLOR,
+            thickness=3.0,
+            thickness_units="screen",
+            visible=False,
+        )
+        self._nodes = scene.add_point_cloud(
+            "/organ/chain/nodes",
+            nodes,
+            NODE_COLOR,
+            point_size=NODE_SIZE,
+            point_shape="circle",
+            precision="float32",
+            visible=False,
+        )
+        self._visible = False
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return self._visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._visible = visible
+        self._links.visible = self._nodes.visible = visible
+
+    def show(self, nodes: NDArray[np.floating[Any]]) -> None:
+        """Draw the chain.
+
+        Parameters
+        ----------
+        nodes
+            (count, 3) places of its nodes, mm.
+        """
+        places = np.asarray(nodes, np.float32)
+        self._nodes.points = places
+        self._links.points = np.stack([places[:-1], places[1:]], axis=1)
+
+    def remove(self) -> None:
+        """Take it off the scene."""
+        self._links.remove()
+        self._nodes.remove()

@@ -1,0 +1,129 @@
+"""What explains the model over the tissue: key points, the sections kept and driving points."""
+
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from organ_geometry.driving_points import DrivingPoints
+from organ_geometry.organ import Organ
+from organ_geometry.skin import BoundSkin, Skin, ring_angles
+
+__all__ = ["Overlay"]
+
+KEY_COLOR, DRIVING_COLOR, RING_COLOR = (64, 224, 240), (255, 178, 32), (200, 245, 250)
+SECTION_SIDES = 40
+KEY_POINTS_OF_A_SECTION = 8
+CLEAR = 0.35
+"""How far points and rings lie off the wall, mm, so that its relief does not hide them."""
+KEY_SIZE, DRIVING_SIZE = 0.32, 0.24
+"""Radii of points, mm."""
+
+
+class Overlay:
+    """Key points, the sections that are kept, and driving points, which follow the duct.
+
+    Hidden until it is made visible.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    organ
+        The organ.
+    driving
+        The driving points that the beam moves.
+    """
+
+    def __init__(self, scene: viser.SceneApi, organ: Organ, driving: DrivingPoints) -> None:
+        stations = organ.key_stations
+        angles = ring_angles(SECTION_SIDES)
+        sections = np.repeat(stations, SECTION_SIDES)
+        rings = organ.surface(sections, np.tile(angles, stations.size))
+        axis = organ.axis_at(sections)
+        outwards = (rings - axis) / np.linalg.norm(rings - axis, axis=1, keepdims=True)
+        # A skin of its own, so that the rings follow the driving points as the duct's does.
+        self._skin = Skin(
+            (rings + CLEAR * outwards).astype(np.float32),
+            np.zeros((0, 3), np.int32),
+            0,
+            sections,
+        )
+        self._bound: BoundSkin = self._skin.bound_to(driving)
+        self._rings = self._skin.vertices.copy()
+        self._shape = (stations.size, SECTION_SIDES)
+        self._driving = driving.positions
+        # Where the drawn ones lie on the wall: above the axis, which is inside the duct.
+        step = SECTION_SIDES // KEY_POINTS_OF_A_SECTION
+        self._key_index = np.arange(0, stations.size * SECTION_SIDES, step)
+        self._parts: list[Any] = [
+            scene.add_point_cloud(
+                "/organ/overlay/key_points",
+                self._rings[self._key_index],
+                KEY_COLOR,
+                point_size=KEY_SIZE,
+                point_shape="circle",
+                precision="float32",
+                visible=False,
+            ),
+            scene.add_line_segments(
+                "/organ/overlay/sections",
+                self._segments(),
+                RING_COLOR,
+                thickness=1.6,
+                thickness_units="screen",
+                visible=False,
+            ),
+            scene.add_point_cloud(
+                "/organ/overlay/driving_points",
+                self._driving.astype(np.float32),
+                DRIVING_COLOR,
+                point_size=DRIVING_SIZE,
+                point_shape="circle",
+                precision="float32",
+                visible=False,
+            ),
+        ]
+        self._lift = organ.mean_radius + CLEAR
+        self._visible = False
+        self.show(np.zeros((driving.stations.size, 3, 4)), np.array([0.0, 0.0, 1.0]))
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return self._visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._visible = visible
+        for part in self._parts:
+            part.visible = visible
+
+    def show(self, transforms: NDArray[np.float64], pull: NDArray[np.float64]) -> None:
+        """Draw the points and sections where the driving points have taken them.
+
+        Parameters
+        ----------
+        transforms
+            (D, 3, 4) transforms of the driving points less the identity.
+        pull
+            (3,) unit vector of the pull: driving points are drawn on that side of the wall.
+        """
+        points, lines, driving = self._parts
+        self._bound.deform(transforms, self._rings)
+        points.points = self._rings[self._key_index]
+        lines.points = self._segments()
+        on_wall = self._driving + self._lift * pull
+        moved = np.einsum("dij,dj->di", transforms[:, :, :3], on_wall) + transforms[:, :, 3]
+        driving.points = (on_wall + moved).astype(np.float32)
+
+    def remove(self) -> None:
+        """Take it off the scene."""
+        for part in self._parts:
+            part.remove()
+
+    def _segments(self) -> NDArray[np.float32]:
+        """Return the rings as (N, 2, 3) line segments."""
+        rings = self._rings.reshape(*self._shape, 3)
+        return np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)

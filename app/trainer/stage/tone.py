@@ -1,0 +1,130 @@
+"""Colours as they leave the screen: the map for stress, and what to send so that it is seen.
+
+The page shows light through the filmic curve ACES, in the fit that three.js has of it: a colour
+that is sent as it is comes out paler and darker. What is sent here went through the inverse.
+"""
+
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+COLOR_MAP = "cividis"
+"""Even in lightness, and the same to the colour-blind [Nunez, Anderton & Renslow 2018]."""
+
+_SRGB_TOE = 0.04045
+_ACES_INPUT = np.array(
+    [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]]
+)
+_ACES_OUTPUT = np.array(
+    [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
+)
+_RISE, _FLOOR = 0.0245786, 0.000090537
+_BEND, _SLOPE, _OFFSET = 0.983729, 0.4329510, 0.238081
+_EXPOSURE = 1.0 / 0.6
+_TOP_BRIGHTNESS = 0.97
+_MOST = 0.99  # the curve reaches 1 only at infinite light
+
+
+def linear_light(srgb: ArrayLike) -> NDArray[np.float64]:
+    """Return sRGB colours as linear light.
+
+    Parameters
+    ----------
+    srgb
+        (..., 3) sRGB, 0 to 255.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (..., 3) linear, 0 to 1.
+
+    Examples
+    --------
+    >>> linear_light((0, 255, 188)).round(2).tolist()
+    [0.0, 1.0, 0.5]
+    """
+    part = np.asarray(srgb, np.float64) / 255.0
+    return np.where(part <= _SRGB_TOE, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+
+
+def shown_color(light: ArrayLike) -> NDArray[np.float64]:
+    """Return the sRGB colours that the page shows of linear light.
+
+    Parameters
+    ----------
+    light
+        (..., 3) linear light.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (..., 3) sRGB, 0 to 255.
+
+    Notes
+    -----
+    ACESFilmicToneMapping of three.js, Stephen Hill's fit of the ACES reference and output
+    transforms: (v (v + a) - b) / (v (c v + d) + e) between two matrices.
+    """
+    v = _EXPOSURE * np.asarray(light, np.float64) @ _ACES_INPUT.T
+    fitted = (v * (v + _RISE) - _FLOOR) / (v * (_BEND * v + _SLOPE) + _OFFSET)
+    part = np.clip(fitted @ _ACES_OUTPUT.T, 0.0, 1.0)
+    toe = _SRGB_TOE / 12.92
+    return 255.0 * np.where(part <= toe, 12.92 * part, 1.055 * part ** (1.0 / 2.4) - 0.055)
+
+
+def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
+    """Return the linear light that the page shows as these sRGB colours.
+
+    Parameters
+    ----------
+    srgb
+        (..., 3) sRGB, 0 to 255.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (..., 3) linear light, which may be above 1. The curve has no bright colours of full
+        strength: those come out paler.
+    """
+    shown = np.clip(linear_light(srgb) @ np.linalg.inv(_ACES_OUTPUT).T, 0.0, _MOST)
+    square = 1.0 - _BEND * shown
+    half = 0.5 * (_RISE - _SLOPE * shown)
+    root = np.sqrt(half * half + square * (_FLOOR + _OFFSET * shown))
+    light = (root - half) / square @ np.linalg.inv(_ACES_INPUT).T
+    return np.maximum(light / _EXPOSURE, 0.0)
+
+
+@cache
+def color_table() -> NDArray[np.uint8]:
+    """Return the map's colours as the page can show them.
+
+    Returns
+    -------
+    NDArray[np.uint8]
+        (256, 3) sRGB, from no stress to the threshold. Cividis, to one of 255 steps, up to nine
+        tenths; from there on the page's curve has only a paler, slightly darker yellow.
+    """
+    table = shown_color(light_table()).round().astype(np.uint8)
+    table.setflags(write=False)
+    return table
+
+
+@cache
+def light_table() -> NDArray[np.float32]:
+    """Return the light that the page shows as the colours of `color_table`.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        (256, 3) linear light.
+    """
+    levels = np.arange(256, dtype=np.uint8)[:, None]
+    cividis = cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
+    table = light_for(cividis).astype(np.float32)
+    last = int(np.flatnonzero(table.min(axis=1) > 0.0)[-1])
+    end = light_for(_TOP_BRIGHTNESS * cividis[-1:])
+    table[last:] = np.linspace(table[last], end[0], len(table) - last)
+    table.setflags(write=False)
+    return table

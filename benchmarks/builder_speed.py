@@ -1,0 +1,159 @@
+"""How fast the organ builder is beside marching cubes, and what memory it takes."""
+
+import os
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.tube_images import LEVEL, SIDE, draw_tube_images
+from organ_geometry.image_stack import read_image_stack
+from organ_geometry.organ_builder import build_organ
+
+__all__ = ["BuilderRates", "builder_memory", "builder_rates"]
+
+SLICES, RUNS = 300, 3
+MANY_SLICES, DISTINCT = 2000, 250
+WARM_SLICES = 24
+PEER_FACES = 2000
+MEBIBYTE = 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class BuilderRates:
+    """Images a second, decoded from PNG and made into an organ or a mesh.
+
+    Attributes
+    ----------
+    ours
+        Of the organ builder, 1/s.
+    peer
+        Of scikit-image's marching cubes and fast-simplification, 1/s; None if they are missing.
+    note
+        Why there is no peer.
+    """
+
+    ours: float
+    peer: float | None
+    note: str = ""
+
+
+def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
+    """Time the organ builder and marching cubes with decimation on one stack, turn and turn about.
+
+    Parameters
+    ----------
+    slices
+        Number of images.
+    runs
+        How often each is run; the fastest counts.
+
+    Returns
+    -------
+    BuilderRates
+        Both rates.
+    """
+    times: dict[str, list[float]] = {"ours": [], "peer": []}
+    note = ""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "tube"
+        draw_tube_images(folder, slices)
+        for _ in range(runs):
+            start = time.perf_counter()
+            build_organ(read_image_stack(folder))
+            times["ours"].append(time.perf_counter() - start)
+            if note:
+                continue
+            start = time.perf_counter()
+            try:
+                cubes_of_images(folder)
+            except ModuleNotFoundError as missing:
+                note = f"{missing.name} is not installed: pip install .[bench]"
+                continue
+            times["peer"].append(time.perf_counter() - start)
+    rates = {key: slices / min(values) if values else None for key, values in times.items()}
+    return BuilderRates(rates["ours"] or 0.0, rates["peer"], note)
+
+
+def cubes_of_images(folder: Path) -> int:
+    """Make a mesh of a folder of PNG images as others do: all in memory, cubes, fewer triangles.
+
+    Parameters
+    ----------
+    folder
+        The images.
+
+    Returns
+    -------
+    int
+        Number of triangles.
+    """
+    measure = import_module("skimage.measure")
+    simplification = import_module("fast_simplification")
+    files = sorted(folder.glob("*.png"))
+    volume = np.empty((len(files), SIDE, SIDE), dtype=np.uint8)
+
+    def read(place: int) -> None:
+        volume[place] = np.asarray(cv2.imread(str(files[place]), cv2.IMREAD_GRAYSCALE))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(read, range(len(files))))
+    vertices, faces, _, _ = measure.marching_cubes(volume, LEVEL)
+    middle = vertices.mean(axis=0)
+    _, few = simplification.simplify(vertices - middle, faces, target_count=PEER_FACES)
+    return len(few)
+
+
+def builder_memory(slices: int = MANY_SLICES, distinct: int = DISTINCT) -> dict[str, float]:
+    """Return how much memory a long stack takes, in a process of its own.
+
+    Parameters
+    ----------
+    slices
+        Number of images.
+    distinct
+        Number of drawings among them.
+
+    Returns
+    -------
+    dict[str, float]
+        `slices`, `growth_mib`, `volume_mib` and `seconds`: the largest memory above that of a
+        stack of a few images, what the images take when all are held, and the time it took.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        few, many = Path(place) / "few", Path(place) / "many"
+        draw_tube_images(few, WARM_SLICES)
+        draw_tube_images(many, slices, distinct)
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            growth, seconds = pool.submit(_growth, few, many).result()
+    return {
+        "slices": slices,
+        "growth_mib": growth / MEBIBYTE,
+        "volume_mib": slices * SIDE * SIDE / MEBIBYTE,
+        "seconds": seconds,
+    }
+
+
+def _growth(few: Path, many: Path) -> tuple[float, float]:
+    """Return the bytes by which a long stack exceeds a short one's largest memory, and its time."""
+    build_organ(read_image_stack(few))
+    before = _largest_memory()
+    start = time.perf_counter()
+    build_organ(read_image_stack(many))
+    seconds = time.perf_counter() - start
+    return _largest_memory() - before, seconds
+
+
+def _largest_memory() -> float:
+    """Return the largest resident memory that this process has had, bytes."""
+    # Not getrusage: it starts with the memory of the process that this one was forked from.
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmHWM:"):
+            return 1024.0 * float(line.split()[1])
+    raise OSError("/proc/self/status has no VmHWM, which is the largest resident memory")

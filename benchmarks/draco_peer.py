@@ -1,0 +1,330 @@
+"""The fewest bytes of a mesh made of an organ's images, decimated and packed by Draco.
+
+``python -m benchmarks.draco_peer bile_duct_parallel`` prints the best settings found.
+"""
+
+import argparse
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from benchmarks.organ_sets import SETS, OrganSet, missing_sets
+from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
+
+__all__ = ["DracoMesh", "DracoSearch", "least_count"]
+
+LOFTS: dict[str, tuple[float, ...]] = {
+    "corners": (24, 32, 48, 64, 96, 128),
+    "smoothing": (0.0, 0.7, 1.0, 1.5, 2.0, 3.0),
+    "rounding": (0.0, 0.1, 0.2, 0.3, 0.4),
+    "size": (1.0, 0.9975, 0.995, 0.99),
+    "aggression": (5.0, 6.0, 7.0, 9.0),
+}
+"""Settings of a loft and its decimation; the search changes one after the other."""
+
+FIRST_LOFT = {"corners": 64, "smoothing": 1.0, "rounding": 0.1, "size": 0.9975, "aggression": 6.0}
+ROUNDS = 2
+CUBES_BLUR = (1.0, 2.0)
+CUBES_FACES = 12_000
+"""Marching cubes give far more triangles than is useful: they are first brought down to these."""
+
+BITS = (8, 9, 10, 11, 12)
+COMPRESSION_LEVEL = 10
+FINEST_STEP, COARSEST_STEP = 0.3, 3.5
+"""Steps of coordinates outside of these, in target errors, are wasteful or too coarse: a step's own
+error is its 12th part's root."""
+AGGRESSIONS = (5.0, 6.0, 7.0)
+CUBES_AGGRESSION = 6.0
+FEWEST_FACES, MOST_FACES, NEVER = 60, 4000, 10**9
+MESH_RATIO, FACE_RATIO = 1.06, 1.03
+"""Bisections over the number of triangles end within these: of meshes, and of their bits."""
+FINE_FACES = np.linspace(0.85, 1.02, 18)
+
+MESHES_KEPT, PAIRS_KEPT = 6, 4
+SEARCH_POINTS, CHECK_POINTS = 1500, 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class DracoMesh:
+    """A mesh, decimated, packed and unpacked.
+
+    Attributes
+    ----------
+    mesh
+        How it was made.
+    faces
+        Its triangles.
+    aggression
+        How fast the decimation was.
+    bits
+        Of each coordinate.
+    size
+        Bytes.
+    rms
+        RMS distance of the unpacked mesh to the true surface, mm.
+    packed
+        The bytes themselves.
+    """
+
+    mesh: str
+    faces: int
+    aggression: float
+    bits: int
+    size: int
+    rms: float
+    packed: bytes = field(repr=False)
+
+    def times(self, draco: Any, runs: int) -> tuple[float, float]:
+        """Return how long it takes to pack the mesh again and to unpack it.
+
+        Parameters
+        ----------
+        draco
+            The module DracoPy.
+        runs
+            Number of runs; the fastest counts.
+
+        Returns
+        -------
+        tuple[float, float]
+            Both, s.
+        """
+        mesh = draco.decode(self.packed)
+        pack, unpack = math.inf, math.inf
+        for _ in range(runs):
+            start = time.perf_counter()
+            draco.encode(
+                mesh.points,
+                mesh.faces,
+                quantization_bits=self.bits,
+                compression_level=COMPRESSION_LEVEL,
+            )
+            packed = time.perf_counter()
+            draco.decode(self.packed)
+            pack = min(pack, packed - start)
+            unpack = min(unpack, time.perf_counter() - packed)
+        return pack, unpack
+
+    def __str__(self) -> str:
+        return (
+            f"{self.size} B: {self.mesh}, {self.faces} triangles (agg {self.aggression:g}), "
+            f"{self.bits} bits"
+        )
+
+
+class DracoSearch:
+    """Searches meshes, numbers of triangles and bits for the fewest bytes at an error.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Attributes
+    ----------
+    tried
+        Number of settings whose error was measured.
+    """
+
+    def __init__(self, organ: OrganSet) -> None:
+        self.tried = 0
+        self._organ = organ
+        self._draco: Any = import_module("DracoPy")
+        import_module("skimage.measure")  # missing, it is to be said here and not in a search
+        self._simplify = import_module("fast_simplification").simplify
+        self._meshes: dict[str, Mesh] = {}
+        self._decimated: dict[tuple[str, float, int], tuple[Mesh, float]] = {}
+
+    def _fewest_faces(self, target: float) -> list[tuple[int, str, float, int]]:
+        """Return (triangles, mesh, aggression, triangles asked for) within a target, best first."""
+        found: dict[tuple[str, float], tuple[int, str, float, int]] = {}
+
+        def count(name: str, aggression: float, made: Callable[[], Mesh]) -> int:
+            if name not in self._meshes:
+                self._meshes[name] = made()
+            if (name, aggression) not in found:
+                asked = least_count(
+                    lambda faces: self._decimation(name, faces, aggression)[1] <= target,
+                    ratio=MESH_RATIO,
+                )
+                # The decimation may stop at more triangles than it is asked for.
+                left = NEVER
+                if asked is not None:
+                    left = len(self._decimation(name, asked, aggression)[0][1])
+                found[name, aggression] = left, name, aggression, asked or NEVER
+            return found[name, aggression][0]
+
+        def loft(settings: dict[str, Any]) -> int:
+            shape = {key: value for key, value in settings.items() if key != "aggression"}
+            name = "loft, " + ", ".join(f"{key} {value:g}" for key, value in shape.items())
+            contours = self._organ.contours
+            return count(name, settings["aggression"], lambda: contour_loft(contours, **shape))
+
+        best: dict[str, Any] = FIRST_LOFT
+        for _ in range(ROUNDS):
+            before = best
+            for key, values in LOFTS.items():
+                best = min(({**best, key: value} for value in values), key=loft)
+            if best == before:
+                break
+        for blur in CUBES_BLUR:
+            name = f"marching cubes, blur {blur:g}"
+            count(name, CUBES_AGGRESSION, lambda blur=blur: self._cubes(blur))
+        return sorted(one for one in found.values() if one[0] < NEVER)
+
+    def _cubes(self, blur: float) -> Mesh:
+        return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, CUBES_AGGRESSION)
+
+    def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
+        """Return a mesh with about so many triangles."""
+        vertices, triangles = mesh
+        if faces >= len(triangles):
+            return mesh
+        middle = vertices.mean(axis=0)
+        few, left = self._simplify(
+            (vertices - middle).astype(np.float32),
+            triangles.astype(np.int32),
+            target_count=faces,
+            agg=aggression,
+        )
+        return few.astype(np.float64) + middle, np.asarray(left, dtype=np.int64)
+
+    def _decimation(self, name: str, faces: int, aggression: float) -> tuple[Mesh, float]:
+        """Return a mesh with about so many triangles, and its error, mm."""
+        key = (name, aggression, faces)
+        if key not in self._decimated:
+            mesh = self._fewer(self._meshes[name], faces, aggression)
+            self.tried += 1
+            self._decimated[key] = mesh, self._organ.rms(mesh, SEARCH_POINTS)
+        return self._decimated[key]
+
+    def _packed(self, name: str, faces: int, aggression: float, bits: int) -> DracoMesh:
+        """Return a mesh packed, with its error after it."""
+        (vertices, triangles), _ = self._decimation(name, faces, aggression)
+        packed = self._draco.encode(
+            vertices.astype(np.float32),
+            triangles.astype(np.uint32),
+            quantization_bits=bits,
+            compression_level=COMPRESSION_LEVEL,
+        )
+        self.tried += 1
+        rms = self._organ.rms(self._unpacked(packed), SEARCH_POINTS)
+        return DracoMesh(name, len(triangles), aggression, bits, len(packed), rms, packed)
+
+    def _unpacked(self, packed: bytes) -> Mesh:
+        mesh = self._draco.decode(packed)
+        return np.asarray(mesh.points, np.float64), np.asarray(mesh.faces, np.int64)
+
+    def best(self, target: float) -> DracoMesh | None:
+        """Return the smallest mesh whose error is a target at most.
+
+        First, each mesh's fewest triangles by decimation alone; with the best meshes, the fewest
+        for each number of bits; around the best of those, numbers of triangles one by one.
+
+        Parameters
+        ----------
+        target
+            RMS distance to the true surface, mm.
+
+        Returns
+        -------
+        DracoMesh or None
+            The best one, its error measured anew with more points; None if none reaches the target.
+        """
+        good: list[DracoMesh] = []
+        pairs: list[DracoMesh] = []
+        for _, name, aggression, asked in self._fewest_faces(target)[:MESHES_KEPT]:
+            extent = float(np.ptp(self._meshes[name][0], axis=0).max())
+            for bits in BITS:
+                if not FINEST_STEP < extent / 2**bits / target < COARSEST_STEP:
+                    continue
+                tries: list[DracoMesh] = []
+
+                def reaches(
+                    faces: int, name=name, aggression=aggression, bits=bits, tries=tries
+                ) -> bool:
+                    tries.append(self._packed(name, faces, aggression, bits))
+                    return tries[-1].rms <= target
+
+                least_count(reaches, asked, 3 * asked)
+                enough = [mesh for mesh in tries if mesh.rms <= target]
+                if enough:
+                    pairs.append(min(enough, key=lambda mesh: mesh.size))
+                    good += enough
+        for pair in sorted(pairs, key=lambda mesh: mesh.size)[:PAIRS_KEPT]:
+            for aggression in AGGRESSIONS:
+                for faces in np.unique(np.rint(pair.faces * FINE_FACES).astype(int)).tolist():
+                    if self._decimation(pair.mesh, faces, aggression)[1] <= target:
+                        good.append(self._packed(pair.mesh, faces, aggression, pair.bits))
+        for mesh in sorted(good, key=lambda mesh: mesh.size):
+            if mesh.rms > target:
+                continue
+            rms = self._organ.rms(self._unpacked(mesh.packed), CHECK_POINTS)
+            if rms <= target:
+                return DracoMesh(
+                    mesh.mesh, mesh.faces, mesh.aggression, mesh.bits, mesh.size, rms, mesh.packed
+                )
+        return None
+
+
+def least_count(
+    enough: Callable[[int], bool],
+    fewest: int = FEWEST_FACES,
+    most: int = MOST_FACES,
+    ratio: float = FACE_RATIO,
+) -> int | None:
+    """Return about the least number that is enough, found by bisection of its logarithm.
+
+    Parameters
+    ----------
+    enough
+        Whether a number is enough.
+    fewest, most
+        Where to look, `most` included.
+    ratio
+        How near the number is to be to the least.
+
+    Returns
+    -------
+    int or None
+        A number that is enough, at most `ratio` times one that is not; None if `most` is not
+        enough.
+    """
+    if not enough(most):
+        return None
+    low, high = fewest, most
+    while high / low > ratio and high - low > 1:
+        middle = round(math.sqrt(low * high))
+        if enough(middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def main() -> None:
+    """Search and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.draco_peer", description=__doc__)
+    parser.add_argument("set", choices=SETS)
+    parser.add_argument("--percent", type=float, nargs="+", default=[1.0, 2.0])
+    chosen = parser.parse_args()
+    if chosen.set in missing_sets():
+        parser.error(f"{OrganSet(chosen.set).images} is not here; set BLUNTDISSECT_DATA")
+    organ = OrganSet(chosen.set)
+    started = time.perf_counter()
+    search = DracoSearch(organ)
+    print(f"{organ.name}: mean radius {organ.radius:.3f} mm")
+    for percent in chosen.percent:
+        best = search.best(0.01 * percent * organ.radius)
+        found = "not reached" if best is None else f"{best}; {100 * best.rms / organ.radius:.3f} %"
+        print(f"{percent:g} %: {found}", flush=True)
+    print(f"{search.tried} settings in {time.perf_counter() - started:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""The fewest bytes of our own organ file at an error, and how long it takes to write and read."""
+
+import math
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.organ_sets import OrganSet
+from benchmarks.peer_meshes import Mesh, tube_faces
+from organ_geometry.organ import Organ
+from organ_geometry.organ_builder import BuiltOrgan, build_organ
+from organ_geometry.organ_file import read_organ, write_organ
+
+__all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
+
+STATIONS, ANGLES = 600, 64
+CHECK_POINTS = 10_000
+FIRST_SHARES = (0.3, 1.0)
+"""Tolerances to begin with, in target errors."""
+
+LEAST_SHARE, MOST_SHARE = 0.02, 4.0
+STEPS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrganBytes:
+    """An organ as its file keeps it.
+
+    Attributes
+    ----------
+    tolerance
+        What it was built with, mm.
+    built
+        The organ and its report.
+    size
+        Bytes of the whole file.
+    rms
+        RMS distance of the surface read back to the true surface, mm.
+    """
+
+    tolerance: float
+    built: BuiltOrgan
+    size: int
+    rms: float
+
+
+class OrganSearch:
+    """Searches the builder's tolerance for the fewest bytes at an error.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Attributes
+    ----------
+    tried
+        Number of organs built.
+    """
+
+    def __init__(self, organ: OrganSet) -> None:
+        self.tried = 0
+        self._organ = organ
+        self._built: dict[float, OrganBytes | None] = {}
+
+    def at(self, tolerance: float) -> OrganBytes | None:
+        """Return the organ of a tolerance, mm, or None if the builder says that it cannot be kept.
+
+        Parameters
+        ----------
+        tolerance
+            RMS distance that the builder is given, mm.
+
+        Returns
+        -------
+        OrganBytes or None
+            The organ.
+        """
+        if tolerance not in self._built:
+            self.tried += 1
+            try:
+                built = build_organ(self._organ.stack, tolerance_mm=tolerance)
+            except ValueError:
+                self._built[tolerance] = None
+            else:
+                size, organ = stored(built.organ)
+                rms = self._organ.rms(organ_mesh(organ), CHECK_POINTS)
+                self._built[tolerance] = OrganBytes(tolerance, built, size, rms)
+        return self._built[tolerance]
+
+    def best(self, target: float) -> OrganBytes | None:
+        """Return the smallest organ file whose error is a target at most.
+
+        Parameters
+        ----------
+        target
+            RMS distance to the true surface, mm.
+
+        Returns
+        -------
+        OrganBytes or None
+            The best one; None if none reaches the target.
+        """
+        low, high = LEAST_SHARE * target, MOST_SHARE * target
+        for share in FIRST_SHARES:
+            if self._reaches(share * target, target):
+                low = share * target
+            else:
+                high = min(high, share * target)
+        for _ in range(STEPS):
+            middle = math.sqrt(low * high)
+            if self._reaches(middle, target):
+                low = middle
+            else:
+                high = middle
+        enough = [one for one in self._built.values() if one is not None and one.rms <= target]
+        return min(enough, key=lambda one: one.size, default=None)
+
+    def _reaches(self, tolerance: float, target: float) -> bool:
+        found = self.at(tolerance)
+        return found is not None and found.rms <= target
+
+
+def organ_mesh(organ: Organ, stations: int = STATIONS, angles: int = ANGLES) -> Mesh:
+    """Return an organ's outer surface as a fine open tube, evaluated from the organ's curves.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    stations, angles
+        Number of rings and of corners in each.
+
+    Returns
+    -------
+    Mesh
+        Vertices, mm, and faces.
+    """
+    along = np.linspace(0.0, organ.length, stations)
+    around = 2.0 * np.pi * np.arange(angles) / angles
+    points = organ.surface(np.repeat(along, angles), np.tile(around, stations))
+    return points, tube_faces(stations, angles)
+
+
+def stored(organ: Organ) -> tuple[int, Organ]:
+    """Return the bytes of an organ's file, and the organ that is read from it.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Returns
+    -------
+    tuple[int, Organ]
+        Both.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.organ"
+        write_organ(organ, path)
+        return path.stat().st_size, read_organ(path)
+
+
+def file_times(organ: Organ, vertices: int, runs: int = 9) -> dict[str, float]:
+    """Return how long an organ's file takes, the fastest of some runs.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    vertices
+        About how many surface points are wanted of it.
+    runs
+        Number of runs.
+
+    Returns
+    -------
+    dict[str, float]
+        `write_ms`, `read_ms` and `read_and_mesh_ms`, ms.
+    """
+    stations = max(2, round(math.sqrt(2.0 * vertices)))
+    angles = max(8, round(vertices / stations))
+    times: list[tuple[float, float, float]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.organ"
+        for _ in range(runs):
+            start = time.perf_counter()
+            write_organ(organ, path)
+            written = time.perf_counter()
+            read = read_organ(path)
+            finished = time.perf_counter()
+            organ_mesh(read, stations, angles)
+            meshed = time.perf_counter()
+            times.append((written - start, finished - written, meshed - written))
+    write, reading, mesh = np.min(times, axis=0).tolist()
+    return {"write_ms": 1e3 * write, "read_ms": 1e3 * reading, "read_and_mesh_ms": 1e3 * mesh}

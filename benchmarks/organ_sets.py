@@ -1,0 +1,155 @@
+"""Real organs to measure on: their images, what their surface should be, and errors against it."""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from benchmarks.peer_meshes import Mesh, contour_loft
+from benchmarks.surface_distance import TriangleSurface, spread_points
+from organ_geometry.edges import NoEdgeFound, find_edges
+from organ_geometry.image_stack import ImageStack, read_image_stack
+
+__all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
+
+DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[2] / "shared" / "data")
+SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
+
+CLIPPED = 3
+"""Sections at each end that no error is taken at: meshes close there, and organs end."""
+
+FINE_CORNERS = 128
+
+
+@dataclass(frozen=True)
+class OrganSet:
+    """A stack of masks and the surface that an organ made of it is held against.
+
+    Attributes
+    ----------
+    name
+        Name of its folder in `DATA`.
+    """
+
+    name: str
+
+    @property
+    def images(self) -> Path:
+        """Folder of the masks."""
+        return DATA / self.name / "masks"
+
+    @cached_property
+    def stack(self) -> ImageStack:
+        """The masks and their planes."""
+        return read_image_stack(self.images)
+
+    @cached_property
+    def contours(self) -> list[NDArray[np.float64]]:
+        """(N, 3) edge points of each section in which there are any, mm."""
+        stack = self.stack
+        rows, columns = stack.shape
+        middle = 0.5 * np.array([columns - 1.0, rows - 1.0])
+        found: list[NDArray[np.float64]] = []
+        for place, image in enumerate(stack.images()):
+            try:
+                edge = find_edges(image, "bright").outer
+            except NoEdgeFound:
+                continue
+            plane = (edge - middle) * stack.pixel_size
+            found.append(stack.origins[place] + plane @ stack.frames[place][:, :2].T)
+        return found
+
+    @cached_property
+    def axis(self) -> NDArray[np.float64]:
+        """(S, 3) mean of each section's edge points, mm."""
+        return np.array([contour.mean(axis=0) for contour in self.contours])
+
+    @cached_property
+    def radius(self) -> float:
+        """Radius of the circle of a section's area across the axis, averaged over the axis, mm."""
+        along = np.gradient(self.axis, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        vectors = np.array([_area_vector(contour) for contour in self.contours])
+        areas = np.abs(np.einsum("si,si->s", vectors, along))
+        return float(np.sqrt(areas / np.pi).mean())
+
+    @property
+    def pixel(self) -> float:
+        """Geometric mean of a pixel's sides, mm."""
+        return float(np.sqrt(self.stack.pixel_size.prod()))
+
+    @property
+    def reference_files(self) -> list[Path]:
+        """Meshes that the masks were cut from."""
+        return sorted((DATA / self.name / "reference").glob("*.obj"))
+
+    @cached_property
+    def truth(self) -> TriangleSurface:
+        """The reference mesh, or where there is none the loft of all edge points."""
+        if not self.reference_files:
+            return TriangleSurface(*contour_loft(self.contours, FINE_CORNERS))
+        mesh = trimesh.load_mesh(self.reference_files[0], process=False)
+        return TriangleSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+    @cached_property
+    def _sections(self) -> KDTree:
+        return KDTree(self.axis)
+
+    def rms(self, mesh: Mesh, count: int) -> float:
+        """Return the RMS distance of a mesh to the true surface, sections at the ends left out.
+
+        Parameters
+        ----------
+        mesh
+            Vertices, mm, and faces.
+        count
+            Number of points spread over the mesh.
+
+        Returns
+        -------
+        float
+            The distance, mm; infinite if the mesh does not reach along the whole organ.
+        """
+        distances = self.inner_distances(spread_points(*mesh, count)[0])
+        return float(np.sqrt(np.mean(distances**2))) if len(distances) else np.inf
+
+    def inner_distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distances of points to the true surface, sections at the ends left out.
+
+        Parameters
+        ----------
+        points
+            (N, 3) points of a surface, mm.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (M,) distances, mm; none if the points do not reach along the whole organ.
+        """
+        _, section = self._sections.query(points)
+        last = len(self.axis) - 1 - CLIPPED
+        if len(points) == 0 or section.min() > CLIPPED or section.max() < last:
+            return np.empty(0)
+        return self.truth.distances(points[(section >= CLIPPED) & (section <= last)])
+
+
+def missing_sets() -> list[str]:
+    """Return the sets that are not on this machine.
+
+    Returns
+    -------
+    list[str]
+        Their names.
+    """
+    return [name for name in SETS if not OrganSet(name).images.is_dir()]
+
+
+def _area_vector(contour: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the vector area (3,) that a closed contour (N, 3) bounds."""
+    here = contour - contour.mean(axis=0)
+    return 0.5 * np.cross(here, np.roll(here, -1, axis=0)).sum(axis=0)

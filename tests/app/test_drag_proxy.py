@@ -1,0 +1,105 @@
+"""A real mouse drags duct and hook: places in order, under the mouse, with the camera still."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from browser import TrainerPage, running_browser, trainer_page
+from playwright.sync_api import Browser
+from simulated import phantom
+
+from app.trainer.drag_proxy import Hold
+from app.trainer.server import Trainer
+from app.trainer.stage.camera import viewpoint
+
+RADIUS = 4.4453
+PIXELS = 3.0
+"""How far the hand may be from the mouse in the picture: its last move and the page's rounding."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def trainer() -> Iterator[Trainer]:
+    running = Trainer(phantom(), port=0, look="plain")
+    yield running
+    running.stop()
+
+
+@pytest.mark.parametrize(
+    ("grip", "station"),
+    [((16.0, -0.8 * RADIUS, 0.6 * RADIUS), 16.0), ((25.4, RADIUS, 1.4 * RADIUS), None)],
+    ids=["duct", "hook"],
+)
+def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
+    browser: Browser,
+    trainer: Trainer,
+    grip: tuple[float, float, float],
+    station: float | None,
+) -> None:
+    with trainer_page(browser, trainer.address, width=900, height=600) as tab:
+        view = trainer._views[max(trainer._views)]
+        holds: list[Hold] = []
+        phases: list[str] = []
+
+        def record(phase: str, hold: Hold | None = None) -> None:
+            phases.append(phase)
+            if hold is not None:
+                holds.append(hold)
+
+        view._scene.let_drag(
+            lambda hold: record("grabbed", hold),
+            lambda hold: record("moved", hold),
+            lambda: record("released"),
+        )
+        tab.wait_for_node("grip")
+        tab.page.wait_for_timeout(1500)
+        still = view.client.camera.position.copy()
+        start = _pixel(tab, grip)
+        mouse = tab.page.mouse
+        mouse.move(*start)
+        tab.page.wait_for_timeout(500)
+        mouse.down()
+        for step in range(1, 9):
+            mouse.move(start[0] + 3.0 * step, start[1] - 9.0 * step)
+            tab.page.wait_for_timeout(80)
+        tab.page.wait_for_timeout(500)
+        mouse.up()
+        tab.page.wait_for_timeout(500)
+
+        assert phases[0] == "grabbed"
+        assert phases[-1] == "released"
+        assert phases.count("grabbed") == phases.count("released") == 1
+        assert len(holds) > 3
+        if station is None:
+            assert holds[0].station is None
+        else:
+            assert holds[0].station == pytest.approx(station, abs=0.6)
+        assert all(hold.station == holds[0].station for hold in holds)
+        places = np.array([hold.place for hold in holds])
+        heights = places[:, 2]
+        assert np.all(np.diff(heights) >= -1e-9)
+        assert np.all(np.diff(places[:, 0]) >= -1e-9)
+        assert heights[-1] - heights[0] > 3.0
+        # In the plane of the pull, and where the mouse is.
+        np.testing.assert_allclose(places[:, 1], holds[0].start[1], atol=0.02)
+        end = _pixel(tab, tuple(holds[-1].place))
+        assert np.hypot(end[0] - start[0] - 24.0, end[1] - start[1] + 72.0) < PIXELS
+        np.testing.assert_array_equal(view.client.camera.position, still)
+
+
+def _pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:
+    """Where a place of the stage is in the window, px."""
+    canvas = tab.page.locator("canvas[data-engine]").bounding_box()
+    assert canvas is not None
+    view = viewpoint(50.8, RADIUS, canvas["width"] / canvas["height"])
+    points = np.array([point], np.float64)
+    right, up = view.picture_points(points, canvas["width"] / canvas["height"])[0]
+    return (
+        canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
+        canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
+    )

@@ -1,0 +1,180 @@
+"""Measures: what is published under their names, against sums made by hand."""
+
+import math
+import statistics
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simulated import SECONDS, phantom, settle
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.measures import MeasureTaker
+from app.simulation.session import Phase, Session
+from physics import BreakEvent, Cubic, RuptureCheck
+
+
+def taken(forces: list[float], heights: list[float], *, threshold: float = 1.0) -> MeasureTaker:
+    taker = MeasureTaker(threshold)
+    for force, height in zip(forces, heights, strict=True):
+        taker.take(force, (3.0, 0.0, height), 1.0 - force / 4.0, held=force > 0.0)
+    return taker
+
+
+def test_a_scripted_run_has_the_measures_found_by_hand() -> None:
+    # 0.5, 1.5 and 2.5 N while the hook goes 0, 4 and then back to 3 mm; before and after nothing.
+    measures = taken([0.0, 0.5, 1.5, 2.5, 0.0], [0.0, 0.0, 4.0, 3.0, 0.0]).measures()
+    assert measures.time_s == 5 / 30
+    assert measures.maximum_force_N == 2.5
+    assert measures.mean_absolute_nonzero_force_N == 1.5
+    assert measures.force_sd_N == pytest.approx(math.sqrt(2.0 / 3.0), rel=1e-15)
+    assert measures.force_time_product_N_s == pytest.approx(4.5 / 30, rel=1e-15)
+    assert measures.task_threshold_N == 1.0
+    assert measures.time_over_threshold_s == 2 / 30
+    assert measures.path_length_mm == 5.0
+    assert measures.economy_of_motion == 4.0 / 5.0
+    assert measures.smallest_distance_to_break == 1.0 - 2.5 / 4.0
+    assert measures.tear is None
+
+
+def test_a_run_without_a_pull_has_none_of_the_measures_that_need_one() -> None:
+    measures = taken([0.0] * 4, [0.0] * 4).measures()
+    assert measures.maximum_force_N == measures.force_time_product_N_s == 0.0
+    assert measures.mean_absolute_nonzero_force_N is None
+    assert measures.force_sd_N is None
+    assert measures.economy_of_motion is None
+    assert measures.smoothness is None
+    assert measures.smallest_distance_to_break == 1.0
+
+
+def test_a_force_at_the_threshold_is_not_over_it() -> None:
+    assert taken([1.0, 1.0 + 1e-12], [0.0, 0.0]).measures().time_over_threshold_s == TICK_SECONDS
+
+
+def test_smoothness_of_the_minimum_jerk_reach_is_the_published_one() -> None:
+    """x = 10 s^3 - 15 s^4 + 6 s^5: T^3/v^2 * integral of jerk^2 = 720 / 1.875^2 = 204.8."""
+    ticks = 3000
+    s = np.arange(ticks + 1) / ticks
+    reach = 40.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+    measures = taken([1.0] * (ticks + 1), reach.tolist()).measures()
+    # The jerk at both ends is the largest and the third difference misses a tick and a half there.
+    assert measures.smoothness == pytest.approx(-math.log(204.8), abs=0.01)
+    assert measures.economy_of_motion == pytest.approx(1.0, rel=1e-12)
+
+
+def test_smoothness_depends_on_neither_size_nor_speed_and_falls_with_a_tremor() -> None:
+    s = np.linspace(0.0, 1.0, 301)
+    reach = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
+    smooth = taken([1.0] * 301, reach.tolist()).measures().smoothness
+    assert smooth is not None
+    assert taken([1.0] * 301, (7.0 * reach).tolist()).measures().smoothness == pytest.approx(smooth)
+    exact = np.linspace(0.0, 1.0, 601)
+    exact = 10.0 * exact**3 - 15.0 * exact**4 + 6.0 * exact**5
+    assert taken([1.0] * 601, exact.tolist()).measures().smoothness == pytest.approx(
+        smooth, abs=0.05
+    )
+    tremor = reach + 0.01 * np.sin(40.0 * np.pi * s)
+    shaky = taken([1.0] * 301, tremor.tolist()).measures().smoothness
+    assert shaky is not None
+    assert shaky < smooth - 3.0
+
+
+def test_the_way_between_two_holds_is_not_part_of_the_path() -> None:
+    taker = MeasureTaker(1.0)
+    for height in (0.0, 2.0):
+        taker.take(1.0, (0.0, 0.0, height), 0.9, held=True)
+    taker.take(0.0, (0.0, 0.0, 1.0), 0.9, held=False)
+    for height in (7.0, 8.0):
+        taker.take(1.0, (9.0, 0.0, height), 0.9, held=True)
+    taker.regrasp()
+    taker.take(1.0, (20.0, 0.0, 8.5), 0.9, held=True, came_from=(20.0, 0.0, 8.0))
+    assert taker.measures().path_length_mm == 3.5
+
+
+def test_the_tear_is_told_with_criterion_place_time_and_load() -> None:
+    taker = taken([1.0, 2.0, 3.0], [0.0, 1.0, 2.0])
+    taker.tear(BreakEvent(3.0, 2.0, RuptureCheck(10.0, -1, 0.1, 0.2, 0.25)))
+    tear = taker.measures().tear
+    assert tear is not None
+    assert (tear.station_mm, tear.side, tear.force_N, tear.deflection_mm) == (
+        10.0,
+        "away",
+        3.0,
+        2.0,
+    )
+    assert (tear.normal_stress_MPa, tear.bending_stress_MPa, tear.threshold_MPa) == (0.1, 0.2, 0.25)
+    assert tear.time_s == 0.1
+    assert ">" in tear.criterion
+
+
+@given(st.lists(st.floats(0.0, 1e3), min_size=1, max_size=60))
+def test_running_sums_are_those_of_the_whole_series(forces: list[float]) -> None:
+    measures = taken(forces, [0.0] * len(forces)).measures()
+    loaded = [force for force in forces if force > 0.0]
+    assert measures.maximum_force_N == max(forces)
+    assert measures.force_time_product_N_s == pytest.approx(math.fsum(forces) / 30, rel=1e-12)
+    if loaded:
+        mean = statistics.fmean(loaded)
+        assert measures.mean_absolute_nonzero_force_N == pytest.approx(mean, rel=1e-12)
+        assert measures.force_sd_N == pytest.approx(
+            statistics.pstdev(loaded), rel=1e-6, abs=1e-9 * mean
+        )
+
+
+def test_a_session_s_measures_are_those_of_its_script() -> None:
+    """A ramp of load control, by hand: it grows by the same step each tick, then stays."""
+    session = Session(phantom(), vertices=300)
+    breaks = session.reading().breaks_at
+    assert breaks is not None
+    step = breaks.force / 0.75 / 30.0
+    session.set_force(1.0)
+    session.advance(30)
+    forces = [min(step * tick, 1.0) for tick in range(1, 31)]
+    deflections = [Cubic().deflection(session.dissection.beam, 25.4, force) for force in forces]
+    measures = session.measures()
+    assert measures.time_s == 30 * TICK_SECONDS
+    assert measures.maximum_force_N == 1.0
+    assert measures.mean_absolute_nonzero_force_N == pytest.approx(statistics.fmean(forces))
+    assert measures.force_sd_N == pytest.approx(statistics.pstdev(forces))
+    assert measures.force_time_product_N_s == pytest.approx(math.fsum(forces) / 30)
+    assert measures.task_threshold_N == pytest.approx(0.5 * breaks.force)
+    assert measures.time_over_threshold_s == 0.0
+    # Symmetric, so the hook goes straight along the pull from rest.
+    assert measures.path_length_mm == pytest.approx(deflections[-1], rel=1e-9)
+    assert measures.economy_of_motion == pytest.approx(1.0, rel=1e-9)
+    assert measures.smallest_distance_to_break == session.reading().check.distance_to_break
+
+
+def test_a_run_starts_with_the_first_pull_and_is_over_with_the_tear() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_grasp(20.0)
+    session.advance(50)
+    assert session.run.seconds == 0.0
+    session.set_force(session.force_limit)
+    while session.reading().phase is Phase.INTACT:
+        assert not session.run.over
+        session.step(SECONDS)
+    assert session.run.over
+    measures, event = session.measures(), session.reading().breaks_at
+    assert event is not None
+    assert measures.tear is not None
+    assert measures.tear.force_N == measures.maximum_force_N == event.force
+    assert measures.tear.station_mm == event.check.station
+    assert measures.tear.time_s == measures.time_s
+    assert abs(measures.smallest_distance_to_break) < 1e-9
+    settle(session)
+    assert session.measures() == measures
+    session.reset()
+    assert session.measures().time_s == 0.0
+
+
+def test_idle_time_under_a_held_force_still_counts() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_force(1.0)
+    settle(session)
+    before = session.measures()
+    assert not session.advance(30)
+    after = session.measures()
+    assert after.time_s == pytest.approx(before.time_s + 1.0)
+    assert after.force_time_product_N_s == pytest.approx(before.force_time_product_N_s + 1.0)

@@ -1,0 +1,466 @@
+"""Replays: a run made again from its log has the same readings and measures, to the bit."""
+
+import json
+import math
+import threading
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from program import refused, run
+from simulated import phantom, settle
+
+from app.command_line.replay import replay
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.feedback import Feedback
+from app.simulation.preset import preset_named, presets
+from app.simulation.reading import Reading
+from app.simulation.replay import Replay, replayed, series_csv
+from app.simulation.run_log import (
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    read_run,
+    run_json,
+)
+from app.simulation.session import Phase, Session
+from app.simulation.theory_choice import TheoryChoice
+from app.trainer.panel import OFFERED_THEORIES
+from organ_geometry.organ import Organ
+from organ_geometry.organ_file import read_organ, write_organ
+from physics import Cubic, Exact, Fem, MassSpring, TautString
+
+
+def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
+    """A run with every kind of input: dragged, let go, pulled, regrasped, torn."""
+
+    def advance(ticks: int) -> None:
+        for _ in range(ticks):
+            session.advance()
+            if readings is not None:
+                readings.append(session.reading())
+
+    limit = session.deflection_limit / 1.15
+    session.grab(0.4 * session.dissection.beam.span)
+    for drag in range(12):
+        session.hand_to(limit * (0.3 + 0.2 * math.sin(0.7 * drag)))
+        advance(1 + drag % 3)
+    session.let_go()
+    advance(4)
+    session.set_force(0.2 * session.force_limit)
+    advance(9)
+    session.set_grasp(0.55 * session.dissection.beam.span)
+    session.set_threshold(0.9 * session.threshold)
+    advance(3)
+    session.choose_theory(Exact())
+    advance(5)
+    session.grab(0.5 * session.dissection.beam.span)
+    session.hand_to(2.0 * limit)
+    while not session.run.over:
+        advance(1)
+    return session.run_file()
+
+
+@pytest.mark.parametrize("name", list(presets()))
+def test_a_run_made_again_is_equal_to_the_bit_through_json(name: str) -> None:
+    readings: list[Reading] = []
+    original = dragged(Session(phantom(), preset_named(name), vertices=300), readings)
+    assert original.measures.tear is not None
+    content = run_json(original)
+    assert len(content) < 4000
+    log = read_run(content).log
+    assert read_run(content) == original
+    again = Replay(log, phantom(), vertices=300)
+    for tick, reading in enumerate(readings, start=1):
+        again.seek_tick(tick)
+        assert again.session.reading() == reading
+    assert again.run_file() == original
+    assert run_json(again.run_file()) == content
+    # The replay's own session has logged the same run.
+    assert again.session.run_file() == original
+
+
+@pytest.mark.parametrize("label", list(OFFERED_THEORIES))
+def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
+    session = Session(phantom(), vertices=300)
+    session.choose_theory(OFFERED_THEORIES[label])
+    session.set_force(0.5 * session.force_limit)
+    session.advance(40)
+    session.reset()
+    session.set_grasp(20.0)
+    session.advance(3)
+    session.set_grasp(22.0)
+    session.grab(21.0)
+    session.hand_to(6.3)
+    session.advance(17)
+    session.set_force(1.1)
+    session.advance(12)
+    session.finish()
+    session.set_force(0.0)
+    session.advance(5)
+    original = session.run_file()
+    assert original.log.ticks == 29
+    assert [each.kind for each in original.log.inputs] == ["grab", "hand", "force"]
+    assert replayed(original, phantom()) == original
+
+
+@pytest.mark.parametrize("label", list(OFFERED_THEORIES))
+def test_a_pull_right_after_a_reset_starts_from_a_duct_never_pulled(label: str) -> None:
+    session = Session(phantom(), vertices=300)
+    session.choose_theory(OFFERED_THEORIES[label])
+    session.set_force(0.5 * session.force_limit)
+    session.advance(40)
+    session.reset()
+    assert session.grab(session.grasp) == 0.0
+    session.hand_to(4.7)
+    session.advance(9)
+    original = session.run_file()
+    assert replayed(original, phantom()) == original
+
+
+def test_a_reset_does_not_take_the_last_run_away() -> None:
+    session = Session(phantom(), vertices=300)
+    assert session.last_run_file() is None
+    session.reset()
+    assert session.last_run_file() is None
+    first = dragged(session)
+    session.reset()
+    session.reset()
+    assert session.last_run_file() == first
+    session.set_force(1.0)
+    session.advance(7)
+    second = session.run_file()
+    session.choose_preset("thesis-rubber")
+    session.advance(3)
+    assert session.last_run_file() == second
+    assert replayed(second, phantom()) == second
+
+
+def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_force(2.0)
+    session.advance(11)
+    first = session.run_file()
+    session.set_force(0.5)
+    session.advance(5)
+    assert replayed(first, phantom()) == first
+    assert replayed(session.run_file(), phantom()) == session.run_file()
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["force", "grab", "hand", "let-go", "grasp", "threshold", "theory"]),
+            st.floats(0.0, 1.0),
+            st.integers(0, 4),
+        ),
+        min_size=1,
+        max_size=20,
+    )
+)
+@settings(deadline=None, max_examples=25)
+def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) -> None:
+    session = Session(phantom(), vertices=300)
+    theories = (Cubic(), Exact(), TautString())
+    for kind, part, ticks in inputs:
+        if kind == "force":
+            session.set_force(part * session.force_limit)
+        elif kind == "grab":
+            session.grab(part * 50.8)
+        elif kind == "hand":
+            session.hand_to(part * session.deflection_limit)
+        elif kind == "let-go":
+            session.let_go()
+        elif kind == "grasp":
+            session.set_grasp(part * 50.8)
+        elif kind == "threshold":
+            session.set_threshold(part * session.threshold_range[1])
+        else:
+            session.choose_theory(theories[min(int(3 * part), 2)])
+        session.advance(ticks)
+    if session.run.seconds == 0.0 and not session.reading().held:
+        return
+    original = session.run_file()
+    assert replayed(read_run(run_json(original)), phantom()) == original
+
+
+def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_threshold(session.threshold_range[1])
+    over = threading.Event()
+
+    def write(seed: int) -> None:
+        random = np.random.default_rng(seed)
+        while not over.is_set():
+            session.hand_to(0.5 * float(random.random()))
+            session.set_force(float(random.random()))
+            session.grab(50.8 * float(random.random()))
+            session.set_grasp(50.8 * float(random.random()))
+            over.wait(0.002)
+
+    threads = [threading.Thread(target=write, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for _ in range(30):
+        session.advance()
+        over.wait(0.003)
+    over.set()
+    for thread in threads:
+        thread.join()
+    original = session.run_file()
+    assert original.log.ticks > 0
+    assert len(original.log.inputs) > 30
+    assert replayed(original, phantom()) == original
+
+
+def test_an_exercise_is_judged_again_the_same() -> None:
+    session = Session(phantom(), vertices=300)
+    approach = session.exercises_offered()[1]
+    session.start_exercise(approach, Feedback.FADING)
+    session.set_force(0.9 * session.force_limit / 1.5)
+    while not session.run.over:
+        session.advance()
+    original = session.run_file()
+    assert original.outcome is not None
+    assert original.outcome.passed
+    assert original.log.exercise == approach
+    again = replayed(read_run(run_json(original)), phantom())
+    assert again == original
+    assert again.log.feedback is Feedback.FADING
+
+
+def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
+    readings: list[Reading] = []
+    original = dragged(Session(phantom(), vertices=300), readings)
+    again = Replay(original.log, phantom(), vertices=300)
+    ticks = len(readings)
+    assert again.duration == pytest.approx(ticks * TICK_SECONDS + 2.8, abs=0.1)
+    for tick in (ticks, 3, 40, 39, 41, 1):
+        again.seek(tick * TICK_SECONDS)
+        assert again.time == pytest.approx(tick * TICK_SECONDS)
+        assert again.session.reading() == readings[tick - 1]
+    again.seek(1e12)
+    assert again.time == again.duration
+    assert again.session.reading().phase is Phase.TORN
+    assert not again.session.advance(5)  # at rest
+    again.seek(-5.0)
+    assert again.session.reading().deflection == 0.0
+    assert again.session.reading().phase is Phase.INTACT
+
+
+def test_the_torn_rim_is_the_one_that_was_seen() -> None:
+    found = []
+    for seed in (1, 7):
+        session = Session(phantom(), vertices=600, seed=seed)
+        session.set_force(session.force_limit)
+        settle(session)
+        again = Replay(session.run_file().log, phantom(), vertices=600)
+        again.seek(1e9)
+        for own, other in zip(session.surfaces, again.session.surfaces, strict=True):
+            assert own.vertices.tobytes() == other.vertices.tobytes()
+        found.append(session.surfaces[0].vertices.copy())
+    assert found[0].shape != found[1].shape or not np.array_equal(found[0], found[1])
+
+
+def test_the_series_is_what_was_read_and_sums_to_the_measures() -> None:
+    readings: list[Reading] = []
+    original = dragged(Session(phantom(), vertices=300), readings)
+    series = Replay(original.log, phantom(), vertices=300).series()
+    assert series.force.tolist() == [reading.force for reading in readings]
+    assert series.deflection.tolist() == [reading.deflection for reading in readings]
+    assert series.stress.tolist() == [reading.check.total_stress for reading in readings]
+    assert series.hook.tolist() == [list(reading.hook) for reading in readings]
+    assert series.phase == tuple(reading.phase for reading in readings)
+    measures = original.measures
+    assert series.force.max() == measures.maximum_force_N
+    assert series.force.sum() * TICK_SECONDS == pytest.approx(measures.force_time_product_N_s)
+    assert series.distance_to_break.min() == measures.smallest_distance_to_break
+    assert series.time[-1] == pytest.approx(measures.time_s)
+    header, *rows = series_csv(series).splitlines()
+    assert header.split(",")[:3] == ["time_s", "force_N", "deflection_mm"]
+    assert len(rows) == len(readings)
+    cells = rows[17].split(",")
+    assert float(cells[1]) == readings[17].force  # to the last bit
+    assert cells[-1] == "intact"
+    assert rows[-1].endswith(",1,tearing")
+
+
+def test_a_run_of_another_organ_is_refused() -> None:
+    original = dragged(Session(phantom(), vertices=300))
+    organ = phantom()
+    other = Organ(organ.axis * 1.001, organ.frames, organ.keys, organ.outer, organ.lumen)
+    with pytest.raises(RunFileError, match="another organ"):
+        Replay(original.log, other)
+    renamed = Organ(
+        organ.axis, organ.frames, organ.keys, organ.outer, organ.lumen, name="a new name"
+    )
+    assert OrganIdentity.of(renamed).sha256 == original.log.organ.sha256
+
+
+@pytest.mark.parametrize(
+    "theory",
+    [Cubic(), Cubic(0.3), Cubic("fitted"), Exact(), Exact(shear=True, law="neo-hooke"), Fem()],
+)
+def test_theories_are_written_by_name_and_options(theory: object) -> None:
+    choice = TheoryChoice.of(theory)  # pyright: ignore[reportArgumentType]
+    again = msgspec.json.decode(msgspec.json.encode(choice), type=TheoryChoice)
+    assert again.theory() == theory
+
+
+def test_a_theory_that_no_name_gives_cannot_be_written() -> None:
+    with pytest.raises(ValueError, match="cannot be written"):
+        TheoryChoice.of(Exact(intervals=80))
+    with pytest.raises(ValueError, match="cannot be written"):
+        TheoryChoice.of(MassSpring(nodes=21))
+
+
+def test_a_run_without_a_pull_cannot_be_written() -> None:
+    with pytest.raises(ValueError, match="first pull"):
+        Session(phantom(), vertices=300).run_file()
+
+
+def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None:
+    session = Session(phantom(), vertices=300)
+    session.grab(25.4)
+    for _ in range(100):
+        for part in (0.1, 0.2, 0.3):  # between two ticks only the last one counts
+            session.hand_to(part * session.deflection_limit)
+        session.set_grasp(25.4)
+        session.advance()
+    inputs = session.run_file().log.inputs
+    assert len(inputs) <= 1 + 100
+    for _ in range(100):
+        session.hand_to(1.0)
+        session.advance()
+    assert len(session.run_file().log.inputs) == len(inputs) + 1
+
+
+# Files from elsewhere: one line that says what is wrong.
+
+
+def good() -> dict[str, Any]:
+    session = Session(phantom(), vertices=300)
+    session.grab(20.0)
+    session.hand_to(5.0)
+    session.advance(6)
+    return json.loads(run_json(session.run_file()))
+
+
+BAD: dict[str, tuple[dict[str, object], str]] = {
+    "format": ({"format": "other"}, "not a run"),
+    "version": ({"version": 2}, "a run of version 2"),
+    "log": ({"log": 3}, "damaged"),
+    "ticks": ({"log.ticks": 10**9}, "ticks must be"),
+    "ticks type": ({"log.ticks": "many"}, "damaged"),
+    "seed": ({"log.seed": -1}, "seed must be"),
+    "tick": ({"log.tick_seconds": 0.01}, "tick_seconds must be"),
+    "order": ({"log.inputs": [[3, "hand", 1.0], [2, "hand", 1.0]]}, "input 1 must be at a tick"),
+    "late": ({"log.inputs": [[7, "hand", 1.0]]}, "input 0 must be at a tick"),
+    "kind": ({"log.inputs": [[0, "push", 1.0]]}, "damaged"),
+    "number": ({"log.inputs": [[0, "hand", None]]}, "must have a number"),
+    "let-go": ({"log.inputs": [[0, "let-go", 1.0]]}, "must have no value"),
+    "theory": ({"log.inputs": [[0, "theory", 1.0]]}, "must name one"),
+    "no theory": ({"log.inputs": [[0, "theory", {"name": "x"}]]}, "unknown theory 'x'"),
+    "start": ({"log.start.theory": {"name": "string", "q": 1.0}}, "start: q belongs"),
+    "preset": ({"log.start.preset": "x"}, "preset must be one of"),
+    "grasp": ({"log.start.grasp_mm": 1000.0}, "out of this duct's range"),
+    "exercise": (
+        {"log.exercise": {"exercise": "approach-break", "margin": 1.0, "seconds": 1.0}},
+        "margin must be above 0",
+    ),
+    "organ": ({"log.organ.sha256": "0"}, "another organ"),
+}
+
+
+@pytest.mark.parametrize("name", list(BAD))
+def test_a_bad_run_is_refused_with_what_is_wrong(name: str) -> None:
+    changes, words = BAD[name]
+    tree = good()
+    for path, value in changes.items():
+        *folders, last = path.split(".")
+        node = tree
+        for folder in folders:
+            node = node[folder]
+        node[last] = value
+    with pytest.raises(RunFileError, match=words):
+        Replay(read_run(json.dumps(tree).encode()).log, phantom(), vertices=300)
+
+
+@given(st.binary(max_size=200))
+@settings(deadline=None)
+def test_bytes_that_are_no_run_are_refused(content: bytes) -> None:
+    with pytest.raises(RunFileError):
+        read_run(content)
+
+
+def test_a_file_too_long_is_refused_before_it_is_read() -> None:
+    with pytest.raises(RunFileError, match="at most"):
+        read_run(b" " * 16_000_001)
+
+
+# The command.
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunFile]:
+    original = dragged(Session(phantom(), vertices=300))
+    path = tmp_path_factory.mktemp("runs") / "run.json"
+    path.write_bytes(run_json(original))
+    return path, original
+
+
+def test_the_command_prints_the_same_measures_to_the_digit(
+    recorded: tuple[Path, RunFile], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, original = recorded
+    done = run("replay", path, "--json", "--csv", tmp_path / "run.csv")
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert printed["as_recorded"] is True
+    assert printed["measures"] == msgspec.to_builtins(original.measures)
+    assert len((tmp_path / "run.csv").read_text().splitlines()) == original.log.ticks + 1
+    replay(path)
+    said = capsys.readouterr().out
+    assert f"{original.measures.maximum_force_N!r} N" in said
+    assert f"{original.measures.force_time_product_N_s!r} N s" in said
+    assert "yes, to the digit" in said
+
+
+def test_the_command_takes_the_organ_s_own_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    organ = Organ(phantom().axis * 1.1, phantom().frames, phantom().keys, phantom().outer)
+    write_organ(organ, tmp_path / "own.organ")
+    session = Session(read_organ(tmp_path / "own.organ"), vertices=300)
+    session.set_force(1.0)
+    session.advance(20)
+    path = tmp_path / "run.json"
+    path.write_bytes(run_json(session.run_file()))
+    replay(path, organ=tmp_path / "own.organ", as_json=True)
+    assert json.loads(capsys.readouterr().out)["as_recorded"] is True
+    assert "another organ" in refused(("replay", path))
+
+
+def test_the_command_says_when_the_measures_are_others(
+    recorded: tuple[Path, RunFile], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, original = recorded
+    forged = msgspec.structs.replace(
+        original, measures=msgspec.structs.replace(original.measures, maximum_force_N=0.1)
+    )
+    (tmp_path / "forged.json").write_bytes(run_json(forged))
+    replay(tmp_path / "forged.json")
+    said = capsys.readouterr().out
+    assert f"{original.measures.maximum_force_N!r} N" in said
+    assert "yes" not in said.splitlines()[-1]
+    assert path.exists()
+
+
+def test_the_command_refuses_what_is_no_run(tmp_path: Path) -> None:
+    (tmp_path / "no.json").write_text("{}")
+    assert "not a run" in refused(("replay", tmp_path / "no.json"))
+    assert "no-such" in refused(("replay", tmp_path / "no-such.json"))
