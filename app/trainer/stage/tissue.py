@@ -12,6 +12,7 @@ from app.trainer.stage.gltf_asset import Finish
 from app.trainer.stage.streamed_mesh import StreamedMesh
 from app.trainer.stage.textures import Image, blurred, smooth_noise, smooth_step
 from app.trainer.stage.tone import linear_light
+from app.trainer.stage.underlay import Underlay
 from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
 from organ_geometry.skin import Skin
@@ -84,6 +85,7 @@ class Tissue:
         )
         count = self._inside_start + len(self._inside)
         self._mesh = StreamedMesh(scene, name, faces, count, WET)
+        self._underlay = Underlay(scene, f"{name}_underlay", wall, _TAN)
         self._colors = np.empty((count, 3), np.float32)
         self._colors[: wall.count] = _wall_colors(wall, radius, torn_end)
         self._colors[wall.count : self._inside_start] = linear_light(_VESSEL)
@@ -100,6 +102,7 @@ class Tissue:
     @visible.setter
     def visible(self, visible: bool) -> None:
         self._mesh.visible = visible
+        self._underlay.visible = visible
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now.
@@ -122,11 +125,13 @@ class Tissue:
         )  # fmt: skip
         np.take(vertices, self._inside, axis=0, out=mesh.positions[stop:])
         np.multiply(self._colors, self._shades[:, None], out=mesh.colors)
+        self._underlay.show(mesh.positions[:start], self._normals)
         mesh.send()
 
     def remove(self) -> None:
         """Take it off the scene."""
         self._mesh.remove()
+        self._underlay.remove()
 
 
 def _relief(wall: Wall) -> NDArray[np.float32]:
