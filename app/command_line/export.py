@@ -1,8 +1,9 @@
 """`bluntdissect export`: the organ in other people's tools, without a browser."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +14,9 @@ from app.command_line.load import (
     organ_from,
     theory_options,
 )
+
+if TYPE_CHECKING:
+    from app.export.order import Order
 
 __all__ = ["export"]
 
@@ -73,7 +77,10 @@ def export(
     ] = "curve",
     edge_length: Annotated[
         float | None,
-        typer.Option(help="Length of the triangles' edges, mm.", show_default="0.5, of a page 1.2"),
+        typer.Option(
+            help="Length of the triangles' edges, mm.",
+            show_default="0.5; of a page what keeps it small",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -87,6 +94,7 @@ def export(
     from app.export.order import Order
     from app.simulation.dissection import Dissection, default_preset
     from app.simulation.preset import preset_named
+    from organ_geometry.whole_file import write_whole
 
     if output is None and html is None:
         raise ValueError("say what to write: --output FILE or --html PAGE")
@@ -111,27 +119,85 @@ def export(
         edge_length=0.5 if edge_length is None else edge_length,
         table=table,
     )
-    assert output is not None  # noqa: S101
-    delivery = order.write(output)
-    size = sum(file.stat().st_size for file in delivery.files)
-    facts = {
-        "file": str(output),
+    facts: dict[str, object] = {}
+    if output is not None:
+        order.check(output)
+    page = b"" if html is None else page_content(order, html, edge_length)
+    if output is not None:
+        facts |= write_file(order, output)
+    if html is not None:
+        write_whole(html, page)
+        facts |= {"page": str(html), "page_bytes": len(page)}
+    facts |= {"preset": dissection.preset.name, "theory": chosen.name, **options}
+    if as_json:
+        print(json.dumps(facts))
+        return
+    if output is not None:
+        faces = f", {facts['faces']:,} faces" if facts["faces"] else ""
+        print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
+        broke = "torn at" if torn else "pulled with"
+        print(f"preset {dissection.preset.name}, {broke} {facts['force_N']:.4g} N")
+    if html is not None:
+        print(f"{html}: a page that plays, {len(page):,} bytes")
+
+
+def write_file(order: "Order", path: Path) -> dict[str, object]:
+    """Write an order to a file.
+
+    Parameters
+    ----------
+    order
+        The order.
+    path
+        The file.
+
+    Returns
+    -------
+    dict[str, object]
+        What was written.
+    """
+    delivery = order.write(path)
+    return {
+        "file": str(path),
         "files": len(delivery.files),
-        "bytes": size,
+        "kind": delivery.kind,
+        "bytes": sum(file.stat().st_size for file in delivery.files),
         "surfaces": list(delivery.surfaces),
         "vertices": delivery.vertices,
         "faces": delivery.faces,
         "animations": list(delivery.animations),
-        "preset": dissection.preset.name,
-        "theory": chosen.name,
-        **options,
         "force_N": delivery.force,
         "deflection_mm": delivery.deflection,
     }
-    if as_json:
-        print(json.dumps(facts))
-        return
-    faces = f", {delivery.faces:,} faces" if delivery.faces else ""
-    print(f"{output}: {delivery.kind}{faces}, {size:,} bytes")
-    broke = "torn at" if torn else "pulled with"
-    print(f"preset {dissection.preset.name}, {broke} {delivery.force:.4g} N")
+
+
+def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
+    """Return the page that plays an order.
+
+    Parameters
+    ----------
+    order
+        The order.
+    path
+        Where it is to be written.
+    edge_length
+        Wanted length of the triangles' edges, mm; the player's own when None.
+
+    Returns
+    -------
+    bytes
+        The page.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be written there, or the order does not move.
+    """
+    from app.trainer.player import order_page, page_edge_length
+    from organ_geometry.whole_file import check_target
+
+    check_target(path)
+    if order.torn or order.still or order.painted:
+        raise ValueError("--html plays a motion; leave out --torn, --still and --color")
+    edges = page_edge_length(order.dissection.organ) if edge_length is None else edge_length
+    return order_page(replace(order, edge_length=edges)).encode()

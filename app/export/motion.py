@@ -10,7 +10,15 @@ from app.simulation import tear_course
 from app.simulation.dissection import Dissection
 from physics import BreakEvent, Pull, Theory
 
-__all__ = ["WHOLE", "Motion", "MotionKey", "check_frames", "pull_motion", "tear_motion"]
+__all__ = [
+    "RECOIL_STEP",
+    "WHOLE",
+    "Motion",
+    "MotionKey",
+    "check_frames",
+    "pull_motion",
+    "tear_motion",
+]
 
 WHOLE = -1.0
 """The front of a tear that has not begun."""
@@ -19,7 +27,7 @@ MOST_FRAMES = 2000
 PULL_SECONDS = 2.0
 """How long a pull is shown."""
 RUN_STEP = 0.1
-"""Time between keys while the front runs, s: it moves evenly enough."""
+"""Time between keys while the front runs, s, for viewers that blend between them."""
 RECOIL_STEP = 0.05
 """Time between keys while the pieces swing, s: ten to a swing."""
 
@@ -176,7 +184,13 @@ def pull_motion(
 
 
 def tear_motion(
-    dissection: Dissection, theory: Theory, *, grasp: float, event: BreakEvent, frames: int
+    dissection: Dissection,
+    theory: Theory,
+    *,
+    grasp: float,
+    event: BreakEvent,
+    frames: int,
+    run_step: float = RUN_STEP,
 ) -> Motion:
     """Return the motion from rest over the break until both pieces lie still.
 
@@ -192,6 +206,8 @@ def tear_motion(
         The load at which it breaks.
     frames
         How many keys the pull has.
+    run_step
+        Time between keys while the front runs, s.
 
     Returns
     -------
@@ -203,7 +219,7 @@ def tear_motion(
     run, settled = tear_course.RUN_SECONDS, tear_course.SETTLED_SECONDS
     elapsed = np.concatenate(
         [
-            np.linspace(0.0, run, round(run / RUN_STEP) + 1),
+            np.linspace(0.0, run, round(run / run_step) + 1),
             np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
         ]
     )

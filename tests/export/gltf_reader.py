@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-COMPONENTS = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+COMPONENTS: dict[int, Any] = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -44,7 +44,7 @@ class Gltf:
                 sparse["values"]["bufferView"], item["componentType"], (count, *shape[1:]), 0
             )
         if item.get("normalized"):
-            return found / np.iinfo(found.dtype).max
+            return found / np.iinfo(COMPONENTS[item["componentType"]]).max
         return found
 
     def _view(self, view: int, component: int, shape: tuple[int, ...], offset: int) -> np.ndarray:
@@ -123,7 +123,7 @@ class Gltf:
 
     def _matrix(self, number: int, state: dict[tuple[int, str], np.ndarray]) -> np.ndarray:
         node = self.tree["nodes"][number]
-        x, y, z, w = state.get((number, "rotation"), node.get("rotation", (0, 0, 0, 1)))
+        x, y, z, w = state.get((number, "rotation"), np.array((0.0, 0.0, 0.0, 1.0)))
         turn = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
