@@ -1,7 +1,6 @@
 """The player: one page that shows a motion of an organ, with no server behind it."""
 
 import contextlib
-import html
 import io
 import math
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from viser import transforms
 from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
 from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
+from app.trainer.page_text import titled_page
 from app.trainer.scene import INSIDE, LIFT_AFTER_TEAR, TISSUE
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import fill_air
@@ -267,7 +267,7 @@ def _recorded(
         if label.text != scenes.captions[key]:
             label.text = scenes.captions[key]
     record.insert_sleep(END_SECONDS)
-    return _titled(record.as_html(dark_mode=True), scenes)
+    return titled_page(record.as_html(dark_mode=True), scenes.title, scenes.notes)
 
 
 def _body(scene: viser.SceneApi, name: str, bound: BoundSkin, piece: TornPiece | None) -> _Body:
@@ -331,32 +331,3 @@ def _captions(order: Order, motion: Motion, force: float) -> list[str]:
     tears, torn = f"F {force:.3g} N   it tears", "F 0 N   torn in two"
     fronts = motion.fronts[~motion.whole].tolist()
     return captions + [tears if front < 1.0 else torn for front in fronts]
-
-
-_OVERLAY = """
-<style>
-#about { position: fixed; bottom: 3rem; left: 0; z-index: 1; max-width: 34rem;
-  padding: 1rem 1.25rem; color: #f4e6dc; font: 0.85rem/1.45 system-ui, sans-serif; pointer-events: none;
-  text-shadow: 0 0 4px #000, 0 0 8px #000; }
-#about h1 { margin: 0 0 0.25rem; font-size: 1.25rem; font-weight: 600; }
-#about p { margin: 0; opacity: 0.85; }
-#about p.warning { margin-top: 0.35rem; color: #ffd166; opacity: 1; }
-</style>
-<div id="about">
-<h1>@title</h1>
-@notes
-<p class="warning">Not clinically validated, not a medical device.</p>
-</div>
-"""
-
-
-def _titled(page: str, scenes: Scenes) -> str:
-    """Return a page with a title and what must be said."""
-    title = html.escape(scenes.title)
-    notes = "\n".join(f"<p>{html.escape(note)}</p>" for note in scenes.notes)
-    overlay = _OVERLAY.replace("@title", title).replace("@notes", notes)
-    head, tail = page.rsplit("</body>", 1)
-    start, rest = head.split("</title>", 1) if "</title>" in head else (head, "")
-    if rest:
-        head = f"{start.rsplit('<title>', 1)[0]}<title>{title}</title>{rest}"
-    return f"{head}{overlay}</body>{tail}"
