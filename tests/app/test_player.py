@@ -31,7 +31,7 @@ VERTICES = """name => {
 
 def order() -> Order:
     dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
-    edge_length = page_edge_length(dissection.organ)
+    edge_length = 1.5 * page_edge_length(dissection.organ)
     return Order(dissection, Cubic(), 0.5 * dissection.beam.span, edge_length=edge_length)
 
 
@@ -43,7 +43,7 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
     errors: list[str] = []
     requests: list[str] = []
     with running_browser() as browser:
-        page = browser.new_page(viewport={"width": 960, "height": 540})
+        page = browser.new_page(viewport={"width": 480, "height": 300})
         page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
@@ -63,7 +63,7 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
             until = monotonic() + PATIENCE / 1000.0
             while monotonic() < until:
                 clock.fill(f"{time:.2f}")  # again and again: the page may have been starting
-                page.wait_for_timeout(500)
+                page.wait_for_timeout(1000)
                 found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
                 if found.shape == wanted.shape and np.abs(found - wanted).max() <= within:
                     break
