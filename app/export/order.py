@@ -13,12 +13,12 @@ from app.export.stress_color import stress_colors
 from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
 from app.simulation.dissection import PIECES, Dissection
-from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, breaks_at, torn_snapshot
+from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
 from organ_geometry.mesh_file import PAINTED_SUFFIXES, ClosedSurface, write_mesh
 from organ_geometry.mesh_file import SUFFIXES as MESH_SUFFIXES
 from organ_geometry.skin import organ_skin
 from organ_geometry.whole_file import check_target, write_whole
-from physics import BreakEvent, Theory
+from physics import BreakEvent, Theory, break_event
 
 __all__ = ["SUFFIXES", "Delivery", "Order"]
 
@@ -87,6 +87,8 @@ class Order:
         Wanted length of the triangles' edges, mm.
     table
         What a CSV lists.
+    threshold
+        Stress at which the organ tears, MPa; the preset's own when None.
     """
 
     dissection: Dissection
@@ -99,11 +101,19 @@ class Order:
     frames: int = 60
     edge_length: float = 0.5
     table: Table = "curve"
+    threshold: float | None = None
+
+    @cached_property
+    def strength(self) -> float:
+        """Stress at which the organ tears, MPa."""
+        if self.threshold is not None:
+            return self.threshold
+        return self.dissection.preset.threshold(self.theory, self.dissection.beam)
 
     @cached_property
     def break_event(self) -> BreakEvent | None:
         """The load at which the organ breaks; None if it does not."""
-        return breaks_at(self.dissection, self.theory, self.grasp)
+        return break_event(self.theory, self.dissection.beam, self.grasp, self.strength)
 
     def check(self, path: Path) -> None:
         """Raise if the order cannot be written there: better before long work than after it.
@@ -227,7 +237,11 @@ class Order:
 
     def _pulled(self) -> PulledOrgan:
         return PulledOrgan(
-            self.dissection, self.theory, grasp=self.grasp, edge_length=self.edge_length
+            self.dissection,
+            self.theory,
+            grasp=self.grasp,
+            edge_length=self.edge_length,
+            threshold=self.strength,
         )
 
     def _write_still(self, path: Path) -> Delivery:
@@ -254,11 +268,22 @@ class Order:
     def _write_table(self, path: Path) -> Delivery:
         if self.table == "axis":
             force = borne_force(self.dissection, self.break_event, self.force or 0.0)
-            content = axis_table(self.dissection, self.theory, grasp=self.grasp, force=force)
+            content = axis_table(
+                self.dissection,
+                self.theory,
+                grasp=self.grasp,
+                force=force,
+                threshold=self.strength,
+            )
         else:
             force = self.last_force()
             content = curve_table(
-                self.dissection, self.theory, grasp=self.grasp, force=force, frames=self.frames
+                self.dissection,
+                self.theory,
+                grasp=self.grasp,
+                force=force,
+                frames=self.frames,
+                threshold=self.strength,
             )
         write_whole(path, content)
         kind = "the axis" if self.table == "axis" else "the force-deflection curve"

@@ -15,7 +15,13 @@ AXIS_STATIONS = 121
 
 
 def curve_table(
-    dissection: Dissection, theory: Theory, *, grasp: float, force: float, frames: int
+    dissection: Dissection,
+    theory: Theory,
+    *,
+    grasp: float,
+    force: float,
+    frames: int,
+    threshold: float,
 ) -> bytes:
     """Return the force-deflection curve, with the highest stress at each force.
 
@@ -31,6 +37,8 @@ def curve_table(
         The last force, N; the first is none.
     frames
         How many rows.
+    threshold
+        Stress at which it tears, MPa.
 
     Returns
     -------
@@ -38,7 +46,6 @@ def curve_table(
         CSV: force, deflection, the stresses where they are highest, distance to break and station.
     """
     beam = dissection.beam
-    threshold = dissection.preset.threshold(theory, beam)
     stations = critical_stations(beam, grasp, theory=theory)
     pull = Pull(theory, beam, grasp)
     rows: list[tuple[float, ...]] = []
@@ -68,7 +75,9 @@ def curve_table(
     return _csv(dict(zip(names, np.array(rows).T, strict=True)))
 
 
-def axis_table(dissection: Dissection, theory: Theory, *, grasp: float, force: float) -> bytes:
+def axis_table(
+    dissection: Dissection, theory: Theory, *, grasp: float, force: float, threshold: float
+) -> bytes:
     """Return the pulled axis, station by station.
 
     Parameters
@@ -81,6 +90,8 @@ def axis_table(dissection: Dissection, theory: Theory, *, grasp: float, force: f
         Distance of the grasp from the first clamp, mm.
     force
         The grasper's whole force, N.
+    threshold
+        Stress at which it tears, MPa.
 
     Returns
     -------
@@ -89,7 +100,6 @@ def axis_table(dissection: Dissection, theory: Theory, *, grasp: float, force: f
         organ's images stand, what the beam carries and its stresses.
     """
     beam = dissection.beam
-    threshold = dissection.preset.threshold(theory, beam)
     stations = critical_stations(beam, grasp, AXIS_STATIONS, theory=theory)
     pulled = Pull(theory, beam, grasp).to_force(force, stations)
     moved = np.stack([pulled.along - stations, pulled.across], axis=1)

@@ -10,9 +10,9 @@ from app.simulation import tear_course
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.surface_stress import SurfaceStress, fibres, surface_stress
 from organ_geometry.skin import Skin, organ_skin
-from physics import BreakEvent, Pull, Theory, break_event, critical_stations
+from physics import BreakEvent, Pull, Theory, critical_stations
 
-__all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "breaks_at", "torn_snapshot"]
+__all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "torn_snapshot"]
 
 STRESS_STATIONS = 121
 """Places along the span that the stress is read at: two for each driving point."""
@@ -69,6 +69,8 @@ class PulledOrgan:
         Distance of the grasp from the first clamp, mm.
     edge_length
         Wanted length of the triangles' edges, mm.
+    threshold
+        Stress at which it tears, MPa.
 
     Raises
     ------
@@ -77,14 +79,20 @@ class PulledOrgan:
     """
 
     def __init__(
-        self, dissection: Dissection, theory: Theory, *, grasp: float, edge_length: float
+        self,
+        dissection: Dissection,
+        theory: Theory,
+        *,
+        grasp: float,
+        edge_length: float,
+        threshold: float,
     ) -> None:
         beam = dissection.beam
         self._dissection = dissection
         self._pull = Pull(theory, beam, grasp)
         self.skin = organ_skin(dissection.organ, edge_length=edge_length)
         self._bound = self.skin.bound_to(dissection.driving)
-        self._threshold = dissection.preset.threshold(theory, beam)
+        self._threshold = threshold
         self._places = fibres(dissection, self.skin)
         driven = dissection.beam_stations
         loaded = critical_stations(beam, grasp, STRESS_STATIONS, theory=theory)
@@ -117,27 +125,6 @@ class PulledOrgan:
         )
         surface = StillSurface(self.skin, vertices, stress)
         return Snapshot({"organ": surface}, pulled.force, pulled.deflection)
-
-
-def breaks_at(dissection: Dissection, theory: Theory, grasp: float) -> BreakEvent | None:
-    """Return the load at which the preset's duct breaks.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that reads the stresses.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    BreakEvent | None
-        The load; None if it does not break.
-    """
-    threshold = dissection.preset.threshold(theory, dissection.beam)
-    return break_event(theory, dissection.beam, grasp, threshold)
 
 
 def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:

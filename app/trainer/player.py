@@ -317,13 +317,12 @@ def _captions(order: Order, motion: Motion, force: float) -> list[str]:
     """Return what the instruments show at each key."""
     dissection = order.dissection
     beam = dissection.beam
-    threshold = dissection.preset.threshold(order.theory, beam)
     stations = critical_stations(beam, order.grasp, theory=order.theory)
     pull = Pull(order.theory, beam, order.grasp)
     captions: list[str] = []
     for at in np.linspace(0.0, force, int(motion.whole.sum())).tolist():
         pulled = pull.to_force(at, stations)
-        left = max(0.0, check_rupture(pulled, threshold).distance_to_break)
+        left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
         captions.append(
             f"F {at:.3g} N   lifted {pulled.deflection:.1f} mm   "
             f"distance to break {100.0 * left:.0f} %"

@@ -160,6 +160,15 @@ def test_axis_is_where_the_skin_s_axis_is(order: Order, tmp_path: Path) -> None:
     assert slope[1:][inside] == pytest.approx(middles[1:][inside], rel=0.02, abs=1e-3)
 
 
+def test_a_threshold_of_one_s_own_moves_the_break(order: Order) -> None:
+    weak = replace(order, threshold=0.5 * order.strength)
+    own, half = order.break_event, weak.break_event
+    assert own is not None
+    assert half is not None
+    assert half.force < own.force
+    assert half.check.total_stress == pytest.approx(0.5 * order.strength)
+
+
 def test_admesh_finds_nothing_to_mend(order: Order, tmp_path: Path) -> None:
     for name, wanted, parts in (
         ("rest", replace(order, force=None), 1),
