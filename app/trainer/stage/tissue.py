@@ -17,7 +17,7 @@ from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
 from organ_geometry.skin import Skin
 
-__all__ = ["WET", "Tissue", "TornEnd"]
+__all__ = ["WET", "Tissue", "TornEnd", "raise_wall"]
 
 TornEnd = Literal["first", "last"]
 """The end of a piece that was torn, along the organ's axis."""
@@ -117,7 +117,7 @@ class Tissue:
         wall, vessels, mesh = self._wall, self._vessels, self._mesh
         start, stop = self._vessel_start, self._inside_start
         wall_normals(vertices, wall.rings, wall.sides, wall.right_handed, self._normals)
-        _raise(vertices, self._normals, self._relief, mesh.positions[:start])
+        raise_wall(vertices, self._normals, self._relief, mesh.positions[:start])
         self._shades[:start] = shade[:start]
         pose_vessels(
             mesh.positions, self._normals, self._shades, wall.sides, vessels.ring, vessels.side,
@@ -196,12 +196,23 @@ def _mixed(
 
 
 @numba.njit(cache=True)
-def _raise(
+def raise_wall(
     vertices: NDArray[np.float32],
     normals: NDArray[np.float32],
     height: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
+    """Write the wall's vertices, raised by its relief.
+
+    Parameters
+    ----------
+    vertices, normals
+        (V, 3) or more places, mm, and (V, 3) outward unit normals.
+    height
+        (V,) relief, mm.
+    out
+        (V, 3) receives the places, mm.
+    """
     for v in range(height.shape[0]):
         for i in range(3):
             out[v, i] = vertices[v, i] + height[v] * normals[v, i]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.wall import Wall
 
-__all__ = ["Underlay"]
+__all__ = ["Underlay", "sink_wall"]
 
 DEPTH = 0.12
 """mm below the streamed surface."""
@@ -66,7 +66,7 @@ class Underlay:
         normals
             (rings * sides, 3) outward unit normals.
         """
-        _sink(places, normals, self._places)
+        sink_wall(places, normals, self._places)
         self._mesh.vertices = self._places
 
     def remove(self) -> None:
@@ -75,9 +75,18 @@ class Underlay:
 
 
 @numba.njit(cache=True)
-def _sink(
+def sink_wall(
     places: NDArray[np.float32], normals: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
+    """Write places just below a wall.
+
+    Parameters
+    ----------
+    places, normals
+        (V, 3) the wall's places, mm, and outward unit normals.
+    out
+        (V, 3) receives the places below, mm.
+    """
     for v in range(out.shape[0]):
         for i in range(3):
             out[v, i] = places[v, i] - np.float32(DEPTH) * normals[v, i]
