@@ -13,7 +13,7 @@ help:  ## say what can be made
 trainer: $(VENV)/.runs  ## start the trainer and print its address (ARGS= is passed on)
 	@$(BIN)/bluntdissect trainer $(ARGS)
 
-test: $(VENV)/.tests  ## run all tests
+test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 	@$(BIN)/python -m pytest $(ARGS)
 
 check: lint types layers  ## lint, types and import layers
@@ -39,7 +39,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
@@ -59,6 +59,13 @@ $(VENV)/.tests: pyproject.toml constraints.txt $(VENV)/.runs
 	@echo "Installing what the tests need ..."
 	@$(PIP_INSTALL) -e '.[test]'
 	@touch $@
+
+# What reads our exports: without npm their tests are skipped.
+$(VENV)/.readers: tests/export/package.json | $(BIN)/python
+	@if command -v npm >/dev/null; then \
+		npm install --prefix tests/export --no-package-lock --ignore-scripts --no-audit --no-fund --silent \
+			&& touch $@ || echo "Going on without three.js and the glTF validator." >&2; \
+	fi
 
 # A peer that could not be installed is said by the benchmarks, which measure the rest.
 $(VENV)/.peers: pyproject.toml constraints.txt $(VENV)/.tests

@@ -13,6 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from app.command_line.load import shipped_organ
 from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
@@ -20,6 +21,7 @@ from benchmarks.exact_beam import exact_engines
 from benchmarks.geometry import measure_geometry
 from benchmarks.peers import peer_engines
 from benchmarks.session_step import step_figures
+from benchmarks.skinning import export_figures, skinning_figures
 from benchmarks.spring_chain import spring_chain_engine
 from benchmarks.trainer_clients import CLIENTS, client_figures
 
@@ -147,6 +149,34 @@ def measure_trainer(console: Console) -> dict[str, float]:
     return figures
 
 
+def measure_export(console: Console) -> dict[str, float]:
+    """Print and return the figures of the skin and of a rigged organ.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+
+    Returns
+    -------
+    dict[str, float]
+        Those of `skinning_figures` and `export_figures`.
+    """
+    with console.status("Timing the skin and the export ..."):
+        organ = shipped_organ()
+        figures = skinning_figures(organ) | export_figures(organ)
+    for line in (
+        f"Skin of {figures['skinned_vertices']:,.0f} vertices: moved in {figures['deform_us']:.0f} "
+        f"us, with its driving points in {figures['deform_with_points_us']:.0f} us; a copy within "
+        f"the cache takes {figures['copy_us']:.1f} us",
+        f"Rigged organ, two animations with {figures['export_keys']:.0f} keys of a pull: "
+        f"{figures['export_ms']:.0f} ms, {figures['export_bytes'] / 1e6:.2f} MB, "
+        f"{figures['bytes_a_key']:,.0f} bytes a key",
+    ):
+        console.print(line, highlight=False)
+    return figures
+
+
 def main() -> None:
     """Measure, print, and write the figures."""
     console = Console()
@@ -155,6 +185,7 @@ def main() -> None:
         "physics": measure_physics(console),
         "trainer": measure_trainer(console),
         "geometry": measure_geometry(console),
+        "export": measure_export(console),
     }
     FIGURES.parent.mkdir(exist_ok=True)
     FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

@@ -1,121 +1,150 @@
 """Mesh files: STL, PLY and OBJ in mm, GLB in metres with y up."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from trimesh.exchange.gltf import export_glb  # pyright: ignore[reportUnknownVariableType]
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
+from organ_geometry.gltf_file import GltfFile
+from organ_geometry.gltf_mesh import primitive, surface_materials
+from organ_geometry.shaded_wall import shaded_walls
+from organ_geometry.skin import Skin
 from organ_geometry.whole_file import check_target, write_whole
 
-__all__ = ["SUFFIXES", "check_mesh_path", "write_mesh"]
+__all__ = ["PAINTED_SUFFIXES", "SUFFIXES", "ClosedSurface", "check_mesh_path", "write_mesh"]
 
 SUFFIXES = (".stl", ".ply", ".obj", ".glb")
 """Kinds of file, by suffix."""
-
-GLTF_FROM_MM = 1e-3 * np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""glTF is metres with +y up; ours is mm with +z up."""
-
-TISSUE = PBRMaterial(
-    name="tissue", baseColorFactor=[205, 140, 92, 255], metallicFactor=0.0, roughnessFactor=0.45
-)
-"""What a GLB's surfaces are made of."""
-
-Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
-"""(V, 3) vertices, mm, and (F, 3) vertex numbers."""
+PAINTED_SUFFIXES = (".ply", ".glb")
+"""Those that keep the colours of vertices."""
 
 
-def check_mesh_path(path: Path) -> None:
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedSurface:
+    """One closed surface, ready to be written.
+
+    Attributes
+    ----------
+    vertices
+        (V, 3) places, mm.
+    faces
+        (F, 3) vertex numbers, anticlockwise seen from outside; those of the outer wall come first.
+    outer_faces
+        How many faces the outer wall has.
+    colors
+        (V, 3) sRGB colours, 0 to 255, or None.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    outer_faces: int
+    colors: NDArray[np.uint8] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        skin: Skin,
+        vertices: NDArray[np.float32] | None = None,
+        colors: NDArray[np.uint8] | None = None,
+    ) -> "ClosedSurface":
+        """Return a skin's surface.
+
+        Parameters
+        ----------
+        skin
+            The skin.
+        vertices
+            (V, 3) where its vertices are, mm; at rest when None.
+        colors
+            (V, 3) sRGB colours, 0 to 255, or None.
+
+        Returns
+        -------
+        ClosedSurface
+            The surface.
+        """
+        places = skin.vertices if vertices is None else vertices
+        return cls(places, skin.faces, skin.outer_faces, colors)
+
+
+def check_mesh_path(path: Path, *, painted: bool = False) -> None:
     """Raise if a mesh cannot be written there.
 
     Parameters
     ----------
     path
         Where the mesh is to be written.
+    painted
+        Whether its vertices have colours.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown or the folder is not there.
+        If the suffix is unknown or keeps no colours, or the folder is not there.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         raise ValueError(
             f"cannot write {path}: its name must end in the kind of mesh, one of "
             f"{', '.join(SUFFIXES)}"
         )
+    if painted and suffix not in PAINTED_SUFFIXES:
+        raise ValueError(
+            f"cannot write {path}: {suffix} keeps no colours; take one of "
+            f"{', '.join(PAINTED_SUFFIXES)}"
+        )
     check_target(path)
 
 
-def write_mesh(parts: Mapping[str, Triangles], path: Path) -> None:
+def write_mesh(parts: Mapping[str, ClosedSurface], path: Path) -> None:
     """Write closed surfaces to one file, whole or not at all.
 
     Parameters
     ----------
     parts
-        Surfaces by name. A GLB keeps them apart under their names.
+        Surfaces by name; all or none have colours. A GLB keeps them apart under their names.
     path
         The file; its suffix says which kind.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown or the folder is not there.
+        If the suffix is unknown or keeps no colours, or the folder is not there.
     """
-    check_mesh_path(path)
+    check_mesh_path(path, painted=any(part.colors is not None for part in parts.values()))
     kind = path.suffix.lower().removeprefix(".")
-    write_whole(path, _glb(parts) if kind == "glb" else _flat(parts, kind))
+    write_whole(path, _glb(parts) if kind == "glb" else _flat(list(parts.values()), kind))
 
 
-def _glb(parts: Mapping[str, Triangles]) -> bytes:
+def _glb(parts: Mapping[str, ClosedSurface]) -> bytes:
     """Return the parts as a binary glTF, each a node with its name."""
-    scene = trimesh.Scene()
-    for name, (vertices, faces) in parts.items():
-        metres = (vertices.astype(np.float64) @ GLTF_FROM_MM.T).astype(np.float32)
-        mesh = trimesh.Trimesh(
-            metres, faces, vertex_normals=vertex_normals(metres, faces), process=False
-        )
-        mesh.visual = TextureVisuals(material=TISSUE)
-        scene.add_geometry(  # pyright: ignore[reportUnknownMemberType]
-            mesh, node_name=name, geom_name=name
-        )
-    return bytes(export_glb(scene, include_normals=True))
+    file = GltfFile()
+    painted = any(part.colors is not None for part in parts.values())
+    materials = surface_materials(file, painted=painted)
+    for name, part in parts.items():
+        walls = zip(shaded_walls(part.faces, part.outer_faces), materials, strict=True)
+        mesh = {
+            "name": name,
+            "primitives": [
+                primitive(file, wall, part.vertices, material, colors=part.colors)
+                for wall, material in walls
+            ],
+        }
+        file.add_root({"name": name, "mesh": file.add("meshes", mesh)})
+    return file.content()
 
 
-def vertex_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return unit normals of a mesh's vertices: the mean of their faces' by area.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) places.
-    faces
-        (F, 3) vertex numbers.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (V, 3) normals, outwards.
-    """
-    corners = vertices.astype(np.float64)[faces]
-    of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = np.zeros((len(vertices), 3))
-    for corner in range(3):
-        np.add.at(sums, faces[:, corner], of_faces)
-    return sums / np.linalg.norm(sums, axis=1, keepdims=True)
-
-
-def _flat(parts: Mapping[str, Triangles], kind: str) -> bytes:
+def _flat(parts: list[ClosedSurface], kind: str) -> bytes:
     """Return the parts as one mesh in a format without nodes."""
-    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in parts.values())])
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    colors = [part.colors for part in parts if part.colors is not None]
     whole = trimesh.Trimesh(
-        np.concatenate([vertices for vertices, _ in parts.values()]),
-        np.concatenate(
-            [faces + offset for offset, (_, faces) in zip(offsets, parts.values(), strict=False)]
-        ),
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + offset for offset, part in zip(offsets, parts, strict=False)]),
+        vertex_colors=np.concatenate(colors) if colors else None,
         process=False,
     )
     content = whole.export(file_type=kind)  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType,reportCallIssue]

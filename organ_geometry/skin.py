@@ -55,7 +55,9 @@ class Skin:
             The skin with its weights.
         """
         index, weight = points.binding(self.stations)
-        return BoundSkin(self, index, weight)
+        changes = (np.diff(index) != 0) | (np.diff(weight) != 0.0)
+        starts = np.concatenate([[0], 1 + np.flatnonzero(changes), [index.size]])
+        return BoundSkin(self, index, weight, starts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,11 +72,15 @@ class BoundSkin:
         (V,) number of the driving point before each vertex.
     weight
         (V,) part in which each vertex follows the point after it.
+    starts
+        (R+1,) the first vertex of each run of neighbours that follow the same points by the same
+        weights, a ring mostly, and V.
     """
 
     skin: Skin
     index: NDArray[np.int32]
     weight: NDArray[np.float64]
+    starts: NDArray[np.intp]
 
     def deform(
         self, transforms: NDArray[np.float64], out: NDArray[np.float32]
@@ -94,7 +100,7 @@ class BoundSkin:
         NDArray[np.float32]
             `out`. With transforms of zero it equals `skin.vertices` to the bit.
         """
-        _blend(self.skin.vertices, self.index, self.weight, transforms, out)
+        _blend(self.skin.vertices, self.starts, self.index, self.weight, transforms, out)
         return out
 
 
@@ -282,19 +288,28 @@ def _fan(ring: NDArray[np.int32], centre: NDArray[np.int32]) -> NDArray[np.int32
 @numba.njit(cache=True)
 def _blend(
     rest: NDArray[np.float32],
+    starts: NDArray[np.intp],
     index: NDArray[np.int32],
     weight: NDArray[np.float64],
     transforms: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
-    for v in range(rest.shape[0]):
-        before = transforms[index[v]]
-        after = transforms[index[v] + 1]
-        part = weight[v]
-        x, y, z = np.float64(rest[v, 0]), np.float64(rest[v, 1]), np.float64(rest[v, 2])
+    blended = np.empty((3, 4))
+    for run in range(starts.size - 1):
+        first, last = starts[run], starts[run + 1]
+        before = transforms[index[first]]
+        after = transforms[index[first] + 1]
+        part = weight[first]
         for i in range(3):
-            m0 = before[i, 0] + part * (after[i, 0] - before[i, 0])
-            m1 = before[i, 1] + part * (after[i, 1] - before[i, 1])
-            m2 = before[i, 2] + part * (after[i, 2] - before[i, 2])
-            shift = before[i, 3] + part * (after[i, 3] - before[i, 3])
-            out[v, i] = rest[v, i] + (m0 * x + m1 * y + m2 * z + shift)
+            for j in range(4):
+                blended[i, j] = before[i, j] + part * (after[i, j] - before[i, j])
+        # In names of their own the figures stay in registers for the whole run.
+        xx, xy, xz, x_shift = blended[0, 0], blended[0, 1], blended[0, 2], blended[0, 3]
+        yx, yy, yz, y_shift = blended[1, 0], blended[1, 1], blended[1, 2], blended[1, 3]
+        zx, zy, zz, z_shift = blended[2, 0], blended[2, 1], blended[2, 2], blended[2, 3]
+        places, moved = rest[first:last], out[first:last]
+        for v in range(last - first):
+            x, y, z = np.float64(places[v, 0]), np.float64(places[v, 1]), np.float64(places[v, 2])
+            moved[v, 0] = x + (xx * x + xy * y + xz * z + x_shift)
+            moved[v, 1] = y + (yx * x + yy * y + yz * z + y_shift)
+            moved[v, 2] = z + (zx * x + zy * y + zz * z + z_shift)

@@ -1,8 +1,9 @@
-"""`bluntdissect export`: the deformed or torn organ as a mesh, without a browser."""
+"""`bluntdissect export`: the organ in other people's tools, without a browser."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,17 +15,29 @@ from app.command_line.load import (
     theory_options,
 )
 
+if TYPE_CHECKING:
+    from app.export.order import Order
+
 __all__ = ["export"]
 
 
 def export(
     organ: Annotated[Path, typer.Argument(help="An .organ file, from `bluntdissect compress`.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Mesh to write: .stl, .ply, .obj or .glb.")
-    ],
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File to write: .glb, .stl, .ply, .obj, .vtp, .pvd or .csv."
+        ),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="A page to write that plays the pull and the tear.")
+    ] = None,
     force: Annotated[
         float | None,
-        typer.Option(help="The grasper's whole force, N; with --torn the force at the break."),
+        typer.Option(
+            help="The grasper's whole force, N; with --torn the force at the break. Not given: "
+            "still meshes are at rest, the others go to the break."
+        ),
     ] = None,
     grasp: Annotated[
         float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
@@ -47,47 +60,144 @@ def export(
         typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
     ] = None,
     torn: Annotated[
-        bool, typer.Option("--torn", help="The two pieces after the duct has torn.")
+        bool, typer.Option("--torn", help="The two pieces after the duct has torn, still.")
     ] = False,
-    edge_length: Annotated[float, typer.Option(help="Length of the triangles' edges, mm.")] = 0.5,
+    still: Annotated[
+        bool, typer.Option("--still", help="GLB: one moment, without joints and animations.")
+    ] = False,
+    color: Annotated[
+        str | None,
+        typer.Option(help="stress: PLY and GLB, still, from 0 (blue) to the threshold (yellow)."),
+    ] = None,
+    frames: Annotated[
+        int, typer.Option(help="Keys of a pull, files of a .pvd series, rows of a curve.")
+    ] = 60,
+    table: Annotated[
+        str, typer.Option(help="CSV: curve (force and deflection) or axis (at the force).")
+    ] = "curve",
+    edge_length: Annotated[
+        float | None,
+        typer.Option(
+            help="Length of the triangles' edges, mm.",
+            show_default="0.5; of a page what keeps it small",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Write an organ under a pull as a closed mesh.
+    """Write an organ under a pull as a file for other tools.
 
-    STL, PLY and OBJ are in mm and stand where the organ's images stand, GLB is in metres with
-    y up. Example: bluntdissect export duct.organ --force 2.0 -o duct.stl
+    A GLB is rigged: it has a joint at each driving point, and animations of the pull and the tear.
+    STL, PLY and OBJ are closed meshes, VTP and PVD carry the stresses for ParaView, CSV has the
+    curve or the axis. All but GLB (metres, y up) are in mm and stand where the organ's images
+    stand. Example: bluntdissect export duct.organ --force 2.0 -o duct.glb
     """
+    from app.export.order import Order
     from app.simulation.dissection import Dissection, default_preset
     from app.simulation.preset import preset_named
-    from app.simulation.snapshot import pulled_snapshot, torn_snapshot
-    from organ_geometry.mesh_file import check_mesh_path, write_mesh
+    from organ_geometry.whole_file import write_whole
 
-    check_mesh_path(output)
+    if output is None and html is None:
+        raise ValueError("say what to write: --output FILE or --html PAGE")
+    if color not in (None, "stress"):
+        raise ValueError(f"--color must be stress, not {color}")
+    if table not in ("curve", "axis"):
+        raise ValueError(f"--table must be curve or axis, not {table}")
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     options = theory_options(chosen)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
     chosen = dissection.theory_for(chosen)
-    at = 0.5 * dissection.beam.span if grasp is None else grasp
-    take = torn_snapshot if torn else pulled_snapshot
-    snapshot = take(dissection, chosen, grasp=at, force=force, edge_length=edge_length)
-    write_mesh(snapshot.parts, output)
-    facts = {
-        "file": str(output),
-        "bytes": output.stat().st_size,
-        "surfaces": list(snapshot.parts),
-        "vertices": sum(len(vertices) for vertices, _ in snapshot.parts.values()),
-        "faces": sum(len(faces) for _, faces in snapshot.parts.values()),
-        "preset": dissection.preset.name,
-        "theory": chosen.name,
-        **options,
-        "force_N": snapshot.force,
-        "deflection_mm": snapshot.deflection,
-    }
+    order = Order(
+        dissection,
+        chosen,
+        0.5 * dissection.beam.span if grasp is None else grasp,
+        force=force,
+        torn=torn,
+        still=still,
+        painted=color is not None,
+        frames=frames,
+        edge_length=0.5 if edge_length is None else edge_length,
+        table=table,
+    )
+    facts: dict[str, object] = {}
+    if output is not None:
+        order.check(output)
+    page = b"" if html is None else page_content(order, html, edge_length)
+    if output is not None:
+        facts |= write_file(order, output)
+    if html is not None:
+        write_whole(html, page)
+        facts |= {"page": str(html), "page_bytes": len(page)}
+    facts |= {"preset": dissection.preset.name, "theory": chosen.name, **options}
     if as_json:
         print(json.dumps(facts))
         return
-    closed = "two closed pieces" if torn else "one closed surface"
-    print(f"{output}: {closed}, {facts['faces']:,} faces, {facts['bytes']:,} bytes")
-    broke = "torn at" if torn else "pulled with"
-    print(f"preset {dissection.preset.name}, {broke} {snapshot.force:.4g} N")
+    if output is not None:
+        faces = f", {facts['faces']:,} faces" if facts["faces"] else ""
+        print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
+        broke = "torn at" if torn else "pulled with"
+        print(f"preset {dissection.preset.name}, {broke} {facts['force_N']:.4g} N")
+    if html is not None:
+        print(f"{html}: a page that plays, {len(page):,} bytes")
+
+
+def write_file(order: "Order", path: Path) -> dict[str, object]:
+    """Write an order to a file.
+
+    Parameters
+    ----------
+    order
+        The order.
+    path
+        The file.
+
+    Returns
+    -------
+    dict[str, object]
+        What was written.
+    """
+    delivery = order.write(path)
+    return {
+        "file": str(path),
+        "files": len(delivery.files),
+        "kind": delivery.kind,
+        "bytes": sum(file.stat().st_size for file in delivery.files),
+        "surfaces": list(delivery.surfaces),
+        "vertices": delivery.vertices,
+        "faces": delivery.faces,
+        "animations": list(delivery.animations),
+        "force_N": delivery.force,
+        "deflection_mm": delivery.deflection,
+    }
+
+
+def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
+    """Return the page that plays an order.
+
+    Parameters
+    ----------
+    order
+        The order.
+    path
+        Where it is to be written.
+    edge_length
+        Wanted length of the triangles' edges, mm; the player's own when None.
+
+    Returns
+    -------
+    bytes
+        The page.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be written there, or the order does not move.
+    """
+    from app.trainer.player import order_page, page_edge_length
+    from organ_geometry.whole_file import check_target
+
+    check_target(path)
+    if order.torn or order.still or order.painted:
+        raise ValueError("--html plays a motion; leave out --torn, --still and --color")
+    edges = page_edge_length(order.dissection.organ) if edge_length is None else edge_length
+    return order_page(replace(order, edge_length=edges)).encode()

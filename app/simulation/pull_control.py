@@ -106,6 +106,8 @@ class PullControl:
             return False
         if self.mode == "force" and force == self.force_wanted:
             return False
+        # A duct caught as it swings past rest is not pushed.
+        self.force = max(self.force, 0.0)
         self.mode, self.force_wanted, self.speed = "force", force, 0.0
         return True
 
@@ -118,7 +120,21 @@ class PullControl:
             How far it is pulled there, mm.
         """
         self.mode, self.speed = "hand", 0.0
+        self.force = max(self.force, 0.0)
         self.deflection = self.deflection_wanted = deflection
+
+    def regrasp(self, deflection: float) -> None:
+        """Hold another place: the force stays, a displacement is the duct's at that place.
+
+        Parameters
+        ----------
+        deflection
+            How far the duct is pulled there, mm.
+        """
+        if self.mode == "hand":
+            self.grab(max(0.0, deflection))
+        elif self.mode == "free":
+            self.deflection, self.speed = deflection, 0.0
 
     def lead_to(self, deflection: float) -> bool:
         """Lead the grasp to a deflection.

@@ -146,7 +146,7 @@ class PulledDuct:
         return wanted if self.control.lead_to(wanted) else None
 
     def ask_grasp(self, grasp: float) -> float | None:
-        """Ask for another grasp.
+        """Ask for another grasp: under the same force, or by hand as far out as the duct is there.
 
         Parameters
         ----------
@@ -158,9 +158,12 @@ class PulledDuct:
         float | None
             The wish, mm.
         """
-        wanted, before = _within(grasp, self.grasp_range), self.grasp_wanted
+        wanted = _within(grasp, self.grasp_range)
+        if wanted == self.grasp_wanted:
+            return None
         self.grasp_wanted = wanted
-        return None if wanted == before else wanted
+        self.control.regrasp(self.grasped.across(wanted))
+        return wanted
 
     def ask_threshold(self, threshold: float) -> float | None:
         """Ask for another stress at which the duct tears.
@@ -289,7 +292,7 @@ class PulledDuct:
             control.stop_at(*before)
             return True
         self._feel()
-        if self.grasped.check.broken:
+        if self.grasped.check.broken and control.mode != "free":  # what nobody pulls tears not
             self._tear(before, deepest)
         return True
 

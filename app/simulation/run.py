@@ -25,8 +25,8 @@ from physics import BreakEvent, Theory
 __all__ = ["Run", "StartingPoint"]
 
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
-LAST_COUNTS = frozenset({"force", "hand", "grasp", "threshold"})
-"""Inputs of which, between two ticks, only the last one matters."""
+LAST_COUNTS = frozenset({"hand", "threshold"})
+"""Inputs of which, between two ticks, only the last one matters, whatever holds the duct."""
 
 
 @dataclass(frozen=True, slots=True)

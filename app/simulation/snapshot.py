@@ -8,10 +8,33 @@ from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.dissection import PIECES, Dissection
-from organ_geometry.skin import organ_skin
-from physics import BreakEvent, Theory, break_event
+from app.simulation.surface_stress import Stresses, SurfaceStress
+from organ_geometry.skin import Skin, organ_skin
+from physics import BreakEvent, Pull, Theory, critical_stations
 
-__all__ = ["Snapshot", "pulled_snapshot", "torn_snapshot"]
+__all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "torn_snapshot"]
+
+STRESS_STATIONS = 121
+"""Places along the span that the stress is read at: two for each driving point."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StillSurface:
+    """A closed surface at one moment.
+
+    Attributes
+    ----------
+    skin
+        The surface at rest.
+    vertices
+        (V, 3) where its vertices are, mm.
+    stress
+        What they bear.
+    """
+
+    skin: Skin
+    vertices: NDArray[np.float32]
+    stress: Stresses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,28 +43,21 @@ class Snapshot:
 
     Attributes
     ----------
-    parts
-        (V, 3) vertices, mm, and (F, 3) faces, by name: one "organ" or two pieces.
+    surfaces
+        By name: one "organ" or two pieces.
     force
         The grasper's whole force, N; of torn pieces, the one that tore them.
     deflection
         Displacement of the grasp, mm; 0 for torn pieces, which have swung back.
     """
 
-    parts: dict[str, tuple[NDArray[np.float32], NDArray[np.int32]]]
+    surfaces: dict[str, StillSurface]
     force: float
     deflection: float
 
 
-def pulled_snapshot(
-    dissection: Dissection,
-    theory: Theory,
-    *,
-    grasp: float,
-    force: float | None,
-    edge_length: float,
-) -> Snapshot:
-    """Return an organ under a pull that it bears.
+class PulledOrgan:
+    """An organ's skin under a pull, force by force.
 
     Parameters
     ----------
@@ -51,42 +67,97 @@ def pulled_snapshot(
         The theory that bends it.
     grasp
         Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force, N; none when None.
     edge_length
         Wanted length of the triangles' edges, mm.
-
-    Returns
-    -------
-    Snapshot
-        The organ, whole.
+    threshold
+        Stress at which it tears, MPa.
 
     Raises
     ------
     ValueError
-        If the force is past the break.
+        If the grasp is not between the clamps, or there is no such skin.
     """
-    pulled = theory.under_force(
-        dissection.beam, grasp, 0.0 if force is None else force, dissection.beam_stations
-    )
-    event = _event(dissection, theory, grasp)
-    if event is not None and abs(pulled.force) > event.force:
+
+    def __init__(
+        self,
+        dissection: Dissection,
+        theory: Theory,
+        *,
+        grasp: float,
+        edge_length: float,
+        threshold: float,
+    ) -> None:
+        beam = dissection.beam
+        self._dissection = dissection
+        self._pull = Pull(theory, beam, grasp)
+        self.skin = organ_skin(dissection.organ, edge_length=edge_length)
+        self._bound = self.skin.bound_to(dissection.driving)
+        self._threshold = threshold
+        self._stress = SurfaceStress(dissection, self.skin)
+        driven = dissection.beam_stations
+        loaded = critical_stations(beam, grasp, STRESS_STATIONS, theory=theory)
+        self._stations = np.concatenate([driven, loaded])
+        self._driven, self._loaded = slice(0, driven.size), slice(driven.size, None)
+
+    def under(self, force: float) -> Snapshot:
+        """Return the organ under a force, whether it bears it or not (`borne_force`).
+
+        Parameters
+        ----------
+        force
+            The grasper's whole force, N.
+
+        Returns
+        -------
+        Snapshot
+            The organ, whole.
+        """
+        dissection = self._dissection
+        pulled = self._pull.to_force(force, self._stations)
+        vertices = np.empty_like(self.skin.vertices)
+        moved = dissection.move(pulled.part(self._driven), dissection.rest_transforms())
+        self._bound.deform(moved, vertices)
+        stress = self._stress.at(pulled.part(self._loaded), self._threshold)
+        surface = StillSurface(self.skin, vertices, stress)
+        return Snapshot({"organ": surface}, pulled.force, pulled.deflection)
+
+
+def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:
+    """Return a force that an organ bears.
+
+    Parameters
+    ----------
+    dissection
+        The organ between its clamps.
+    event
+        The load at which it breaks, None if it does not.
+    force
+        The force, N.
+
+    Returns
+    -------
+    float
+        The force.
+
+    Raises
+    ------
+    ValueError
+        If it is no number or past the break.
+    """
+    if not math.isfinite(force):
+        raise ValueError(f"force must be a finite number of N, got {force}")
+    if event is not None and abs(force) > event.force:
         raise ValueError(
-            f"force of {pulled.force:g} N is past the break of {dissection.preset.name} at "
+            f"force of {force:g} N is past the break of {dissection.preset.name} at "
             f"{event.force:.4g} N; give less, or --torn for the two pieces"
         )
-    skin = organ_skin(dissection.organ, edge_length=edge_length)
-    vertices = np.empty_like(skin.vertices)
-    transforms = dissection.move(pulled, dissection.rest_transforms())
-    skin.bound_to(dissection.driving).deform(transforms, vertices)
-    return Snapshot({"organ": (vertices, skin.faces)}, pulled.force, pulled.deflection)
+    return force
 
 
 def torn_snapshot(
     dissection: Dissection,
-    theory: Theory,
+    event: BreakEvent | None,
     *,
-    grasp: float,
     force: float | None,
     edge_length: float,
 ) -> Snapshot:
@@ -96,10 +167,8 @@ def torn_snapshot(
     ----------
     dissection
         The organ between its clamps.
-    theory
-        The theory that says where it tears.
-    grasp
-        Distance of the grasp from the first clamp, mm.
+    event
+        The load at which it breaks, None if it does not.
     force
         A force that tears it, N, or None.
     edge_length
@@ -108,14 +177,13 @@ def torn_snapshot(
     Returns
     -------
     Snapshot
-        The pieces and the force at the break.
+        The pieces, which bear nothing, and the force at the break.
 
     Raises
     ------
     ValueError
         If the force does not tear it, or none does.
     """
-    event = _event(dissection, theory, grasp)
     if event is None:
         raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
     if force is not None and not math.isfinite(force):
@@ -127,14 +195,8 @@ def torn_snapshot(
         )
     gone = tear_course.front(tear_course.SETTLED_SECONDS)
     pieces = dissection.torn_at(event.check, edge_length=edge_length)
-    parts = {
-        name: (piece.open(gone, piece.skin.vertices.copy()), piece.skin.faces)
-        for name, piece in zip(PIECES, pieces, strict=True)
-    }
-    return Snapshot(parts, event.force, 0.0)
-
-
-def _event(dissection: Dissection, theory: Theory, grasp: float) -> BreakEvent | None:
-    """Return the load at which the preset's duct breaks."""
-    threshold = dissection.preset.threshold(theory, dissection.beam)
-    return break_event(theory, dissection.beam, grasp, threshold)
+    surfaces: dict[str, StillSurface] = {}
+    for name, piece in zip(PIECES, pieces, strict=True):
+        vertices = piece.open(gone, piece.skin.vertices.copy())
+        surfaces[name] = StillSurface(piece.skin, vertices, Stresses.none(len(vertices)))
+    return Snapshot(surfaces, event.force, 0.0)

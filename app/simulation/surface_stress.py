@@ -1,5 +1,7 @@
 """Stress on the surface: what the beam says at each vertex of the skin."""
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +11,49 @@ from organ_geometry.organ import Organ
 from organ_geometry.skin import Skin
 from physics import Equilibrium
 
-__all__ = ["SurfaceStress", "fibre_shares"]
+__all__ = ["Stresses", "SurfaceStress", "fibre_shares"]
 
 CLAMP_DEPTH = 0.01
 """Part of the span by which the stress at a clamp goes on behind it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stresses:
+    """Stresses at V vertices.
+
+    Attributes
+    ----------
+    normal
+        (V,) tension over the section, MPa.
+    bending
+        (V,) bending stress, MPa; above zero where bending stretches.
+    total
+        (V,) their sum, MPa.
+    distance_to_break
+        (V,) 1 without stress, 0 at the threshold, below zero past it.
+    """
+
+    normal: NDArray[np.float32]
+    bending: NDArray[np.float32]
+    total: NDArray[np.float32]
+    distance_to_break: NDArray[np.float32]
+
+    @classmethod
+    def none(cls, count: int) -> "Stresses":
+        """Return those of a surface that bears nothing.
+
+        Parameters
+        ----------
+        count
+            Number of vertices V.
+
+        Returns
+        -------
+        Stresses
+            The stresses.
+        """
+        nothing = np.zeros(count, dtype=np.float32)
+        return cls(nothing, nothing, nothing, np.ones(count, dtype=np.float32))
 
 
 class SurfaceStress:
@@ -60,11 +101,44 @@ class SurfaceStress:
         NDArray[np.float32]
             `out`.
         """
+        self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, part, out)
+        return out
+
+    def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
+        """Return the stresses at each vertex, apart.
+
+        Parameters
+        ----------
+        pulled
+            The beam, sampled at stations in any order.
+        threshold
+            Stress at which the organ tears, MPa.
+
+        Returns
+        -------
+        Stresses
+            The stresses.
+        """
+        normal, bending = (np.empty(self._share.size, dtype=np.float32) for _ in range(2))
+        nothing = np.zeros(pulled.stations.size)
+        self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
+        self._write_parts(pulled, nothing, pulled.bending_stress, 1.0, bending)
+        total = normal + bending
+        return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
+
+    def _write_parts(
+        self,
+        pulled: Equilibrium,
+        normal: NDArray[np.float64],
+        bending: NDArray[np.float64],
+        part: float,
+        out: NDArray[np.float32],
+    ) -> None:
         if self._stations is None or not np.array_equal(self._stations, pulled.stations):
             self._bind(pulled.stations)
         _write(
-            pulled.normal_stress,
-            pulled.bending_stress,
+            normal,
+            bending,
             pulled.moment,
             self._before,
             self._after,
@@ -74,7 +148,6 @@ class SurfaceStress:
             part,
             out,
         )
-        return out
 
     def _bind(self, stations: NDArray[np.float64]) -> None:
         """Find the two stations that each vertex lies between."""

@@ -18,6 +18,7 @@ from app.trainer.client_view import ClientView
 from app.trainer.panel import OFFERED_THEORIES
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
+from app.trainer.stage.warming import warm_drawing
 from organ_geometry.organ import Organ
 
 __all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
@@ -199,3 +200,4 @@ def _warm(organ: Organ) -> None:
     for _ in range(100):
         session.step(LONGEST_TICK)
     session.reading()
+    warm_drawing(Session(organ))

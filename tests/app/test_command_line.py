@@ -138,9 +138,10 @@ def test_export_is_closed_and_has_the_volume_of_the_organ(
     duct: Path, tmp_path: Path, suffix: str
 ) -> None:
     path = tmp_path / f"duct{suffix}"
-    done = run("export", duct, "-o", path, "--force", 0.0)
+    done = run("export", duct, "-o", path, "--still")
     assert done.returncode == 0, done.stderr
     mesh = trimesh.load_mesh(path)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     organ = read_organ(duct)
@@ -414,3 +415,55 @@ def test_organ_too_short_for_the_thesis_s_span_says_so(tmp_path: Path) -> None:
     assert "50.8 mm" in line
     done = run("export", organ, "-o", output, "--json")
     assert json.loads(done.stdout)["preset"] == "porcine-bile-duct"
+
+
+# What other tools get; what is in the files is tested beside the exporters.
+
+
+def test_export_of_a_glb_is_rigged_and_says_so(duct: Path, tmp_path: Path) -> None:
+    path = tmp_path / "duct.glb"
+    done = run(
+        "export", duct, "-o", path, "--force", 2.0, "--frames", 9, "--edge-length", 1.0, "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["animations"] == ["pull", "tear"]
+    assert facts["surfaces"] == ["organ", "first_piece", "second_piece"]
+    assert facts["bytes"] == path.stat().st_size
+    assert facts["force_N"] == 2.0
+    solution = solved("--preset", "thesis-bile-duct", "--force", 2.0)
+    assert facts["deflection_mm"] == pytest.approx(solution["deflection_mm"])
+
+
+def test_export_writes_a_page_and_a_file_at_once(duct: Path, tmp_path: Path) -> None:
+    page, curve = tmp_path / "player.html", tmp_path / "curve.csv"
+    done = run("export", duct, "--html", page, "-o", curve, "--force", 2.0)
+    assert done.returncode == 0, done.stderr
+    assert f"{page}: a page that plays, {page.stat().st_size:,} bytes" in done.stdout
+    assert "the force-deflection curve" in done.stdout
+    assert curve.read_text().startswith("force_N,deflection_mm,")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "--output FILE or --html PAGE"),
+        (("-o", "duct.glb", "--frames", 100_000), "to 2,000"),
+        (("-o", "duct.glb", "--force", 4.0), "past the break of thesis-bile-duct at 3.559 N"),
+        (("-o", "duct.ply", "--color", "red"), "--color must be stress"),
+        (("-o", "duct.csv", "--table", "stress"), "--table must be curve or axis"),
+        (("--html", "player.html", "--torn"), "plays a motion"),
+        (("--html", "player.html", "-o", "duct.fbx"), ".vtp, .pvd, .csv"),
+    ],
+)
+def test_export_refuses_what_other_tools_have_no_use_for(
+    duct: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[object, ...],
+    words: str,
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(("export", duct, *options))
+    assert not list(tmp_path.iterdir())

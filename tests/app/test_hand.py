@@ -157,6 +157,41 @@ def test_what_holds_may_change_without_the_duct_moving(session: Session) -> None
     assert session.reading().deflection == max(caught, 0.0)
 
 
+def test_another_grasp_takes_the_duct_by_hand_as_it_is_there(session: Session) -> None:
+    session.grab(25.4)
+    lead(session, 8.0)
+    session.set_grasp(8.0)
+    settle(session)
+    reading = session.reading()
+    assert reading.phase is Phase.INTACT
+    assert 0.0 < reading.deflection < 4.0
+
+
+def test_what_nobody_holds_tears_nowhere(session: Session) -> None:
+    session.grab(25.4)
+    lead(session, 12.0)
+    session.let_go()
+    session.advance(2)
+    session.set_grasp(6.0)
+    session.set_threshold(session.threshold_range[0])
+    settle(session)
+    assert session.reading().deflection == 0.0
+    assert session.reading().phase is Phase.INTACT
+
+
+def test_a_duct_caught_past_rest_is_pulled_and_not_pushed(session: Session) -> None:
+    session.grab(25.4)
+    lead(session, 8.0)
+    session.let_go()
+    while session.reading().deflection >= 0.0:
+        session.advance()
+    session.set_force(0.5)
+    assert session.reading().force == 0.0
+    session.advance()
+    assert 0.0 < session.reading().force <= 0.5
+    assert session.reading().deflection > 0.0
+
+
 def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> None:
     pull(session, 2.0)
     across = np.interp(
@@ -276,7 +311,7 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
             assert 0.0 <= reading.force <= most
             if reading.phase is Phase.INTACT:
                 assert not torn
-                assert not reading.check.broken
+                assert not (reading.held and reading.check.broken)
             elif not torn:
                 torn = True
                 assert session.shape == shape + 1

@@ -7,7 +7,7 @@ from simulated import SECONDS, phantom, pull, settle, tear
 
 from app.simulation.preset import preset_named
 from app.simulation.session import Phase, Session
-from app.simulation.surface_stress import SurfaceStress, fibre_shares
+from app.simulation.surface_stress import Stresses, SurfaceStress, fibre_shares
 from app.trainer.panel import OFFERED_THEORIES
 from organ_geometry.organ import Organ
 from organ_geometry.skin import organ_skin
@@ -134,3 +134,21 @@ def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
         dissection.beam, 25.4, 1.0, np.linspace(0.0, 50.8, 33)[::-1].copy()
     )
     assert surface.write(shuffled, out) == pytest.approx(whole, abs=1e-9)
+
+
+def test_parts_of_the_stress_add_up_and_say_how_far_the_break_is() -> None:
+    session = Session(phantom(), vertices=1200)
+    dissection, skin = session.dissection, session.surfaces[0].skin
+    solved = session.theory.under_force(dissection.beam, 25.4, 1.0, np.linspace(0.0, 50.8, 33))
+    surface, out = SurfaceStress(dissection, skin), np.empty(len(skin.vertices), np.float32)
+    stresses = surface.at(solved, threshold=0.2)
+    assert stresses.total == pytest.approx(surface.write(solved, out), abs=1e-7)
+    assert stresses.total == pytest.approx(stresses.normal + stresses.bending)
+    assert stresses.distance_to_break == pytest.approx(1.0 - stresses.total / 0.2, abs=1e-6)
+    held = stresses.normal > 0.0
+    assert stresses.normal[held] == pytest.approx(float(solved.normal_stress[0]))
+    shares = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
+    assert np.abs(stresses.bending[np.abs(shares) < 1e-9]).max(initial=0.0) < 1e-9
+    resting = Stresses.none(5)
+    assert not resting.total.any()
+    assert (resting.distance_to_break == 1.0).all()

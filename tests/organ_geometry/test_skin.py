@@ -8,6 +8,7 @@ from tubes import LENGTH, mesh_of, tube
 
 from organ_geometry.driving_points import DrivingPoints, driving_points
 from organ_geometry.skin import _blend, organ_skin
+from organ_geometry.tear import torn_pieces
 
 
 def bend(points: DrivingPoints, height: float) -> np.ndarray:
@@ -150,8 +151,27 @@ def test_kernel_is_its_python_form() -> None:
     bound, transforms = skin.bound_to(points), bend(points, 7.0)
     compiled, plain = np.empty_like(skin.vertices), np.empty_like(skin.vertices)
     bound.deform(transforms, compiled)
-    _blend.py_func(skin.vertices, bound.index, bound.weight, transforms, plain)
+    _blend.py_func(skin.vertices, bound.starts, bound.index, bound.weight, transforms, plain)
     assert compiled == pytest.approx(plain, abs=1e-5)
+
+
+@pytest.mark.parametrize("ragged", [False, True])
+def test_each_vertex_follows_the_blend_of_its_own_points(ragged: bool) -> None:
+    """Runs of vertices share a blend; at a ragged rim each vertex is a run of its own."""
+    organ = tube(wall=1.0)
+    skin = organ_skin(organ, edge_length=1.5)
+    if ragged:
+        skin = torn_pieces(organ, 20.0, np.array([0.0, 0.0, 1.0]), edge_length=1.5)[0].skin
+    points = driving_points(organ, spacing=3.0)
+    bound, transforms = skin.bound_to(points), bend(points, 7.0)
+    weight = bound.weight[:, None, None]
+    blends = (1.0 - weight) * transforms[bound.index] + weight * transforms[bound.index + 1]
+    places = np.concatenate([skin.vertices, np.ones((len(skin.vertices), 1))], axis=1)
+    wanted = skin.vertices + np.einsum("vij,vj->vi", blends, places)
+    deformed = bound.deform(transforms, np.empty_like(skin.vertices))
+    assert np.abs(deformed - wanted).max() < 1e-5  # single precision at 50 mm
+    assert (len(bound.starts) > 100) is ragged
+    assert np.array_equal(bound.starts[[0, -1]], [0, len(skin.vertices)])
 
 
 def test_deforming_changes_nothing_but_the_output() -> None:

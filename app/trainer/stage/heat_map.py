@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.gltf_asset import Finish
 from app.trainer.stage.streamed_mesh import StreamedMesh
 from app.trainer.stage.tone import COLOR_MAP, color_table, light_for, light_table
+from app.trainer.stage.underlay import Underlay
 from app.trainer.stage.wall import Wall, wall_normals
 from organ_geometry.skin import Skin
 
@@ -20,7 +21,7 @@ UNLIT = Finish(roughness=1.0)
 DARKEST = 0.62
 """Light that is left where the wall turns away from the viewer, so that its form is seen; where it
 faces the viewer the colours are the map's own."""
-_INSIDE = (72, 66, 66)
+_INSIDE, _BELOW = (72, 66, 66), (70, 74, 92)
 KPA_PER_MPA = 1000.0
 _STOPS = 24
 
@@ -63,6 +64,7 @@ class HeatMap:
         self._mesh = StreamedMesh(
             scene, name, faces, wall.count + len(self._inside), UNLIT, unlit=True
         )
+        self._underlay = Underlay(scene, f"{name}_underlay", wall, _BELOW)
         self._mesh.colors[wall.count :] = light_for(_INSIDE)
         self._normals = np.empty((wall.count, 3), np.float32)
         self._viewer = np.asarray(viewer, np.float64) / np.linalg.norm(viewer)
@@ -75,6 +77,7 @@ class HeatMap:
     @visible.setter
     def visible(self, visible: bool) -> None:
         self._mesh.visible = visible
+        self._underlay.visible = visible
 
     def show(self, vertices: NDArray[np.float32], share: NDArray[np.floating[Any]]) -> None:
         """Draw the stress as it is now.
@@ -91,11 +94,13 @@ class HeatMap:
         mesh.positions[: wall.count] = vertices[: wall.count]
         np.take(vertices, self._inside, axis=0, out=mesh.positions[wall.count :])
         heat_colors(share, self._normals, self._viewer, mesh.colors[: wall.count])
+        self._underlay.show(mesh.positions[: wall.count], self._normals)
         mesh.send()
 
     def remove(self) -> None:
         """Take it off the scene."""
         self._mesh.remove()
+        self._underlay.remove()
 
 
 def heat_colors(

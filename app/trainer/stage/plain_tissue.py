@@ -4,12 +4,12 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from organ_geometry.gltf_mesh import INSIDE, OUTER_WALL
 from organ_geometry.skin import Skin
 
 __all__ = ["INSIDE", "TISSUE", "PlainTissue"]
 
-TISSUE, INSIDE = (192, 124, 80), (138, 48, 40)
-"""sRGB colours of the outer wall, and of the lumen and torn tissue."""
+TISSUE = OUTER_WALL
 
 
 class PlainTissue:

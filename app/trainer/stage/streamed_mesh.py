@@ -1,7 +1,7 @@
 """A glossy mesh whose vertices and colours move: a small GLB file sent anew for every picture.
 
 viser's own streamed meshes have one colour and no gloss. A GLB has both, and the page takes a new
-one without an empty picture as long as it need not decode an image or compile a shader for it. So
+one in its stride as long as it need not decode an image or compile a shader for it. So
 there are no textures here, and `keep_finish` holds the shader: a triangle of the same finish that
 is never replaced. Without it the page compiles anew for each file, slower than it draws.
 """

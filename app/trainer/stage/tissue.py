@@ -12,11 +12,12 @@ from app.trainer.stage.gltf_asset import Finish
 from app.trainer.stage.streamed_mesh import StreamedMesh
 from app.trainer.stage.textures import Image, blurred, smooth_noise, smooth_step
 from app.trainer.stage.tone import linear_light
+from app.trainer.stage.underlay import Underlay
 from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
 from organ_geometry.skin import Skin
 
-__all__ = ["WET", "Tissue", "TornEnd"]
+__all__ = ["WET", "Tissue", "TornEnd", "raise_wall"]
 
 TornEnd = Literal["first", "last"]
 """The end of a piece that was torn, along the organ's axis."""
@@ -84,6 +85,7 @@ class Tissue:
         )
         count = self._inside_start + len(self._inside)
         self._mesh = StreamedMesh(scene, name, faces, count, WET)
+        self._underlay = Underlay(scene, f"{name}_underlay", wall, _TAN)
         self._colors = np.empty((count, 3), np.float32)
         self._colors[: wall.count] = _wall_colors(wall, radius, torn_end)
         self._colors[wall.count : self._inside_start] = linear_light(_VESSEL)
@@ -100,6 +102,7 @@ class Tissue:
     @visible.setter
     def visible(self, visible: bool) -> None:
         self._mesh.visible = visible
+        self._underlay.visible = visible
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now.
@@ -114,7 +117,7 @@ class Tissue:
         wall, vessels, mesh = self._wall, self._vessels, self._mesh
         start, stop = self._vessel_start, self._inside_start
         wall_normals(vertices, wall.rings, wall.sides, wall.right_handed, self._normals)
-        _raise(vertices, self._normals, self._relief, mesh.positions[:start])
+        raise_wall(vertices, self._normals, self._relief, mesh.positions[:start])
         self._shades[:start] = shade[:start]
         pose_vessels(
             mesh.positions, self._normals, self._shades, wall.sides, vessels.ring, vessels.side,
@@ -122,11 +125,13 @@ class Tissue:
         )  # fmt: skip
         np.take(vertices, self._inside, axis=0, out=mesh.positions[stop:])
         np.multiply(self._colors, self._shades[:, None], out=mesh.colors)
+        self._underlay.show(mesh.positions[:start], self._normals)
         mesh.send()
 
     def remove(self) -> None:
         """Take it off the scene."""
         self._mesh.remove()
+        self._underlay.remove()
 
 
 def _relief(wall: Wall) -> NDArray[np.float32]:
@@ -191,12 +196,23 @@ def _mixed(
 
 
 @numba.njit(cache=True)
-def _raise(
+def raise_wall(
     vertices: NDArray[np.float32],
     normals: NDArray[np.float32],
     height: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
+    """Write the wall's vertices, raised by its relief.
+
+    Parameters
+    ----------
+    vertices, normals
+        (V, 3) or more places, mm, and (V, 3) outward unit normals.
+    height
+        (V,) relief, mm.
+    out
+        (V, 3) receives the places, mm.
+    """
     for v in range(height.shape[0]):
         for i in range(3):
             out[v, i] = vertices[v, i] + height[v] * normals[v, i]

@@ -6,9 +6,10 @@ that is sent as it is comes out paler and darker. What is sent here went through
 
 from functools import cache
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from app.export.stress_color import color_map
 
 COLOR_MAP = "cividis"
 """Even in lightness, and the same to the colour-blind [Nunez, Anderton & Renslow 2018]."""
@@ -120,8 +121,7 @@ def light_table() -> NDArray[np.float32]:
     NDArray[np.float32]
         (256, 3) linear light.
     """
-    levels = np.arange(256, dtype=np.uint8)[:, None]
-    cividis = cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
+    cividis = color_map()
     table = light_for(cividis).astype(np.float32)
     last = int(np.flatnonzero(table.min(axis=1) > 0.0)[-1])
     end = light_for(_TOP_BRIGHTNESS * cividis[-1:])

@@ -1,0 +1,132 @@
+"""Tables: the force-deflection curve and the pulled axis, as CSV with units in the headings."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.dissection import Dissection
+from physics import Pull, Theory, check_rupture, critical_stations
+
+__all__ = ["axis_table", "curve_table"]
+
+AXIS_STATIONS = 121
+"""Rows of an axis, beside those at the grasp and at a varying organ's own sections."""
+
+
+def curve_table(
+    dissection: Dissection,
+    theory: Theory,
+    *,
+    grasp: float,
+    force: float,
+    frames: int,
+    threshold: float,
+) -> bytes:
+    """Return the force-deflection curve, with the highest stress at each force.
+
+    Parameters
+    ----------
+    dissection
+        The organ between its clamps.
+    theory
+        The theory that bends it.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    force
+        The last force, N; the first is none.
+    frames
+        How many rows.
+    threshold
+        Stress at which it tears, MPa.
+
+    Returns
+    -------
+    bytes
+        CSV: force, deflection, the stresses where they are highest, distance to break and station.
+    """
+    beam = dissection.beam
+    stations = critical_stations(beam, grasp, theory=theory)
+    pull = Pull(theory, beam, grasp)
+    rows: list[tuple[float, ...]] = []
+    for at in np.linspace(0.0, force, frames).tolist():
+        pulled = pull.to_force(at, stations)
+        check = check_rupture(pulled, threshold)
+        rows.append(
+            (
+                pulled.force,
+                pulled.deflection,
+                check.normal_stress,
+                check.bending_stress,
+                check.total_stress,
+                check.distance_to_break,
+                check.station,
+            )
+        )
+    names = (
+        "force_N",
+        "deflection_mm",
+        "normal_stress_MPa",
+        "bending_stress_MPa",
+        "total_stress_MPa",
+        "distance_to_break",
+        "station_mm",
+    )
+    return _csv(dict(zip(names, np.array(rows).T, strict=True)))
+
+
+def axis_table(
+    dissection: Dissection, theory: Theory, *, grasp: float, force: float, threshold: float
+) -> bytes:
+    """Return the pulled axis, station by station.
+
+    Parameters
+    ----------
+    dissection
+        The organ between its clamps.
+    theory
+        The theory that bends it.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    force
+        The grasper's whole force, N.
+    threshold
+        Stress at which it tears, MPa.
+
+    Returns
+    -------
+    bytes
+        CSV: station on the beam at rest, place and rotation in the beam's frame, place where the
+        organ's images stand, what the beam carries and its stresses.
+    """
+    beam = dissection.beam
+    stations = critical_stations(beam, grasp, AXIS_STATIONS, theory=theory)
+    pulled = Pull(theory, beam, grasp).to_force(force, stations)
+    moved = np.stack([pulled.along - stations, pulled.across], axis=1)
+    places = dissection.organ.axis_at(dissection.clamps[0] + stations)
+    places += moved @ dissection.frame[:, [0, 2]].T
+    return _csv(
+        {
+            "station_mm": stations,
+            "along_mm": pulled.along,
+            "across_mm": pulled.across,
+            "rotation_rad": pulled.rotation,
+            "x_mm": places[:, 0],
+            "y_mm": places[:, 1],
+            "z_mm": places[:, 2],
+            "normal_force_N": pulled.normal_force,
+            "shear_force_N": pulled.shear_force,
+            "moment_N_mm": pulled.moment,
+            "normal_stress_MPa": pulled.normal_stress,
+            "bending_stress_MPa": pulled.bending_stress,
+            "total_stress_MPa": pulled.total_stress,
+            "distance_to_break": 1.0 - pulled.total_stress / threshold,
+        }
+    )
+
+
+def _csv(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
+    # Adding 0 turns a minus zero into a plain one.
+    rows = np.stack(list(columns.values()), axis=1) + 0.0
+    lines = [",".join(columns), *(",".join(f"{each:.9g}" for each in row) for row in rows.tolist())]
+    return ("\n".join(lines) + "\n").encode()

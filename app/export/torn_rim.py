@@ -1,0 +1,103 @@
+"""Torn rims that draw back: a few shapes whose sums are a rim at every key of a motion.
+
+Joints move all that is rigid. How a rim draws back is another displacement for each vertex and each
+moment, laid over it; as a matrix of keys by displacements it has a low rank, and its principal
+components are shapes that a viewer can blend (morph targets).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.export.motion import Motion
+from organ_geometry.skin import BoundSkin
+from organ_geometry.tear import TornPiece
+
+__all__ = ["RimShapes", "rim_shapes"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RimShapes:
+    """Shapes of a torn piece's rim.
+
+    Attributes
+    ----------
+    shapes
+        (M, V, 3) displacements of the piece's vertices at rest, mm.
+    weights
+        For each motion (K, M) how much of each shape is there at its K torn keys.
+    """
+
+    shapes: NDArray[np.float32]
+    weights: list[NDArray[np.float32]]
+
+
+def rim_shapes(
+    piece: TornPiece, bound: BoundSkin, motions: list[Motion], *, tolerance: float
+) -> RimShapes:
+    """Return the shapes that show a torn rim through motions.
+
+    Parameters
+    ----------
+    piece
+        The piece.
+    bound
+        Its skin, bound to the driving points.
+    motions
+        The motions.
+    tolerance
+        Largest distance from the rim as it is, mm.
+
+    Returns
+    -------
+    RimShapes
+        As few shapes as reach the tolerance.
+    """
+    near = np.flatnonzero(piece.retreat.any(axis=1))
+    index, weight = bound.index[near], bound.weight[near, np.newaxis, np.newaxis]
+    rows: list[NDArray[np.float64]] = []
+    counts: list[int] = []
+    for motion in motions:
+        torn = ~motion.whole
+        counts.append(int(torn.sum()))
+        for transforms, front in zip(motion.transforms[torn], motion.fronts[torn], strict=True):
+            # A viewer adds shapes before the joints turn them, the tear after that.
+            turns = np.eye(3) + (1.0 - weight) * transforms[index, :, :3]
+            turns += weight * transforms[index + 1, :, :3]
+            opened = np.clip(front - piece.height[near], 0.0, 1.0)[:, np.newaxis]
+            drawn_back = opened * piece.retreat[near]
+            rows.append(_turned_back(turns, drawn_back))
+    wanted = np.array(rows).reshape(len(rows), -1)
+    coefficients, components = _principal(wanted, tolerance)
+    shapes = np.zeros((len(components), len(piece.height), 3), np.float32)
+    shapes[:, near] = components.reshape(len(components), near.size, 3)
+    parts = np.split(coefficients.astype(np.float32), np.cumsum(counts)[:-1])
+    return RimShapes(shapes, parts)
+
+
+def _turned_back(
+    turns: NDArray[np.float64], displacements: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return (N*3,) what (N, 3, 3) matrices turn into (N, 3) displacements."""
+    inverse = np.linalg.inv(turns).astype(np.float64, copy=False)
+    return np.einsum("nij,nj->ni", inverse, displacements).ravel()
+
+
+def _principal(
+    rows: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (T, M) coefficients and (M, N) components whose product is within a tolerance."""
+    if not rows.size:
+        return np.zeros((len(rows), 0)), np.zeros((0, rows.shape[1]))
+    # The copy spares BLAS's symmetric product, which is twenty times slower on flat matrices.
+    turns: NDArray[np.float64] = np.linalg.eigh(rows @ rows.T.copy())[1][:, ::-1]
+    along = turns.T @ rows
+    left = rows.copy()
+    count = 0
+    while count < len(rows) and np.abs(left).max() > tolerance:
+        left -= turns[:, count, np.newaxis] * along[count]
+        count += 1
+    coefficients, components = turns[:, :count], along[:count]
+    sizes = np.abs(components).max(axis=1, keepdims=True)
+    return coefficients * sizes.T, components / sizes

@@ -1,0 +1,333 @@
+"""The player: one page that shows a motion of an organ, with no server behind it."""
+
+import contextlib
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import transforms
+
+from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
+from app.export.order import Order
+from app.simulation.dissection import PIECES, Dissection
+from app.trainer.page_text import titled_page
+from app.trainer.scene import LIFT_AFTER_TEAR
+from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.lighting import fill_air
+from app.trainer.stage.plain_tissue import INSIDE, TISSUE
+from app.trainer.stage.stage import Stage
+from organ_geometry.organ import Organ
+from organ_geometry.skin import BoundSkin, organ_skin
+from organ_geometry.tear import TornPiece
+from physics import Pull, check_rupture, critical_stations
+
+__all__ = ["Scenes", "order_page", "page_edge_length", "player_page"]
+
+VERTICES = 2400
+"""Of a page's skin, about: each is written at every key."""
+MOST_VERTICES = 12_000
+"""Of a page's skin: a hundred keys of more would make it too large to open or to send."""
+PULL_KEYS = 41
+"""Twenty a second."""
+GRID = 1.0 / 256.0
+"""What vertices are rounded to, mm: the page packs to half the size and nobody sees it."""
+REST_SECONDS, END_SECONDS = 0.6, 1.2
+"""How long the organ lies still before and after the motion."""
+ASPECT = 16.0 / 9.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenes:
+    """What a page plays.
+
+    Attributes
+    ----------
+    motion
+        The organ's motion.
+    captions
+        (T,) what is written over the organ at each key.
+    title, notes
+        What stands over the picture all the time.
+    """
+
+    motion: Motion
+    captions: Sequence[str]
+    title: str
+    notes: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """A mesh in the page, and the vertices of the surface that it shows."""
+
+    mesh: viser.MeshHandle
+    used: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """A surface that moves: the whole organ or a piece."""
+
+    bound: BoundSkin
+    piece: TornPiece | None
+    parts: list[_Part]
+    vertices: NDArray[np.float32]
+
+    def move(self, pose: NDArray[np.float64], front: float) -> None:
+        self.bound.deform(pose, self.vertices)
+        if self.piece is not None:
+            self.piece.open(front, self.vertices)
+        for part in self.parts:
+            part.mesh.vertices = _rounded(self.vertices[part.used])
+
+    def show(self, shown: bool) -> None:
+        for part in self.parts:
+            part.mesh.visible = shown
+
+
+def page_edge_length(organ: Organ) -> float:
+    """Return the edges that a page shows an organ with where nobody asks for others.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Returns
+    -------
+    float
+        Length of the triangles' edges, mm.
+    """
+    walls = 2 if organ.hollow else 1
+    area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
+    return min(math.sqrt(area / VERTICES), 0.4 * organ.mean_radius)
+
+
+def order_page(order: Order) -> str:
+    """Return a page that plays an order: the pull to its force, or to the break and the tear.
+
+    Parameters
+    ----------
+    order
+        The order; what its edges are long counts, its frames do not.
+
+    Returns
+    -------
+    str
+        The page, in HTML.
+
+    Raises
+    ------
+    ValueError
+        If the force is past the break or the edges are too short.
+    """
+    dissection, theory, grasp = order.dissection, order.theory, order.grasp
+    event, force = order.break_event, order.last_force()
+    tears = event is not None and order.force is None
+    if event is not None and tears:
+        motion = tear_motion(
+            dissection, theory, grasp=grasp, event=event, frames=PULL_KEYS, run_step=RECOIL_STEP
+        )
+    else:
+        motion = pull_motion(dissection, theory, grasp=grasp, force=force, frames=PULL_KEYS)
+    preset = dissection.preset
+    broke = "" if event is None else f", breaks at {event.force:.3g} N"
+    scenes = Scenes(
+        motion,
+        _captions(order, motion, force),
+        preset.title,
+        [
+            f"{dissection.beam.span:.1f} mm between the clamps, pulled {grasp:.1f} mm from the "
+            f"first, {theory.name} beam{broke}",
+            "Forces in N, lengths in mm."
+            + (" How a tear gapes and swings back is drawn, not computed." if tears else ""),
+        ],
+    )
+    pieces = None
+    if event is not None and tears:
+        pieces = dissection.torn_at(event.check, edge_length=order.edge_length)
+    return player_page(
+        dissection, scenes, grasp=grasp, edge_length=order.edge_length, pieces=pieces
+    )
+
+
+def player_page(
+    dissection: Dissection,
+    scenes: Scenes,
+    *,
+    grasp: float,
+    edge_length: float,
+    pieces: tuple[TornPiece, TornPiece] | None = None,
+) -> str:
+    """Return a page that plays a motion of an organ, a recorded run for example.
+
+    Parameters
+    ----------
+    dissection
+        The organ between its clamps.
+    scenes
+        The motion, and what is written to it.
+    grasp
+        Distance of the hook from the first clamp, mm.
+    edge_length
+        Wanted length of the triangles' edges, mm.
+    pieces
+        The two pieces that it tears into, or None.
+
+    Returns
+    -------
+    str
+        The page, in HTML.
+
+    Raises
+    ------
+    ValueError
+        If the edges are so short that the page would be too large.
+    """
+    skin = organ_skin(dissection.organ, edge_length=edge_length)
+    if len(skin.vertices) > MOST_VERTICES:
+        raise ValueError(
+            f"edge_length of {edge_length:g} mm gives {len(skin.vertices):,} vertices and a page "
+            f"holds at most {MOST_VERTICES:,}, each written at every key; take a larger one"
+        )
+    bound = skin.bound_to(dissection.driving)
+    # Only its scene is wanted, but viser has no scene without a server. It prints its address and
+    # its end, whatever `verbose` says.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            return _recorded(server, dissection, scenes, grasp, bound, pieces)
+        finally:
+            server.stop()
+
+
+def _recorded(
+    server: viser.ViserServer,
+    dissection: Dissection,
+    scenes: Scenes,
+    grasp: float,
+    bound: BoundSkin,
+    pieces: tuple[TornPiece, TornPiece] | None,
+) -> str:
+    """Return the page that a server's scene gives, key by key."""
+    motion, scene = scenes.motion, server.scene
+    first, last = dissection.organ.axis_at(np.array(dissection.clamps))
+    hooks = _hooks(dissection, motion, grasp)
+    stage = Stage(
+        scene,
+        span=float(np.linalg.norm(last - first)),
+        radius=dissection.organ.mean_radius,
+        tissue=TISSUE,
+        # The environment map would be unpacked again whenever the page starts over.
+        look="plain",
+    )
+    lift = float(hooks[:, 2].max()) + 1.5 * stage.radius
+    view = viewpoint(stage.span, stage.radius, ASPECT, lift=lift)
+    fill_air(scene, distance=view.distance)
+    camera = server.initial_camera
+    camera.position, camera.look_at, camera.up = view.position, view.look_at, view.up
+    camera.fov, camera.near, camera.far = view.fov, 1.0, 20.0 * view.distance
+    turn = transforms.SO3.from_matrix(dissection.frame.T)
+    scene.add_frame("/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first))
+    whole = _body(scene, "organ", bound, None)
+    torn = [
+        _body(scene, name, piece.skin.bound_to(dissection.driving), piece)
+        for name, piece in zip(PIECES, pieces or (), strict=False)
+    ]
+    for body in torn:
+        body.show(False)
+    label = scene.add_label(
+        "/caption",
+        scenes.captions[0],
+        position=(0.5 * stage.span, 0.0, -2.6 * stage.radius),
+        anchor="top-center",
+        font_screen_scale=1.6,
+    )
+
+    record = server.get_scene_serializer()
+    record.insert_sleep(REST_SECONDS)
+    shown_whole = True
+    now = float(motion.times[0])
+    for key, time in enumerate(motion.times.tolist()):
+        record.insert_sleep(time - now)
+        now = time
+        is_whole = bool(motion.whole[key])
+        for body in [whole] if is_whole else torn:
+            body.move(motion.transforms[key], float(motion.fronts[key]))
+        if is_whole != shown_whole:
+            shown_whole = is_whole
+            whole.show(is_whole)
+            for body in torn:
+                body.show(not is_whole)
+        free = LIFT_AFTER_TEAR * stage.radius if motion.fronts[key] >= 1.0 else 0.0
+        stage.place_hook(hooks[key] + (0.0, 0.0, free), (0.0, 0.0, 1.0))
+        if label.text != scenes.captions[key]:
+            label.text = scenes.captions[key]
+    record.insert_sleep(END_SECONDS)
+    return titled_page(record.as_html(dark_mode=True), scenes.title, scenes.notes)
+
+
+def _body(scene: viser.SceneApi, name: str, bound: BoundSkin, piece: TornPiece | None) -> _Body:
+    """Add a surface: its outer wall and, in another colour, what of its inside can be seen."""
+    skin = bound.skin
+    inside = skin.faces[skin.outer_faces :]
+    if piece is None and len(inside) > skin.outer_faces:
+        inside = inside[skin.outer_faces :]  # nobody looks into the lumen of a whole organ
+    parts: list[_Part] = []
+    for part, faces, color in (
+        (name, skin.faces[: skin.outer_faces], TISSUE),
+        (f"{name}_inside", inside, INSIDE),
+    ):
+        used, places = np.unique(faces, return_inverse=True)
+        mesh = scene.add_mesh_simple(
+            f"/organ/{part}",
+            _rounded(skin.vertices[used]),
+            places.reshape(faces.shape).astype(np.uint32),
+            color=color,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        parts.append(_Part(mesh, used.astype(np.int32)))
+    return _Body(bound, piece, parts, skin.vertices.copy())
+
+
+def _rounded(vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.rint(vertices / np.float32(GRID)) * np.float32(GRID)
+
+
+def _hooks(dissection: Dissection, motion: Motion, grasp: float) -> NDArray[np.float64]:
+    """Return (T, 3) where the hook holds the axis, in the stage's frame; torn, it stays there."""
+    index, weight = dissection.driving.binding(np.array([dissection.clamps[0] + grasp]))
+    before = motion.transforms[:, index[0]]
+    blended = before + weight[0] * (motion.transforms[:, index[0] + 1] - before)
+    rest = dissection.axis_point(grasp)
+    moved = rest + blended @ np.append(rest, 1.0) - dissection.axis_point(0.0)
+    held = moved @ dissection.frame
+    whole = np.flatnonzero(motion.whole)
+    for key in np.flatnonzero(~motion.whole):
+        held[key] = held[whole[whole < key][-1]] if (whole < key).any() else held[key]
+    return held
+
+
+def _captions(order: Order, motion: Motion, force: float) -> list[str]:
+    """Return what the instruments show at each key."""
+    dissection = order.dissection
+    beam = dissection.beam
+    stations = critical_stations(beam, order.grasp, theory=order.theory)
+    pull = Pull(order.theory, beam, order.grasp)
+    captions: list[str] = []
+    for at in np.linspace(0.0, force, int(motion.whole.sum())).tolist():
+        pulled = pull.to_force(at, stations)
+        left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
+        captions.append(
+            f"F {at:.3g} N   lifted {pulled.deflection:.1f} mm   "
+            f"distance to break {100.0 * left:.0f} %"
+        )
+    tears, torn = f"F {force:.3g} N   it tears", "F 0 N   torn in two"
+    fronts = motion.fronts[~motion.whole].tolist()
+    return captions + [tears if front < 1.0 else torn for front in fronts]

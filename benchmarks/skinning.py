@@ -1,0 +1,122 @@
+"""What it costs to move a skin, beside a copy of its bytes, and to export a rigged organ.
+
+Run alone by ``python -m benchmarks.skinning``.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from app.command_line.load import shipped_organ
+from app.export.motion import pull_motion
+from app.export.order import Order
+from app.export.rigged_organ import rigged_organ
+from app.simulation.dissection import Dissection
+from app.simulation.preset import preset_named
+from benchmarks.stopwatch import microseconds
+from organ_geometry.organ import Organ
+from organ_geometry.skin import organ_skin
+from physics import Cubic
+
+__all__ = ["export_figures", "skinning_figures"]
+
+VERTICES = 20_000
+CALLS = 200
+KEYS = 200
+
+
+def skinning_figures(organ: Organ) -> dict[str, float]:
+    """Return what it costs to move a skin of twenty thousand vertices.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Returns
+    -------
+    dict[str, float]
+        `skinned_vertices`, the times of a deformation with and without that of its driving points
+        and of a plain copy of the vertices, us, and `deform_per_copy`, with the driving points.
+    """
+    dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
+    area = (2 if organ.hollow else 1) * 2.0 * math.pi * organ.mean_radius * organ.length
+    skin = organ_skin(organ, edge_length=math.sqrt(area / VERTICES))
+    bound = skin.bound_to(dissection.driving)
+    beam = dissection.beam
+    pulled = Cubic().under_force(beam, 0.5 * beam.span, 0.02, dissection.beam_stations)
+    transforms = dissection.move(pulled, dissection.rest_transforms())
+    out = np.empty_like(skin.vertices)
+
+    def move() -> None:
+        for _ in range(CALLS):
+            dissection.move(pulled, transforms)
+            bound.deform(transforms, out)
+
+    def deform() -> None:
+        for _ in range(CALLS):
+            bound.deform(transforms, out)
+
+    def copy() -> None:
+        for _ in range(CALLS):
+            np.copyto(out, skin.vertices)
+
+    moved, deformed, copied = (microseconds(each, CALLS) for each in (move, deform, copy))
+    return {
+        "skinned_vertices": float(len(out)),
+        "deform_with_points_us": moved,
+        "deform_us": deformed,
+        "copy_us": copied,
+        "deform_per_copy": moved / copied,
+    }
+
+
+def export_figures(organ: Organ) -> dict[str, float]:
+    """Return what a rigged organ costs.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+
+    Returns
+    -------
+    dict[str, float]
+        `export_keys` of each animation, `export_ms` from the organ to the file's bytes, its
+        `export_bytes` and `bytes_a_key` of the pull.
+    """
+    dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
+    order = Order(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
+
+    def content(keys: int) -> bytes:
+        wanted = replace(order, frames=keys)
+        event = wanted.break_event
+        assert event is not None
+        return rigged_organ(
+            organ_skin(organ, edge_length=order.edge_length),
+            dissection.driving,
+            wanted.motions(),
+            dissection.torn_at(event.check, edge_length=order.edge_length),
+            radius=organ.mean_radius,
+        )
+
+    def pull_bytes(keys: int) -> int:
+        skin = organ_skin(organ, edge_length=order.edge_length)
+        motion = pull_motion(
+            dissection, Cubic(), grasp=order.grasp, force=order.last_force(), frames=keys
+        )
+        return len(rigged_organ(skin, dissection.driving, [motion], radius=organ.mean_radius))
+
+    return {
+        "export_keys": float(KEYS),
+        "export_ms": 1e-3 * microseconds(lambda: content(KEYS), 1, repeats=3),
+        "export_bytes": float(len(content(KEYS))),
+        "bytes_a_key": (pull_bytes(KEYS) - pull_bytes(KEYS // 2)) / (KEYS - KEYS // 2),
+    }
+
+
+if __name__ == "__main__":
+    duct = shipped_organ()
+    for name, figure in (skinning_figures(duct) | export_figures(duct)).items():
+        print(f"{name:24} {figure:12,.1f}")

@@ -1,0 +1,294 @@
+"""Binary glTF 2.0: arrays packed into one buffer, and the tree of JSON that names them."""
+
+import json
+import struct
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["GLTF_FROM_MM", "GltfFile", "metres", "turned"]
+
+GLTF_FROM_MM = 1e-3 * np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""glTF is metres with +y up; ours is mm with +z up."""
+
+Kind: TypeAlias = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"]
+Target: TypeAlias = Literal["vertices", "indices"]
+
+_COMPONENTS = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
+_TARGETS = {"vertices": 34962, "indices": 34963}
+_MAGIC, _VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
+
+
+def metres(points: NDArray[Any]) -> NDArray[np.float32]:
+    """Return points in glTF's frame.
+
+    Parameters
+    ----------
+    points
+        (..., 3) places, mm, z up.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        (..., 3) places, m, y up.
+    """
+    moved: NDArray[np.float64] = points.astype(np.float64) @ GLTF_FROM_MM.T
+    return moved.astype(np.float32)
+
+
+def turned(directions: NDArray[Any]) -> NDArray[np.float32]:
+    """Return directions in glTF's frame, of the same length.
+
+    Parameters
+    ----------
+    directions
+        (..., 3) directions, z up.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        (..., 3) directions, y up.
+    """
+    moved: NDArray[np.float64] = directions.astype(np.float64) @ (1e3 * GLTF_FROM_MM.T)
+    return moved.astype(np.float32)
+
+
+class GltfFile:
+    """A glTF file in the making: collections of its tree, and the bytes they refer to.
+
+    Equal arrays are stored once. The format is that of the Khronos Group's glTF 2.0
+    specification, sections 3.6 (buffers, views, accessors) and 4 (GLB).
+    """
+
+    def __init__(self) -> None:
+        self._tree: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "bluntdissect"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+        }
+        self._chunks: list[bytes] = []
+        self._length = 0
+        self._known: dict[tuple[object, ...], int] = {}
+
+    def add(self, collection: str, item: Mapping[str, Any]) -> int:
+        """Add an item to a collection of the tree.
+
+        Parameters
+        ----------
+        collection
+            "nodes", "meshes", "skins", "materials", "animations" or another of the format's.
+        item
+            The item.
+
+        Returns
+        -------
+        int
+            Its number in the collection.
+        """
+        items: list[Mapping[str, Any]] = self._tree.setdefault(collection, [])
+        items.append(item)
+        return len(items) - 1
+
+    def add_root(self, node: Mapping[str, Any]) -> int:
+        """Add a node that stands in the scene itself.
+
+        Parameters
+        ----------
+        node
+            The node.
+
+        Returns
+        -------
+        int
+            Its number.
+        """
+        number = self.add("nodes", node)
+        self._tree["scenes"][0]["nodes"].append(number)
+        return number
+
+    def accessor(
+        self,
+        array: NDArray[Any],
+        kind: Kind,
+        *,
+        target: Target | None = None,
+        bounded: bool = False,
+        normalized: bool = False,
+    ) -> int:
+        """Store an array.
+
+        Parameters
+        ----------
+        array
+            (N,) or (N, C) numbers of one, two or four bytes; an element must take a multiple of
+            four where it is a vertex's.
+        kind
+            What an element is.
+        target
+            What the array is for, where a graphics card reads it.
+        bounded
+            Whether the smallest and largest components are to be told.
+        normalized
+            Whether whole numbers stand for 0 to 1.
+
+        Returns
+        -------
+        int
+            Number of its accessor.
+        """
+        return self.accessors(
+            array[np.newaxis], kind, target=target, bounded=bounded, normalized=normalized
+        )[0]
+
+    def accessors(
+        self,
+        arrays: NDArray[Any],
+        kind: Kind,
+        *,
+        target: Target | None = None,
+        bounded: bool = False,
+        normalized: bool = False,
+    ) -> list[int]:
+        """Store arrays of one shape one after the other.
+
+        Parameters
+        ----------
+        arrays
+            (M, N) or (M, N, C) numbers, as of `accessor`.
+        kind, target, bounded, normalized
+            As of `accessor`.
+
+        Returns
+        -------
+        list[int]
+            (M,) numbers of their accessors.
+        """
+        arrays = np.ascontiguousarray(arrays)
+        view = self._view(arrays.tobytes(), target)
+        key = (view, arrays.shape, arrays.dtype.str, kind, bounded, normalized)
+        if key in self._known:
+            first = self._known[key]
+            return list(range(first, first + len(arrays)))
+        numbers: list[int] = []
+        for place, array in enumerate(arrays):
+            item: dict[str, Any] = {
+                "bufferView": view,
+                "componentType": _COMPONENTS[array.dtype.str[1:]],
+                "count": len(array),
+                "type": kind,
+            }
+            if place:
+                item["byteOffset"] = place * array.nbytes
+            if normalized:
+                item["normalized"] = True
+            if bounded:
+                item |= _bounds(array)
+            numbers.append(self.add("accessors", item))
+        self._known[key] = numbers[0]
+        return numbers
+
+    def sparse_accessor(
+        self, count: int, where: NDArray[np.uint32], values: NDArray[np.float32]
+    ) -> int:
+        """Store vectors most of which are zero.
+
+        Parameters
+        ----------
+        count
+            How many vectors there are.
+        where
+            (N,) growing numbers of those that are not zero; at least one.
+        values
+            (N, 3) these.
+
+        Returns
+        -------
+        int
+            Number of its accessor.
+        """
+        places = where.astype(_index_type(count))
+        nothing = np.zeros((1, 3), np.float32)
+        bounds = _bounds(values if len(where) == count else np.concatenate([values, nothing]))
+        return self.add(
+            "accessors",
+            {
+                "componentType": _COMPONENTS["f4"],
+                "count": count,
+                "type": "VEC3",
+                **bounds,
+                "sparse": {
+                    "count": len(where),
+                    "indices": {
+                        "bufferView": self._view(places.tobytes(), None),
+                        "componentType": _COMPONENTS[places.dtype.str[1:]],
+                    },
+                    "values": {"bufferView": self._view(values.tobytes(), None)},
+                },
+            },
+        )
+
+    def indices(self, faces: NDArray[np.int32], vertices: int) -> int:
+        """Store triangles.
+
+        Parameters
+        ----------
+        faces
+            (F, 3) vertex numbers.
+        vertices
+            How many vertices there are.
+
+        Returns
+        -------
+        int
+            Number of its accessor.
+        """
+        flat = faces.ravel().astype(_index_type(vertices))
+        return self.accessor(flat, "SCALAR", target="indices")
+
+    def content(self) -> bytes:
+        """Return the whole file.
+
+        Returns
+        -------
+        bytes
+            A GLB.
+        """
+        tree = dict(self._tree)
+        if self._length:
+            tree["buffers"] = [{"byteLength": self._length}]
+        text = json.dumps(tree, separators=(",", ":"), ensure_ascii=False).encode()
+        text += b" " * (-len(text) % 4)
+        parts = [struct.pack("<I", len(text)), _JSON_CHUNK, text]
+        if self._length:
+            parts += [struct.pack("<I", self._length), _BINARY_CHUNK, *self._chunks]
+        body = b"".join(parts)
+        return _MAGIC + struct.pack("<II", _VERSION, 12 + len(body)) + body
+
+    def _view(self, content: bytes, target: Target | None) -> int:
+        """Return the number of a view of these bytes, which start at a multiple of four."""
+        if (content, target) in self._known:
+            return self._known[content, target]
+        item: dict[str, Any] = {
+            "buffer": 0,
+            "byteOffset": self._length,
+            "byteLength": len(content),
+        }
+        if target is not None:
+            item["target"] = _TARGETS[target]
+        padding = b"\0" * (-len(content) % 4)
+        self._chunks += [content, padding]
+        self._length += len(content) + len(padding)
+        view = self._known[content, target] = self.add("bufferViews", item)
+        return view
+
+
+def _index_type(count: int) -> type[np.uint16] | type[np.uint32]:
+    """Return what numbers of so many vertices are stored as; the largest one is reserved."""
+    return np.uint16 if count < np.iinfo(np.uint16).max else np.uint32
+
+
+def _bounds(array: NDArray[Any]) -> dict[str, list[float]]:
+    rows = array.reshape(len(array), -1)
+    return {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
