@@ -1,6 +1,7 @@
 """A stack of cross-section images and where each image stands in space."""
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,6 +97,11 @@ class ImageStack:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def mean_pixel(self) -> float:
+        """Geometric mean of a pixel's sides, mm: what "a pixel" is in reports."""
+        return math.sqrt(float(self.pixel_size.prod()))
 
     @property
     def planes(self) -> ImagePlanes:

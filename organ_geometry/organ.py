@@ -42,7 +42,7 @@ class SectionProperties:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Organ:
-    """A tubular organ, unbent as its images show it.
+    """A tubular organ where its images stand.
 
     S sections have an axis point and a frame; K of them are key sections with curves, and the
     sections between follow from their neighbours. Arrays are copied, checked and locked.
@@ -50,10 +50,10 @@ class Organ:
     Attributes
     ----------
     axis
-        (S, 3) centroid of each section's outer boundary in space, mm.
+        (S, 3) points of the axis, one for each section, mm.
     frames
-        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image) and the plane's normal.
-        All are right-handed or all are left-handed, see `handedness`.
+        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image, but for `turn`) and the
+        section's normal. All are right-handed or all are left-handed, see `handedness`.
     keys
         (K,) which sections are key sections; the first is 0, the last S-1.
     outer
@@ -63,9 +63,13 @@ class Organ:
     units
         What the lengths are called where they come from.
     tolerance_mm
-        RMS distance by which a section had to change to become a key section, mm.
+        Largest RMS distance of a section's edge points to the organ, mm.
     name
         What the organ is called.
+    turn
+        Angle from the images' right to x_dir, towards y_dir, rad.
+    encoded
+        Content of the organ's file, or nothing if the organ comes from none.
     """
 
     axis: NDArray[np.float64]
@@ -76,6 +80,8 @@ class Organ:
     units: str = "mm"
     tolerance_mm: float = 0.0
     name: str = ""
+    turn: float = 0.0
+    encoded: bytes = b""
 
     def __post_init__(self) -> None:
         sections = len(self.axis)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.contour import SectionContour
 from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
 from organ_geometry.found_section import OTHER_PART
 from organ_geometry.half_curves import (
@@ -19,9 +20,16 @@ from organ_geometry.half_curves import (
     polygon_distances,
 )
 from organ_geometry.image_stack import ImageStack
-from organ_geometry.key_sections import check_tolerance, key_sections
+from organ_geometry.key_sections import check_tolerance
 from organ_geometry.organ import Organ
-from organ_geometry.organ_file import stored_organ
+from organ_geometry.organ_encoder import (
+    EncodedOrgan,
+    Selection,
+    ToleranceTooSmall,
+    encoded_organ,
+    root_mean_squares,
+    section_distances,
+)
 from organ_geometry.organ_tracing import TracedSection, trace_organ
 
 Progress = Callable[[int, int], None]
@@ -30,10 +38,10 @@ Progress = Callable[[int, int], None]
 # pixels makes every section a key section.
 TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
-_BACK_CORNERS = 128
+_BACK_CORNERS = 64
+_RAISES = 3
 
 # What a report warns of.
-LARGE_ERROR = 2.0
 LONG_AXIS = 1.5
 
 
@@ -42,9 +50,9 @@ class SectionReport:
     """What was found in one section, and how near the organ comes to it.
 
     Errors are distances of the edge points to a boundary: "fit" to the section's own half-curves,
-    the others to the decompressed organ's outline there, that is after sections were left out and
-    interpolated. The largest error is the larger of both ways, edge points to the outline and
-    outline to the edge, so that no part of the organ is far from what the image shows. A lumen
+    the others to the organ that its file gives, that is after sections were left out and
+    interpolated. The largest error is the larger of both ways, edge points to the organ and the
+    organ to the edges, so that no part of the organ is far from what the images show. A lumen
     counts where the organ has one. Pixels are the geometric mean of the pixel's two sides.
 
     Attributes
@@ -89,17 +97,19 @@ class BuiltOrgan:
     Attributes
     ----------
     organ
-        The organ, already rounded to what its file keeps.
+        The organ, decoded from its file's content, which it carries.
     sections
         One report for each image, in order.
     polarity
         Whether the organ is "bright" or "dark" in its images, as given or as decided.
     tolerance_mm
-        RMS distance by which a section had to change to be kept, mm.
+        RMS distance to the organ that no section's edge points exceed, mm.
     seconds
         Time for reading the images and building the organ, s.
     warnings
         What may make the organ another than the one wanted, one sentence each.
+    contours
+        The edges of the sections that were found, where they stand in space.
     """
 
     organ: Organ
@@ -108,6 +118,7 @@ class BuiltOrgan:
     tolerance_mm: float
     seconds: float
     warnings: tuple[str, ...] = ()
+    contours: tuple[SectionContour, ...] = ()
 
     @property
     def sections_in(self) -> int:
@@ -148,10 +159,14 @@ def build_organ(
     method: EdgeMethod = "half-level",
     seed: tuple[float, float] | None = None,
     tolerance_mm: float | None = None,
+    tolerance_px: float | None = None,
+    select: Selection = "fewest",
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
     """Return the organ of a stack of images, and a report on every section.
+
+    Every section's edge points keep to the tolerance, measured on the organ that its file gives.
 
     A section in which nothing continues the organ is left out, and so is one whose organ touches
     the image's border or is not single-valued; its neighbours keep their places. The organ is
@@ -167,8 +182,13 @@ def build_organ(
     threshold, method, seed
         What the edge is and where the organ begins, see `trace_organ`.
     tolerance_mm
-        RMS distance by which a section must change to be kept, mm. Default: 2 % of the mean radius,
-        but at least half a pixel.
+        Largest RMS distance of a section's edge points to the organ, mm. Default: 2 % of the mean
+        radius, but at least half a pixel, and more where the organ needs it, with a warning.
+    tolerance_px
+        The same in pixels, instead.
+    select
+        How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
+        section with the last key section.
     progress
         Called after each image with the number done and the number of images.
     name
@@ -177,17 +197,25 @@ def build_organ(
     Returns
     -------
     BuiltOrgan
-        The organ, rounded to what its file keeps, and the report.
+        The organ, decoded from its file's content, and the report.
 
     Raises
     ------
+    ToleranceTooSmall
+        If the tolerance given cannot be kept; the smallest that can is named.
     ValueError
-        If the tolerance is negative or not finite, an image cannot be read, or fewer than two
-        sections show an edge.
+        If the tolerance is negative or not finite, or given twice, an image cannot be read, or
+        fewer than two sections show an edge.
     """
     started = time.perf_counter()
+    if tolerance_px is not None:
+        if tolerance_mm is not None:
+            raise ValueError("give the tolerance in mm or in px, not both")
+        tolerance_mm = tolerance_px * stack.mean_pixel
     if tolerance_mm is not None:
         check_tolerance(tolerance_mm)
+    if select not in ("fewest", "thesis"):
+        raise ValueError(f"select must be fewest or thesis, not {select!r}")
     edges = trace_organ(
         stack, polarity=polarity, threshold=threshold, method=method, seed=seed, progress=progress
     )
@@ -206,38 +234,47 @@ def build_organ(
             f"more are needed{reason}"
         )
 
-    outer = np.array([section.curves.as_row() for section in traced])
-    lumens = [section.lumen_curves for section in traced]
-    hollow = [curves for curves in lumens if curves is not None]
-    lumen = np.array([curves.as_row() for curves in hollow]) if len(hollow) == len(traced) else None
+    hollow = all(section.lumen is not None for section in traced)
     suitable_mm = _suitable_tolerance(traced, stack)
-    if tolerance_mm is None:
-        tolerance_mm = suitable_mm
-    axis = np.array([section.centroid for section in traced])
-    stations = np.zeros(len(axis))
-    np.cumsum(np.linalg.norm(np.diff(axis, axis=0), axis=1), out=stations[1:])
-    keys = key_sections(outer, lumen, tolerance_mm, stations=stations)
-    organ = stored_organ(
-        Organ(
-            axis=axis,
-            frames=stack.frames[[section.index for section in traced]],
-            keys=keys,
-            outer=outer[keys],
-            lumen=None if lumen is None else lumen[keys],
+    wanted_mm = suitable_mm if tolerance_mm is None else tolerance_mm
+    contours = [_contour(stack, section) for section in traced]
+
+    def encoded(tolerance: float) -> EncodedOrgan:
+        return encoded_organ(
+            contours,
+            tolerance,
+            hollow=hollow,
+            left_handed=float(np.linalg.det(stack.frames[0])) < 0.0,
+            select=select,
             units=stack.units,
-            tolerance_mm=tolerance_mm,
             name=_stack_name(stack.source) if name is None else name,
         )
-    )
-    sections = _reports(stack, organ, traced, problems)
+
+    found = _encoded(encoded, wanted_mm, strict=tolerance_mm is not None)
+    sections = _reports(stack, found, contours, traced, problems)
     return BuiltOrgan(
-        organ=organ,
+        organ=found.organ,
         sections=sections,
         polarity=edges.polarity,
-        tolerance_mm=tolerance_mm,
+        tolerance_mm=found.organ.tolerance_mm,
         seconds=time.perf_counter() - started,
-        warnings=tuple(_warnings(stack, organ, traced, sections, max(tolerance_mm, suitable_mm))),
+        warnings=(*edges.notes, *_warnings(stack, found.organ, traced, wanted_mm)),
+        contours=tuple(contours),
     )
+
+
+def _encoded(
+    encoded: Callable[[float], EncodedOrgan], tolerance: float, *, strict: bool
+) -> EncodedOrgan:
+    """Return the organ at a tolerance, or at the smallest that can be kept."""
+    for _ in range(_RAISES):
+        try:
+            return encoded(tolerance)
+        except ToleranceTooSmall as error:
+            if strict:
+                raise
+            tolerance = 1.1 * error.smallest_mm
+    return encoded(tolerance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,7 +286,7 @@ class _Traced:
     index
         Number of the section in the stack.
     centroid
-        (3,) centroid of the outer boundary in space, mm: a point of the axis.
+        (3,) centroid of the outer boundary in space, mm.
     area
         Area within the outer boundary, mm^2.
     outer
@@ -317,27 +354,42 @@ def _area_and_centroid(points: NDArray[np.float64]) -> tuple[float, NDArray[np.f
 def _suitable_tolerance(traced: list[_Traced], stack: ImageStack) -> float:
     """Return the tolerance, mm, that is used when none is given."""
     mean_radius = float(np.mean([math.sqrt(section.area / math.pi) for section in traced]))
-    return max(TOLERANCE_SHARE * mean_radius, SMALLEST_TOLERANCE_PX * _mean_pixel(stack))
-
-
-def _mean_pixel(stack: ImageStack) -> float:
-    """Return the geometric mean of a pixel's sides, mm."""
-    return math.sqrt(float(stack.pixel_size.prod()))
+    return max(TOLERANCE_SHARE * mean_radius, SMALLEST_TOLERANCE_PX * stack.mean_pixel)
 
 
 def _stack_name(source: Path) -> str:
     return source.stem if source.is_file() else source.resolve().name
 
 
+def _contour(stack: ImageStack, section: _Traced) -> SectionContour:
+    """Return a section's edge where it stands in space."""
+    frame = stack.frames[section.index]
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return section.centroid + points @ frame[:, :2].T
+
+    return SectionContour(
+        index=section.index,
+        outer=placed(section.outer),
+        lumen=None if section.lumen is None else placed(section.lumen),
+        normal=frame[:, 2],
+        x_dir=frame[:, 0],
+    )
+
+
 def _reports(
-    stack: ImageStack, organ: Organ, traced: list[_Traced], problems: dict[int, str]
+    stack: ImageStack,
+    encoded: EncodedOrgan,
+    contours: list[SectionContour],
+    traced: list[_Traced],
+    problems: dict[int, str],
 ) -> tuple[SectionReport, ...]:
-    """Return one report for each image, measured on the organ as its file keeps it."""
-    pixel = _mean_pixel(stack)
-    stations = organ.stations
-    outer = organ.rows_at(stations)
-    lumen = organ.rows_at(stations, "lumen") if organ.hollow else None
-    kept = set(organ.keys.tolist())
+    """Return one report for each image, measured on the organ as its file gives it."""
+    pixel = stack.mean_pixel
+    away = section_distances(encoded.organ, contours, encoded.places)
+    rms = root_mean_squares(away)
+    back = _back_distances(encoded)
+    kept = _kept(encoded)
     reports = {
         index: SectionReport(
             index=index,
@@ -355,18 +407,10 @@ def _reports(
         for index, problem in problems.items()
     }
     for place, section in enumerate(traced):
-        # The stored axis point is rounded, which moves the whole outline a little.
-        shift = (section.centroid - organ.axis[place]) @ organ.frames[place][:, :2]
         own = [section.curves.distances(section.outer)]
-        away = [HalfCurves.from_row(outer[place]).distances(section.outer + shift)]
-        back = [_back_distance(outer[place], section.outer + shift)]
-        if lumen is not None and section.lumen is not None and section.lumen_curves is not None:
+        if encoded.organ.hollow and section.lumen is not None and section.lumen_curves is not None:
             own.append(section.lumen_curves.distances(section.lumen))
-            away.append(HalfCurves.from_row(lumen[place]).distances(section.lumen + shift))
-            back.append(_back_distance(lumen[place], section.lumen + shift))
-        fit_rms = _root_mean_square(np.concatenate(own))
-        distances = np.concatenate(away)
-        rms = _root_mean_square(distances)
+        fit_rms = float(root_mean_squares([np.concatenate(own)])[0])
         reports[section.index] = SectionReport(
             index=section.index,
             name=stack.names[section.index],
@@ -376,27 +420,46 @@ def _reports(
             kept=place in kept,
             fit_rms_px=fit_rms / pixel,
             fit_rms_mm=fit_rms,
-            rms_px=rms / pixel,
-            rms_mm=rms,
-            max_mm=max(float(distances.max()), *back),
+            rms_px=float(rms[place]) / pixel,
+            rms_mm=float(rms[place]),
+            max_mm=max(float(away[place].max()), float(back[place])),
         )
     return tuple(reports[index] for index in range(len(stack)))
 
 
-def _back_distance(row: NDArray[np.float64], edge: NDArray[np.float64]) -> float:
-    """Return the largest distance, mm, of half-curves (16,) to the edge that they stand for."""
-    corners = closed_outlines(row[np.newaxis], _BACK_CORNERS)[0]
-    return float(polygon_distances(corners, edge).max())
+def _kept(encoded: EncodedOrgan) -> set[int]:
+    """Return which sections stand for the key sections: the nearest, each for one of them."""
+    organ = encoded.organ
+    kept: set[int] = set()
+    for key in organ.key_stations / organ.length:
+        nearest = np.argsort(np.abs(encoded.places - key), kind="stable")
+        kept.add(next((int(place) for place in nearest if int(place) not in kept), 0))
+    return kept
+
+
+def _back_distances(encoded: EncodedOrgan) -> NDArray[np.float64]:
+    """Return the (S,) largest distances, mm, of the organ's outlines to the edges' surface."""
+    organ = encoded.organ
+    count = len(encoded.outlines.outer)
+    stations = np.linspace(0.0, organ.length, count)
+    largest = np.zeros(count)
+    for wall, edges in (("outer", encoded.outlines.outer), ("lumen", encoded.outlines.lumen)):
+        if edges is None:
+            continue
+        corners = closed_outlines(organ.rows_at(stations, wall), _BACK_CORNERS)
+        for place in range(count):
+            away = polygon_distances(corners[place], edges[place])
+            largest[place] = max(largest[place], float(away.max()))
+    return largest[np.round(encoded.places * (count - 1)).astype(np.intp)]
 
 
 def _warnings(
     stack: ImageStack,
     organ: Organ,
     traced: list[_Traced],
-    sections: tuple[SectionReport, ...],
-    tolerance_mm: float,
+    wanted_mm: float,
 ) -> Iterator[str]:
-    """Yield what the organ's user should know, for the larger of given and suitable tolerance."""
+    """Yield what the organ's user should know."""
     found = len(traced)
     lumens = sum(section.lumen is not None for section in traced)
     if lumens and not organ.hollow:
@@ -410,12 +473,11 @@ def _warnings(
             f"{beside} of {found} sections show another part of at least {OTHER_PART:.0%} of the "
             f"organ's area beside it, which was left out"
         )
-    rms = _pooled(sections, [section.rms_mm for section in sections])
-    if rms > LARGE_ERROR * tolerance_mm:
+    if organ.tolerance_mm > wanted_mm:
         yield (
-            f"the RMS error of {rms:.3g} mm is more than {LARGE_ERROR:g} times a tolerance of "
-            f"{tolerance_mm:.3g} mm: the sections are not single-valued, or what was found "
-            f"jumps from section to section"
+            f"the tolerance was raised from {wanted_mm:.3g} to {organ.tolerance_mm:.3g} mm, which "
+            f"two degree-6 curves a boundary can keep at every section: sections are not "
+            f"single-valued, or what was found jumps from section to section"
         )
     planes = stack.origins[traced[0].index : traced[-1].index + 1]
     path = float(np.linalg.norm(np.diff(planes, axis=0), axis=1).sum())
@@ -436,7 +498,3 @@ def _pooled(sections: tuple[SectionReport, ...], values: list[float]) -> float:
             squares += section.edge_points * value**2
             points += section.edge_points
     return math.sqrt(squares / points)
-
-
-def _root_mean_square(values: NDArray[np.float64]) -> float:
-    return math.sqrt(float((values * values).mean()))

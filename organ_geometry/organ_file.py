@@ -1,69 +1,33 @@
-"""The organ file: an organ in few bytes, checked when it is read.
+"""The organ file: an organ in few bytes, checked when it is read (docs/organ-format.md)."""
 
-Layout, little-endian: magic (8 bytes), version (u16), CRC-32 (u32), length of the packed content
-(u32), length of the content (u32), packed content. The CRC covers everything after it and the
-version. The content is MessagePack, packed by Zstandard; its arrays are differences from row to
-row, sorted into byte planes, which pack better. Axis and curves are float32; a frame is a unit
-quaternion without its largest component, in steps of 2^-15.
-"""
-
-import math
-import struct
-import zlib
+import binascii
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
-from organ_geometry.half_curves import ROW_SIZE
+from organ_geometry.axis_curve import key_levels
+from organ_geometry.key_lattice import halving_order
 from organ_geometry.organ import Organ
+from organ_geometry.organ_code import (
+    LARGEST_KEY_DEPTH,
+    OrganCode,
+)
+from organ_geometry.section_signals import SIGNALS, WIDTH
+from organ_geometry.symbol_coder import SymbolError, SymbolReader, SymbolWriter
 from organ_geometry.whole_file import write_whole
 
-MAGIC = b"\x89organ\r\n"
-VERSION = 1
-LARGEST_FILE_BYTES = 16 * 2**20
-LARGEST_CONTENT_BYTES = 16 * 2**20
-MOST_SECTIONS = 65_535
+MAGIC = b"\x89o"
+VERSION = 2
+LARGEST_FILE_BYTES = 2**20
+LONGEST_UNITS = 15
 
-_MAGIC_AND_VERSION = struct.Struct("<8sH")
-_CHECKED = struct.Struct("<III")
-_HEADER_BYTES = _MAGIC_AND_VERSION.size + _CHECKED.size
-_COMPRESSION_LEVEL = 19
-
-_FLOAT = np.dtype("<f4")
-_STEP = np.dtype("<i2")
-_LARGEST = np.dtype("u1")
-_KEY = np.dtype("<u2")
-# Steps of 2^-15 leave 1/2 exact, so that frames along the axes of space stay exact.
-_STEPS_PER_UNIT = 32768.0
-# Components nearer than this count as equally large, and the first of them is left out; far above
-# rounding and far below a step.
-_TIE = 2.0**-20
+_FIRST_MAGIC = b"\x89organ\r\n"
+_HEADER_BYTES = len(MAGIC) + 3
 
 
 class OrganFileError(ValueError):
     """An organ file that cannot be read or written, with one line saying what is wrong."""
-
-
-class _Content(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
-    """The organ, with packed arrays."""
-
-    name: str
-    units: str
-    tolerance_mm: float
-    sections: int
-    key_count: int
-    frame_count: int
-    left_handed: bool
-    keys: bytes
-    axis: bytes
-    rotation_steps: bytes
-    rotation_largest: bytes
-    outer: bytes
-    lumen: bytes | None
 
 
 def write_organ(organ: Organ, path: Path) -> int:
@@ -72,7 +36,7 @@ def write_organ(organ: Organ, path: Path) -> int:
     Parameters
     ----------
     organ
-        The organ; what the file keeps of it is `stored_organ(organ)`.
+        An organ that was built from images or read from a file.
     path
         The file; one that exists is replaced.
 
@@ -84,13 +48,18 @@ def write_organ(organ: Organ, path: Path) -> int:
     Raises
     ------
     OrganFileError
-        If the organ is too large to store.
+        If the organ has no file's content, or was changed since it had.
     ValueError
         If the file cannot be written.
     """
-    data = organ_bytes(organ)
-    write_whole(Path(path), data)
-    return len(data)
+    if not organ.encoded:
+        raise OrganFileError("only an organ that was built from images can be written")
+    stored = organ_from_bytes(organ.encoded)
+    for field in ("axis", "frames", "keys", "outer", "lumen"):
+        if not np.array_equal(getattr(stored, field), getattr(organ, field)):
+            raise OrganFileError(f"the organ's {field} is not what was built: build it again")
+    write_whole(Path(path), organ.encoded)
+    return len(organ.encoded)
 
 
 def read_organ(path: Path) -> Organ:
@@ -99,17 +68,18 @@ def read_organ(path: Path) -> Organ:
     Parameters
     ----------
     path
-        An organ file.
+        An organ file; the organ is called what the file is.
 
     Returns
     -------
     Organ
-        The organ, to the bit what `stored_organ` gave for the one written.
+        The organ, to the bit what was written.
 
     Raises
     ------
     OrganFileError
-        If there is no such file, or it is foreign, newer, truncated, damaged or not an organ.
+        If there is no such file, or it is foreign, of another version, truncated, damaged or not an
+        organ.
     """
     source = Path(path)
     try:
@@ -118,38 +88,44 @@ def read_organ(path: Path) -> Organ:
     except OSError as error:
         raise OrganFileError(f"cannot read {source}: {error.strerror or error}") from error
     try:
-        return organ_from_bytes(data)
+        return organ_from_bytes(data, name=source.stem)
     except OrganFileError as error:
         raise OrganFileError(f"{source}: {error}") from error
 
 
-def stored_organ(organ: Organ) -> Organ:
-    """Return an organ as its file gives it back.
+def organ_from_bytes(data: bytes, name: str = "") -> Organ:
+    """Return the organ of a file's content.
 
     Parameters
     ----------
-    organ
-        The organ.
+    data
+        The file.
+    name
+        What the organ is called.
 
     Returns
     -------
     Organ
-        The organ, rounded to what is stored; rounding it again changes nothing.
+        The organ.
 
     Raises
     ------
     OrganFileError
-        If the organ is too large to store.
+        If the data is foreign, of another version, truncated, damaged or not an organ.
     """
-    return organ_from_bytes(organ_bytes(organ))
+    code = code_from_bytes(data)
+    try:
+        return code.organ(name, data)
+    except ValueError as error:
+        raise OrganFileError(f"does not hold an organ: {error}") from error
 
 
-def organ_bytes(organ: Organ) -> bytes:
-    """Return the content of an organ's file.
+def code_bytes(code: OrganCode) -> bytes:
+    """Return the content of the file of an organ in whole numbers.
 
     Parameters
     ----------
-    organ
+    code
         The organ.
 
     Returns
@@ -160,43 +136,20 @@ def organ_bytes(organ: Organ) -> bytes:
     Raises
     ------
     OrganFileError
-        If the organ has too many sections or numbers beyond float32.
+        If a number is too large.
     """
-    if len(organ.axis) > MOST_SECTIONS:
-        raise OrganFileError(
-            f"an organ file holds up to {MOST_SECTIONS} sections, not {len(organ.axis)}"
-        )
-    same = bool((organ.frames == organ.frames[0]).all())
-    frames = organ.frames[:1] if same else organ.frames
-    left_handed = organ.handedness < 0
-    steps, largest = _rotation_steps(frames, left_handed)
-    content = msgspec.msgpack.encode(
-        _Content(
-            name=organ.name,
-            units=organ.units,
-            tolerance_mm=organ.tolerance_mm,
-            sections=len(organ.axis),
-            key_count=len(organ.keys),
-            frame_count=len(frames),
-            left_handed=left_handed,
-            keys=_packed(organ.keys.astype(_KEY)),
-            axis=_packed(_as_float32(organ.axis)),
-            rotation_steps=_packed(steps),
-            rotation_largest=_packed(largest),
-            outer=_packed(_as_float32(organ.outer)),
-            lumen=None if organ.lumen is None else _packed(_as_float32(organ.lumen)),
-        )
-    )
-    packed = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL).compress(content)
-    if max(len(content), len(packed) + _HEADER_BYTES) > LARGEST_CONTENT_BYTES:
-        raise OrganFileError(f"an organ file holds up to {LARGEST_CONTENT_BYTES} bytes")
-    start = _MAGIC_AND_VERSION.pack(MAGIC, VERSION)
-    lengths = struct.pack("<II", len(packed), len(content))
-    return start + struct.pack("<I", _checksum(start, lengths, packed)) + lengths + packed
+    writer = SymbolWriter()
+    try:
+        _pass_code(writer, code)
+    except SymbolError as error:
+        raise OrganFileError(f"an organ file cannot hold this organ: {error}") from error
+    start = MAGIC + bytes([VERSION])
+    packed = writer.as_bytes()
+    return start + _checksum(start, packed) + packed
 
 
-def organ_from_bytes(data: bytes) -> Organ:
-    """Return the organ of a file's content.
+def code_from_bytes(data: bytes) -> OrganCode:
+    """Return the whole numbers of a file's content.
 
     Parameters
     ----------
@@ -205,189 +158,189 @@ def organ_from_bytes(data: bytes) -> Organ:
 
     Returns
     -------
-    Organ
-        The organ.
+    OrganCode
+        The organ in whole numbers.
 
     Raises
     ------
     OrganFileError
-        If the data is foreign, newer, truncated, damaged or not an organ.
+        If the data is foreign, of another version, truncated or damaged.
     """
     if len(data) > LARGEST_FILE_BYTES:
         raise OrganFileError(f"larger than an organ file may be, {LARGEST_FILE_BYTES} bytes")
-    if data[: len(MAGIC)] != MAGIC[: len(data)] or not data:
+    if len(data) > len(MAGIC) and _FIRST_MAGIC[: len(data)] == data[: len(_FIRST_MAGIC)]:
+        raise OrganFileError(
+            f"organ file of version 1; this program reads version {VERSION}: build it again from "
+            f"its images"
+        )
+    if not data or data[: len(MAGIC)] != MAGIC[: len(data)]:
         raise OrganFileError("not an organ file")
     if len(data) < _HEADER_BYTES:
         raise OrganFileError(f"truncated: {len(data)} bytes, the header alone has {_HEADER_BYTES}")
-    _, version = _MAGIC_AND_VERSION.unpack_from(data)
+    version = data[len(MAGIC)]
     if version != VERSION:
         raise OrganFileError(
             f"organ file of version {version}; this program reads version {VERSION}"
         )
-    checksum, packed_length, length = _CHECKED.unpack_from(data, _MAGIC_AND_VERSION.size)
     packed = data[_HEADER_BYTES:]
-    if len(packed) < packed_length:
-        raise OrganFileError(f"truncated: {len(data)} bytes of {_HEADER_BYTES + packed_length}")
-    start, lengths = data[: _MAGIC_AND_VERSION.size], data[_HEADER_BYTES - 8 : _HEADER_BYTES]
-    if len(packed) > packed_length or _checksum(start, lengths, packed) != checksum:
-        raise OrganFileError("damaged: the checksum does not fit")
-    return _organ(_unpacked_content(packed, length))
-
-
-def _checksum(start: bytes, lengths: bytes, packed: bytes) -> int:
-    return zlib.crc32(packed, zlib.crc32(lengths, zlib.crc32(start)))
-
-
-def _unpacked_content(packed: bytes, length: int) -> _Content:
-    """Return the content, with its size bounded before any of it is unpacked."""
-    if length > LARGEST_CONTENT_BYTES:
-        raise OrganFileError(
-            f"claims {length} bytes of content, above the limit of {LARGEST_CONTENT_BYTES}"
-        )
+    if _checksum(data[: len(MAGIC) + 1], packed) != data[len(MAGIC) + 1 : _HEADER_BYTES]:
+        raise OrganFileError("truncated or damaged: the checksum does not fit")
     try:
-        if zstandard.get_frame_parameters(packed).content_size != length:
-            raise OrganFileError("damaged: the content's size does not fit")
-        content = zstandard.ZstdDecompressor().decompress(packed)
-        return msgspec.msgpack.decode(content, type=_Content)
-    except (zstandard.ZstdError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        code = _pass_code(SymbolReader(packed), None)
+        again = code_bytes(code)
+    except SymbolError as error:
         raise OrganFileError(f"damaged: {error}") from error
+    # What the checksum lets pass by chance seldom is what a writer makes of its numbers.
+    if again != data:
+        raise OrganFileError("truncated or damaged: its numbers are not written like this")
+    return code
 
 
-def _organ(content: _Content) -> Organ:
-    """Return the organ, with every count bounded before arrays are made from it."""
-    sections, key_count, frame_count = content.sections, content.key_count, content.frame_count
-    if not 2 <= sections <= MOST_SECTIONS:
-        raise OrganFileError(f"has {sections} sections; 2 to {MOST_SECTIONS} are possible")
-    if not 2 <= key_count <= sections:
-        raise OrganFileError(f"has {key_count} key sections of {sections} sections")
-    if frame_count not in {1, sections}:
-        raise OrganFileError(f"has {frame_count} frames for {sections} sections")
-    steps = _unpacked("frames", content.rotation_steps, _STEP, (frame_count, 3))
-    largest = _unpacked("frames", content.rotation_largest, _LARGEST, (frame_count, 1))[:, 0]
-    if (largest > 3).any():
-        raise OrganFileError("damaged: a frame is no rotation")
-    frames = _frames(steps, largest, content.left_handed)
-    lumen = content.lumen
+def _checksum(start: bytes, packed: bytes) -> bytes:
+    return binascii.crc_hqx(packed, binascii.crc_hqx(start, 0xFFFF)).to_bytes(2, "big")
+
+
+def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) -> OrganCode:
+    """Write an organ's numbers, or read them if none are given."""
+    # A reader ignores what it is passed, so that one order of numbers serves both ways.
+    code = _BLANK if given is None else given
+    hollow = numbers.plain(int(code.lumen is not None), 1)
+    left_handed = numbers.plain(int(code.left_handed), 1)
+    units = _pass_units(numbers, code.units)
+    turn = numbers.plain(int(code.turn > 0), 1) and numbers.plain(code.turn, 6)
+    tolerance = numbers.plain(code.tolerance, 12)
+    axis_scale = numbers.plain(code.axis_scale, 6)
+    along_steps = numbers.plain(code.along_steps, 2)
+    start_axis = numbers.plain(code.start_axis, 2)
+    roll = numbers.plain(code.roll, 8)
+    tilts = np.array(
+        [[numbers.whole("tilt", "tilt", int(lean)) for lean in end] for end in code.tilts]
+    )
+    ends = np.stack([_pass_point(numbers, point) for point in code.ends])
+    axis_depth = numbers.plain((len(code.bends) - 1).bit_length() - 1, 3)
+    bends = code.bends if given else np.zeros((2**axis_depth + 1, 3), dtype=np.int64)
+    bends = _pass_bends(numbers, bends, axis_depth)
+    section_scale = numbers.plain(code.section_scale, 6)
+    depth = numbers.plain(code.candidates.bit_length() - 1, 4)
+    if depth > LARGEST_KEY_DEPTH or start_axis > 2:
+        raise SymbolError("a number is out of its range")
+    keys = _pass_keys(numbers, code.keys, 2**depth)
+    blank = np.zeros((len(keys), SIGNALS), dtype=np.int64)
+    outer = _pass_signals(numbers, code.outer if given else blank, "outer")
+    lumen = None
+    if hollow:
+        lumen = _pass_signals(numbers, blank if code.lumen is None else code.lumen, "lumen")
+    return OrganCode(
+        units=units,
+        left_handed=bool(left_handed),
+        turn=turn,
+        tolerance=tolerance,
+        axis_scale=axis_scale,
+        along_steps=along_steps,
+        start_axis=start_axis,
+        roll=roll,
+        tilts=tilts,
+        ends=ends,
+        bends=bends,
+        section_scale=section_scale,
+        candidates=2**depth,
+        keys=keys,
+        outer=outer,
+        lumen=lumen,
+    )
+
+
+def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
+    """Pass what the lengths are called: mm, or a word of up to fifteen bytes."""
+    if not numbers.plain(int(units != "mm"), 1):
+        return "mm"
+    letters = units.encode()
+    if len(letters) > LONGEST_UNITS:
+        raise SymbolError(f"units of more than {LONGEST_UNITS} bytes")
+    count = numbers.plain(len(letters), 4)
+    word = bytes(numbers.plain(letters[i] if i < len(letters) else 0, 8) for i in range(count))
     try:
-        return Organ(
-            axis=_unpacked("axis", content.axis, _FLOAT, (sections, 3)),
-            frames=np.broadcast_to(frames, (sections, 3, 3)),
-            keys=_unpacked("keys", content.keys, _KEY, (key_count, 1))[:, 0],
-            outer=_unpacked("outer curves", content.outer, _FLOAT, (key_count, ROW_SIZE)),
-            lumen=None
-            if lumen is None
-            else _unpacked("lumen curves", lumen, _FLOAT, (key_count, ROW_SIZE)),
-            units=content.units,
-            tolerance_mm=content.tolerance_mm,
-            name=content.name,
-        )
-    except OrganFileError:
-        raise
-    except ValueError as error:
-        raise OrganFileError(f"does not hold an organ: {error}") from error
+        return word.decode()
+    except UnicodeDecodeError as error:
+        raise SymbolError("its units are no text") from error
 
 
-def _as_float32(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    with np.errstate(over="ignore"):
-        rounded = values.astype(_FLOAT)
-    if not np.isfinite(rounded).all():
-        raise OrganFileError("an organ file holds lengths up to 3e38 mm")
-    return rounded
+def _pass_point(
+    numbers: SymbolWriter | SymbolReader, point: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pass three numbers of the bits that the largest needs."""
+    width = max(int(abs(number)).bit_length() for number in point)
+    if width >= 2**_WIDTH_BITS:
+        raise SymbolError("the axis ends too far away for its step")
+    bits = numbers.plain(width, _WIDTH_BITS)
+    return np.array([numbers.plain_signed(int(number), bits) for number in point], dtype=np.int64)
 
 
-def _packed(values: NDArray[Any]) -> bytes:
-    """Return rows as differences, whole numbers that wrap around, sorted into byte planes."""
-    rows = values.reshape(len(values), -1)
-    whole = rows.view(f"<u{rows.dtype.itemsize}")
-    differences = whole.copy()
-    differences[1:] -= whole[:-1]
-    planes = differences.view(np.uint8).reshape(*differences.shape, rows.dtype.itemsize)
-    return planes.transpose(1, 2, 0).tobytes()
+def _pass_bends(
+    numbers: SymbolWriter | SymbolReader, bends: NDArray[np.int64], depth: int
+) -> NDArray[np.int64]:
+    """Pass the axis's differences, coarse levels first."""
+    passed = np.zeros_like(bends)
+    levels = key_levels(depth)
+    for level in range(1, depth + 1):
+        for key in np.flatnonzero(levels == level):
+            for way in range(3):
+                across = int(way > 0)
+                passed[key, way] = numbers.whole(
+                    ("bend", across, min(level, 4)), ("bend", min(level, 4)), int(bends[key, way])
+                )
+    return passed
 
 
-def _unpacked(
-    what: str, packed: bytes, dtype: np.dtype[Any], shape: tuple[int, int]
-) -> NDArray[Any]:
-    """Return the rows that were packed."""
-    rows, columns = shape
-    if len(packed) != rows * columns * dtype.itemsize:
-        raise OrganFileError(
-            f"damaged: {what} take {len(packed)} bytes, {rows * columns * dtype.itemsize} expected"
-        )
-    planes = np.frombuffer(packed, dtype=np.uint8).reshape(columns, dtype.itemsize, rows)
-    differences = np.ascontiguousarray(planes.transpose(2, 0, 1)).view(f"<u{dtype.itemsize}")
-    whole = np.add.accumulate(differences[:, :, 0], axis=0, dtype=f"<u{dtype.itemsize}")
-    return whole.view(dtype)
+def _pass_keys(
+    numbers: SymbolWriter | SymbolReader, keys: NDArray[np.intp], candidates: int
+) -> NDArray[np.intp]:
+    """Pass which candidates are key sections."""
+    kept = np.zeros(candidates + 1, dtype=np.bool_)
+    kept[keys[keys <= candidates]] = True
+    kept[[0, -1]] = True
+    before = 1
+    for place in range(1, candidates):
+        before = numbers.bit(("key", before), int(kept[place]))
+        kept[place] = bool(before)
+    return np.flatnonzero(kept)
 
 
-def _rotation_steps(
-    frames: NDArray[np.float64], left_handed: bool
-) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-    """Return (F, 3) stored quaternion components and (F,) which is left out, the largest."""
-    quaternions = _quaternions(frames * _mirror(left_handed))
-    sizes = np.abs(quaternions)
-    largest = (sizes >= sizes.max(axis=1, keepdims=True) - _TIE).argmax(axis=1)
-    left_out = quaternions[np.arange(len(frames)), largest]
-    quaternions = quaternions * np.where(left_out < 0.0, -1.0, 1.0)[:, np.newaxis]
-    rest = quaternions[_others(largest)].reshape(len(frames), 3)
-    limit = math.floor(math.sqrt(0.5) * _STEPS_PER_UNIT)
-    steps = np.clip(np.round(rest * _STEPS_PER_UNIT), -limit, limit)
-    # Rounding must not make another component the one to leave out, or storing an organ twice would
-    # not be the same as storing it once: a rival gives way by a step.
-    earlier = np.arange(3) < largest[:, np.newaxis]
-    margin = np.where(earlier, -2.0 * _TIE, 0.5 * _TIE)
-    while True:
-        remainder = np.sqrt(1.0 - np.einsum("fi,fi->f", steps, steps) / _STEPS_PER_UNIT**2)
-        rivals = np.abs(steps) / _STEPS_PER_UNIT > remainder[:, np.newaxis] + margin
-        if not rivals.any():
-            return steps.astype(_STEP), largest.astype(_LARGEST)
-        steps = np.where(rivals, steps - np.sign(steps), steps)
+def _pass_signals(
+    numbers: SymbolWriter | SymbolReader, stored: NDArray[np.int64], wall: str
+) -> NDArray[np.int64]:
+    """Pass the differences of one boundary's signals, key by key."""
+    passed = np.zeros_like(stored)
+    last = len(stored) - 1
+    for key, level in ((0, 0), (last, 1), *((key, level) for key, _, _, level in _order(last))):
+        for signal in range(SIGNALS):
+            context = (wall, signal) if key > 0 else ("first", signal == WIDTH)
+            passed[key, signal] = numbers.whole(
+                context, ("size", min(level, 3)), int(stored[key, signal])
+            )
+    return passed
 
 
-def _others(largest: NDArray[Any]) -> NDArray[np.bool_]:
-    return np.arange(4) != largest[:, np.newaxis]
+def _order(last: int) -> tuple[tuple[int, int, int, int], ...]:
+    return halving_order(last + 1)
 
 
-def _mirror(left_handed: bool) -> NDArray[np.float64]:
-    """Return the (3,) signs of a frame's columns that make it right-handed."""
-    return np.array([1.0, 1.0, -1.0 if left_handed else 1.0])
-
-
-def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (F, 4) unit quaternions w, x, y, z of rotation matrices."""
-    # Every product of two components is a sum of matrix entries; the row of the largest square
-    # loses no digits (Shepperd's method).
-    r = rotations
-    products = np.empty((len(r), 4, 4))
-    trace = r[:, 0, 0] + r[:, 1, 1] + r[:, 2, 2]
-    products[:, 0, 0] = 1.0 + trace
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        products[:, i + 1, i + 1] = 1.0 + 2.0 * r[:, i, i] - trace
-        mixed = r[:, i, j] + r[:, j, i]
-        products[:, i + 1, j + 1] = products[:, j + 1, i + 1] = mixed
-        turn = r[:, k, j] - r[:, j, k]
-        products[:, 0, i + 1] = products[:, i + 1, 0] = turn
-    largest = np.einsum("fii->fi", products).argmax(axis=1)
-    rows = products[np.arange(len(r)), largest]
-    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
-
-
-def _frames(
-    steps: NDArray[np.int16], largest: NDArray[np.uint8], left_handed: bool
-) -> NDArray[np.float64]:
-    """Return the (F, 3, 3) frames of stored quaternion components."""
-    rest = steps / _STEPS_PER_UNIT
-    squares = np.einsum("fi,fi->f", rest, rest)
-    if (squares > 1.0).any():
-        raise OrganFileError("damaged: a frame is no rotation")
-    quaternions = np.empty((len(steps), 4))
-    quaternions[_others(largest)] = rest.ravel()
-    quaternions[~_others(largest)] = np.sqrt(1.0 - squares)
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    matrices = np.stack([np.stack(row, axis=1) for row in rows], axis=1)
-    return matrices * _mirror(left_handed)
+_WIDTH_BITS = 5
+_BLANK = OrganCode(
+    units="mm",
+    left_handed=False,
+    turn=0,
+    tolerance=0,
+    axis_scale=0,
+    along_steps=0,
+    start_axis=0,
+    roll=0,
+    tilts=np.zeros((2, 2), dtype=np.int64),
+    ends=np.zeros((2, 3), dtype=np.int64),
+    bends=np.zeros((2, 3), dtype=np.int64),
+    section_scale=0,
+    candidates=1,
+    keys=np.array([0, 1]),
+    outer=np.zeros((2, SIGNALS), dtype=np.int64),
+    lumen=None,
+)

@@ -1,7 +1,7 @@
 """`bluntdissect compress`: organs from cross-section images."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -71,9 +71,7 @@ def compress(
     ] = None,
     window: Annotated[
         str | None,
-        typer.Option(
-            help="LOW,HIGH: the values to keep, of CT in HU.", rich_help_panel=_IMAGES
-        ),
+        typer.Option(help="LOW,HIGH: the values to keep, of CT in HU.", rich_help_panel=_IMAGES),
     ] = None,
     roi: Annotated[
         str | None,
@@ -180,7 +178,7 @@ def compress(
         "tolerance_px": tolerance_px,
         "select": chosen("--select", select, ("fewest", "thesis")),
     }
-    when = chosen("--recut", recut, ("auto", "always", "never"))
+    when: Any = chosen("--recut", recut, ("auto", "always", "never"))
     if tolerance_mm is not None and tolerance_px is not None:
         raise ValueError("give either --tolerance-mm or --tolerance-px")
     if len(stacks) > 1 or output.is_dir():
@@ -254,9 +252,7 @@ def _compress_many(
         )
 
 
-def _within(
-    area: "Region | None", seed: tuple[float, float] | None
-) -> tuple[float, float] | None:
+def _within(area: "Region | None", seed: tuple[float, float] | None) -> tuple[float, float] | None:
     """Return a seed as counted in the images that are kept."""
     if area is None or seed is None:
         return seed
@@ -274,7 +270,7 @@ def _make_folder(place: Path) -> None:
 
 
 @contextmanager
-def _progress(what: str) -> "Iterator[Progress]":
+def _progress(what: str) -> "Generator[Progress]":
     """Show a bar while somebody watches."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn

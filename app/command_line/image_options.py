@@ -31,9 +31,7 @@ def chosen(option: str, text: str, offered: tuple[str, ...]) -> str:
         If it is none of them.
     """
     if text not in offered:
-        raise ValueError(
-            f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}"
-        )
+        raise ValueError(f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}")
     return text
 
 

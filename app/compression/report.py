@@ -117,7 +117,7 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
         The facts.
     """
     bytes_out = output.stat().st_size
-    pixel = images.pixel_mm
+    pixel = images.mean_pixel
     return Facts(
         stack=str(stack),
         file=str(output),

@@ -1,0 +1,212 @@
+"""The axis as a curve: natural cubic splines over even keys, arc length, and frames along it."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the weights of even keys in the natural cubic spline through them.
+
+    Parameters
+    ----------
+    places
+        (N,) places from 0, the first key, to 1, the last.
+    count
+        Number of keys K, at equal distances, two or more.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, K) weights: the spline is their product with the keys' values.
+
+    Notes
+    -----
+    Second derivatives m of the spline over keys at distance 1 follow from
+    m[i-1] + 4 m[i] + m[i+1] = 6 (y[i-1] - 2 y[i] + y[i+1]) and m = 0 at both ends.
+    """
+    bends = _bends(count)
+    scaled = np.asarray(places, dtype=np.float64) * (count - 1)
+    before = np.clip(scaled.astype(np.intp), 0, count - 2)
+    right = (scaled - before)[:, np.newaxis]
+    left = 1.0 - right
+    unit = np.eye(count)
+    return (
+        left * unit[before]
+        + right * unit[before + 1]
+        + (left**3 - left) / 6.0 * bends[before]
+        + (right**3 - right) / 6.0 * bends[before + 1]
+    )
+
+
+def natural_cubic_slopes(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the weights of even keys in the slopes of the natural cubic spline through them.
+
+    Parameters
+    ----------
+    places
+        (N,) places from 0, the first key, to 1, the last.
+    count
+        Number of keys K, at equal distances, two or more.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, K) weights: the slopes along the places are their product with the keys' values.
+    """
+    bends = _bends(count)
+    scaled = np.asarray(places, dtype=np.float64) * (count - 1)
+    before = np.clip(scaled.astype(np.intp), 0, count - 2)
+    right = (scaled - before)[:, np.newaxis]
+    left = 1.0 - right
+    unit = np.eye(count)
+    return (count - 1) * (
+        unit[before + 1]
+        - unit[before]
+        - (3.0 * left**2 - 1.0) / 6.0 * bends[before]
+        + (3.0 * right**2 - 1.0) / 6.0 * bends[before + 1]
+    )
+
+
+@lru_cache(maxsize=16)
+def _bends(count: int) -> NDArray[np.float64]:
+    """Return (K, K) weights of the keys in the second derivatives at the keys."""
+    bends = np.zeros((count, count))
+    inner = count - 2
+    if inner > 0:
+        system = 4.0 * np.eye(inner) + np.eye(inner, k=1) + np.eye(inner, k=-1)
+        second = np.eye(inner, count) - 2.0 * np.eye(inner, count, k=1) + np.eye(inner, count, k=2)
+        bends[1:-1] = 6.0 * np.linalg.solve(system, second)
+    bends.setflags(write=False)
+    return bends
+
+
+@lru_cache(maxsize=16)
+def refinement(depth: int) -> NDArray[np.float64]:
+    """Return how the keys of an axis follow from what is stored of them.
+
+    The two ends come first, at level 0. The keys half way between those of all coarser levels are
+    predicted by the natural cubic spline through them; what is stored is the difference.
+
+    Parameters
+    ----------
+    depth
+        Number of levels L beyond the ends.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (2^L + 1, 2^L + 1) the keys' values are its product with the stored differences.
+    """
+    values = np.eye(2)
+    for level in range(1, depth + 1):
+        count = 2**level + 1
+        finer = np.zeros((count, count))
+        coarse = np.zeros((len(values), count))
+        coarse[:, ::2] = values
+        middles = np.arange(1, count, 2)
+        finer[::2] = coarse
+        finer[middles] = natural_cubic(middles / (count - 1), len(values)) @ coarse
+        finer[middles, middles] += 1.0
+        values = finer
+    values.setflags(write=False)
+    return values
+
+
+def key_levels(depth: int) -> NDArray[np.intp]:
+    """Return the level of each of 2^depth + 1 keys: 0 at the ends, then by halving.
+
+    Parameters
+    ----------
+    depth
+        Number of levels beyond the ends.
+
+    Returns
+    -------
+    NDArray[np.intp]
+        (2^depth + 1,) levels.
+    """
+    levels = np.zeros(2**depth + 1, dtype=np.intp)
+    for level in range(1, depth + 1):
+        levels[2 ** (depth - level) :: 2 ** (depth - level + 1)] = level
+    levels[[0, -1]] = 0
+    return levels
+
+
+def even_axis(
+    keys: NDArray[np.float64], intervals: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points at equal arc length along the natural cubic spline through keys.
+
+    Parameters
+    ----------
+    keys
+        (K, 3) keys, mm.
+    intervals
+        Number of equal pieces N.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]]
+        (N + 1, 3) points, mm, and (N + 1, 3) unit tangents there.
+    """
+    places = np.linspace(0.0, 1.0, 4 * intervals + 1)
+    fine = natural_cubic(places, len(keys)) @ keys
+    steps = np.diff(fine, axis=0)
+    lengths = np.zeros(len(fine))
+    np.cumsum(np.sqrt((steps * steps).sum(axis=1)), out=lengths[1:])
+    wanted = np.interp(np.linspace(0.0, lengths[-1], intervals + 1), lengths, places)
+    points = natural_cubic(wanted, len(keys)) @ keys
+    tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
+    sizes = np.sqrt((tangents * tangents).sum(axis=1, keepdims=True))
+    return points, tangents / np.maximum(sizes, np.finfo(np.float64).tiny)
+
+
+def least_turning(
+    points: NDArray[np.float64], tangents: NDArray[np.float64], start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return directions across a curve that turn about it as little as possible.
+
+    Parameters
+    ----------
+    points
+        (N, 3) points of the curve, mm.
+    tangents
+        (N, 3) unit tangents.
+    start
+        (3,) direction at the first point; what of it lies across the curve counts.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, 3) unit directions.
+
+    Notes
+    -----
+    Double reflection, [Wang, Juettler, Zheng and Liu 2008], ACM Trans. Graphics 27(1):2, table I.
+    """
+    across = np.empty_like(points)
+    now = _perpendicular(start, tangents[0])
+    across[0] = now
+    for place in range(len(points) - 1):
+        step = points[place + 1] - points[place]
+        squared = float(step @ step)
+        if squared > 0.0:
+            mirrored = now - (2.0 / squared) * float(step @ now) * step
+            along = tangents[place] - (2.0 / squared) * float(step @ tangents[place]) * step
+            turn = tangents[place + 1] - along
+            squared = float(turn @ turn)
+            now = mirrored
+            if squared > 0.0:
+                now = mirrored - (2.0 / squared) * float(turn @ mirrored) * turn
+        now = _perpendicular(now, tangents[place + 1])
+        across[place + 1] = now
+    return across
+
+
+def _perpendicular(
+    direction: NDArray[np.float64], tangent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    across = direction - float(direction @ tangent) * tangent
+    return across / max(float(np.sqrt(across @ across)), np.finfo(np.float64).tiny)

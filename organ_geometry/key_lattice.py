@@ -1,0 +1,239 @@
+"""Whole numbers at key sections: which keys, and which steps at each, for the fewest bits.
+
+A signal is linear between key sections. What is stored of a key is its difference from the line
+between keys known before it, in steps; the first key is stored as it is, the last as its difference
+from the first, and then always the middle one of the keys between two known ones.
+"""
+
+from functools import lru_cache
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST_DEPTH = 12
+"""Most candidates for keys are 2^12 + 1."""
+
+
+@lru_cache(maxsize=64)
+def halving_order(count: int) -> tuple[tuple[int, int, int, int], ...]:
+    """Return the order in which keys become known.
+
+    Parameters
+    ----------
+    count
+        Number of keys K, two or more.
+
+    Returns
+    -------
+    tuple[tuple[int, int, int, int], ...]
+        K - 2 times the number of the key, of the known ones before and after it, and its level from
+        1 on; coarse levels come first.
+    """
+    order: list[tuple[int, int, int, int]] = []
+    gaps, level = [(0, count - 1)], 1
+    while gaps:
+        halves: list[tuple[int, int]] = []
+        for low, high in gaps:
+            if high - low > 1:
+                middle = (low + high) // 2
+                order.append((middle, low, high, level))
+                halves += [(low, middle), (middle, high)]
+        gaps, level = halves, level + 1
+    return tuple(order)
+
+
+def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return how the values at keys follow from what is stored of them.
+
+    Parameters
+    ----------
+    keys
+        (K,) places of the keys, growing.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (K, K) the values are its product with the stored differences.
+    """
+    count = len(keys)
+    values = np.zeros((count, count))
+    values[:, 0][[0, -1]] = 1.0
+    values[-1, -1] = 1.0
+    for key, low, high, _ in halving_order(count):
+        share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
+        values[key] = (1.0 - share) * values[low] + share * values[high]
+        values[key, key] = 1.0
+    return values
+
+
+def hats(places: NDArray[np.float64], keys: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return the weights of keys in what is linear between them.
+
+    Parameters
+    ----------
+    places
+        (N,) places, on the scale of the keys.
+    keys
+        (K,) places of the keys, growing.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, K) weights.
+    """
+    before = np.clip(np.searchsorted(keys, places, side="right") - 1, 0, len(keys) - 2)
+    share = (places - keys[before]) / (keys[before + 1] - keys[before])
+    share = np.clip(share, 0.0, 1.0)
+    weights = np.zeros((len(places), len(keys)))
+    rows = np.arange(len(places))
+    weights[rows, before] = 1.0 - share
+    weights[rows, before + 1] = share
+    return weights
+
+
+@numba.njit(cache=True)
+def best_breaks(
+    places: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    price: float,
+    longest: int,
+) -> NDArray[np.intp]:
+    """Return the breaks of the piecewise straight signals of least error and price.
+
+    Parameters
+    ----------
+    places
+        (S,) places of the samples, growing.
+    signals
+        (S, J) samples.
+    weights
+        (S, J) weight of each squared error.
+    price
+        What a break costs.
+    longest
+        Most samples between two breaks.
+
+    Returns
+    -------
+    NDArray[np.intp]
+        (B,) numbers of the samples at the breaks, the first and the last included.
+
+    Notes
+    -----
+    Dynamic programming over all pairs of samples; the error of a piece is that of its own least
+    squares line, from running sums.
+    """
+    count, kinds = signals.shape
+    sums = np.zeros((count + 1, kinds, 6))
+    for i in range(count):
+        x = places[i]
+        for j in range(kinds):
+            y, w = signals[i, j], weights[i, j]
+            sums[i + 1, j, 0] = sums[i, j, 0] + w
+            sums[i + 1, j, 1] = sums[i, j, 1] + w * x
+            sums[i + 1, j, 2] = sums[i, j, 2] + w * x * x
+            sums[i + 1, j, 3] = sums[i, j, 3] + w * y
+            sums[i + 1, j, 4] = sums[i, j, 4] + w * x * y
+            sums[i + 1, j, 5] = sums[i, j, 5] + w * y * y
+    best = np.full(count, np.inf)
+    come = np.zeros(count, np.intp)
+    best[0] = 0.0
+    for last in range(1, count):
+        for first in range(max(0, last - longest), last):
+            total = best[first] + price
+            if total >= best[last]:
+                continue
+            for j in range(kinds):
+                n = sums[last + 1, j, 0] - sums[first, j, 0]
+                x = sums[last + 1, j, 1] - sums[first, j, 1]
+                xx = sums[last + 1, j, 2] - sums[first, j, 2]
+                y = sums[last + 1, j, 3] - sums[first, j, 3]
+                xy = sums[last + 1, j, 4] - sums[first, j, 4]
+                yy = sums[last + 1, j, 5] - sums[first, j, 5]
+                if n <= 0.0:
+                    continue
+                spread = xx - x * x / n
+                both = xy - x * y / n
+                rest = yy - y * y / n
+                if spread > 1e-12:
+                    rest -= both * both / spread
+                total += max(rest, 0.0)
+                if total >= best[last]:
+                    break
+            if total < best[last]:
+                best[last] = total
+                come[last] = first
+    number, place = 1, count - 1
+    while place > 0:
+        place = come[place]
+        number += 1
+    breaks = np.empty(number, np.intp)
+    place = count - 1
+    for k in range(number - 1, -1, -1):
+        breaks[k] = place
+        place = come[place]
+    return breaks
+
+
+@numba.njit(cache=True)
+def descend(
+    products: NDArray[np.float64],
+    sums: NDArray[np.float64],
+    levels: NDArray[np.intp],
+    prices: NDArray[np.float64],
+    steps: NDArray[np.int64],
+    passes: int,
+) -> None:
+    """Lower squared error and price of whole numbers, one number after the other.
+
+    Parameters
+    ----------
+    products
+        (K, K) normal matrix of the error: it is n' P n - 2 n' s for the numbers n.
+    sums
+        (K,) s.
+    levels
+        (K,) row of `prices` for each number.
+    prices
+        (L, M) price of a number of each size; of larger ones, by the doubling.
+    steps
+        (K,) the numbers, changed in place.
+    passes
+        Most rounds over all numbers.
+    """
+    count = len(steps)
+    most = prices.shape[1] - 1
+    pull = sums.copy()
+    for k in range(count):
+        if steps[k] != 0:
+            for i in range(count):
+                pull[i] -= products[i, k] * steps[k]
+    for _ in range(passes):
+        changed = False
+        for k in range(count):
+            stiff = products[k, k]
+            if stiff <= 0.0:
+                continue
+            wanted = steps[k] + pull[k] / stiff
+            floor = int(np.floor(wanted))
+            best, choice = np.inf, 0
+            for option in range(5):
+                number = 0 if option == 0 else floor + option - 2
+                size = abs(number)
+                price = prices[levels[k], min(size, most)]
+                if size > most:
+                    price += (prices[levels[k], most] - prices[levels[k], 0]) * (
+                        np.log2(1.0 + size - most) / (1.0 + most)
+                    )
+                cost = stiff * (number - wanted) ** 2 + price
+                if cost < best:
+                    best, choice = cost, number
+            if choice != steps[k]:
+                changed = True
+                for i in range(count):
+                    pull[i] -= products[i, k] * (choice - steps[k])
+                steps[k] = choice
+        if not changed:
+            return

@@ -1,0 +1,217 @@
+"""A second reader of organ files, written from docs/organ-format.md and from nothing else."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import constriction
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+HALF_CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
+
+
+def crc16(data: bytes) -> int:
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte << 8
+        for _ in range(8):
+            register = (register << 1) ^ (0x1021 if register & 0x8000 else 0)
+            register &= 0xFFFF
+    return register
+
+
+class Answers:
+    def __init__(self, packed: bytes) -> None:
+        words = packed + bytes(-len(packed) % 4) + bytes(16)
+        numbers = [int.from_bytes(words[i : i + 4], "big") for i in range(0, len(words), 4)]
+        self.coder = constriction.stream.queue.RangeDecoder(np.array(numbers, dtype=np.uint32))
+        self.counts: dict[Any, list[int]] = {}
+
+    def even(self) -> int:
+        return int(self.coder.decode(constriction.stream.model.Bernoulli(0.5, perfect=False)))
+
+    def ask(self, context: Any) -> int:
+        counts = self.counts.setdefault(context, [2, 2])
+        odds = counts[1] / (counts[0] + counts[1])
+        answer = int(self.coder.decode(constriction.stream.model.Bernoulli(odds, perfect=False)))
+        counts[answer] += 5
+        return answer
+
+    def plain(self, bits: int) -> int:
+        return sum(self.even() << place for place in reversed(range(bits)))
+
+    def signed(self, bits: int) -> int:
+        return self.plain(bits + 1) - 2**bits
+
+    def whole(self, context: Any, run: Any) -> int:
+        if not self.ask(("zero", context)):
+            return 0
+        negative = self.even()
+        power = 0
+        while self.ask(("run", run, min(power, 3))):
+            power += 1
+        size = 2**power + self.plain(power)
+        return -size if negative else size
+
+
+@dataclass
+class Decoded:
+    units: str
+    tolerance: float
+    turn: float
+    points: NDArray[np.float64]
+    frames: NDArray[np.float64]
+    stations: NDArray[np.float64]
+    keys: list[int]
+    pieces: int
+    outer: NDArray[np.float64]
+    lumen: NDArray[np.float64] | None
+
+    def outline(self, signals: NDArray[np.float64], u: NDArray[np.float64]) -> Any:
+        """x, y of both curves of one key section at u."""
+        width, aside, s, d = signals[0], signals[1], signals[2:9], signals[9:16]
+        angle = np.arccos(u)
+        basis = np.array([np.sin((k + 1) * angle) / np.sin(angle) for k in range(7)])
+        half = s + width * HALF_CIRCLE
+        return aside + width * u, (d + half) @ basis, (d - half) @ basis
+
+
+def decode(data: bytes) -> Decoded:
+    assert data[:3] == b"\x89\x6f\x02"
+    assert crc16(data[:3] + data[5:]) == int.from_bytes(data[3:5], "big")
+    answers = Answers(data[5:])
+    plain, whole = answers.plain, answers.whole
+    hollow, left = plain(1), plain(1)
+    units = bytes(plain(8) for _ in range(plain(4))).decode() if plain(1) else "mm"
+    turn = plain(6) * math.pi / 64 if plain(1) else 0.0
+
+    def scaled(number: int) -> float:
+        return tolerance * (4 + number % 4) * 2.0 ** (number // 4 - 16)
+
+    number = plain(12)
+    tolerance = (1 + number % 64 / 64) * 2.0 ** (number // 64 - 32)
+    axis_step = scaled(plain(6))
+    along = plain(2)
+    start_axis, roll = plain(2), plain(8)
+    tilts = np.array([whole("tilt", "tilt") for _ in range(4)]).reshape(2, 2)
+    ends = []
+    for _ in range(2):
+        bits = plain(5)
+        ends.append([answers.signed(bits) for _ in range(3)])
+    axis_depth = plain(3)
+    bends: dict[int, list[tuple[int, list[int]]]] = {}
+    for level in range(1, axis_depth + 1):
+        bends[level] = [
+            (
+                key,
+                [
+                    whole(("bend", int(way > 0), min(level, 4)), ("bend", min(level, 4)))
+                    for way in range(3)
+                ],
+            )
+            for key in range(
+                2 ** (axis_depth - level), 2**axis_depth, 2 ** (axis_depth - level + 1)
+            )
+        ]
+    section_step = scaled(plain(6))
+    pieces = 2 ** plain(4)
+    keys, before = [0], 1
+    for place in range(1, pieces):
+        before = answers.ask(("key", before))
+        keys += [place] * before
+    keys.append(pieces)
+    outer = signals(answers, "outer", keys, section_step)
+    lumen = outer + signals(answers, "lumen", keys, section_step) if hollow else None
+
+    first, chord = (np.array(end) * axis_step for end in ends)
+    c = chord / np.linalg.norm(chord)
+    u = np.eye(3)[list(np.abs(chord)).index(min(np.abs(chord)))]
+    u = u - (u @ c) * c
+    u /= np.linalg.norm(u)
+    v = np.cross(c, u)
+    offsets = {0: np.zeros(3), 2**axis_depth: np.zeros(3)}
+    for level in range(1, axis_depth + 1):
+        known = sorted(offsets)
+        spline = CubicSpline(known, [offsets[k] for k in known], bc_type="natural")
+        for key, bend in bends[level]:
+            step = axis_step * (2**along * bend[0] * c + bend[1] * u + bend[2] * v)
+            offsets[key] = spline(key) + step
+    places = np.array(sorted(offsets)) / 2**axis_depth
+    curve = CubicSpline(
+        places,
+        [
+            first + place * chord + offsets[k]
+            for k, place in zip(sorted(offsets), places, strict=True)
+        ],
+        bc_type="natural",
+    )
+    count = max(256, 2 * pieces)
+    fine = np.linspace(0, 1, 4 * count + 1)
+    lengths = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    at = np.interp(np.linspace(0, lengths[-1], count + 1), lengths, fine)
+    points, tangents = curve(at), curve(at, 1)
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    frames = frames_along(points, tangents, start_axis, roll, tilts, -1.0 if left else 1.0)
+    return Decoded(units, tolerance, turn, points, frames, lengths, keys, pieces, outer, lumen)
+
+
+def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArray[np.float64]:
+    last = len(keys) - 1
+    steps = np.array([2.0, 2.0] + [1.0] * 14) * step
+    values = np.zeros((last + 1, 16))
+    for n in range(16):
+        values[0, n] = answers.whole(("first", int(n == 0)), ("size", 0))
+    for n in range(16):
+        values[last, n] = values[0, n] + answers.whole((wall, n), ("size", 1))
+    gaps, level = [(0, last)], 1
+    while gaps:
+        halves = []
+        for i, j in gaps:
+            if j - i < 2:
+                continue
+            m = (i + j) // 2
+            share = (keys[m] - keys[i]) / (keys[j] - keys[i])
+            for n in range(16):
+                line = values[i, n] + share * (values[j, n] - values[i, n])
+                values[m, n] = line + answers.whole((wall, n), ("size", min(level, 3)))
+            halves += [(i, m), (m, j)]
+        gaps, level = halves, level + 1
+    return values * steps
+
+
+def frames_along(
+    points: NDArray[np.float64],
+    tangents: NDArray[np.float64],
+    start_axis: int,
+    roll: int,
+    tilts: NDArray[np.int64],
+    sign: float,
+) -> NDArray[np.float64]:
+    def across(x: NDArray[np.float64], n: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = x - (x @ n) * n
+        return x / np.linalg.norm(x)
+
+    def mirrored(x: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:
+        return x if not by.any() else x - 2 * (x @ by) / (by @ by) * by
+
+    x = across(np.eye(3)[start_axis], tangents[0])
+    angle = 2 * math.pi * roll / 256
+    x = x * math.cos(angle) + np.cross(tangents[0], x) * math.sin(angle)
+    rows = [x]
+    for i in range(len(points) - 1):
+        step = points[i + 1] - points[i]
+        by = tangents[i + 1] - mirrored(tangents[i], step)
+        x = across(mirrored(mirrored(x, step), by), tangents[i + 1])
+        rows.append(x)
+    frames = []
+    for i, (x, t) in enumerate(zip(rows, tangents, strict=True)):
+        y, n = sign * np.cross(t, x), t
+        for tilt, d in ((tilts[0], i / (len(points) - 1)), (tilts[1], 1 - i / (len(points) - 1))):
+            r = max(0.0, 1 - 4 * d)
+            n = n + r * r * (3 - 2 * r) * (tilt[0] * x + tilt[1] * y) / 64
+        n = n / np.linalg.norm(n)
+        x = across(x, n)
+        frames.append(np.stack([x, sign * np.cross(n, x), n], axis=1))
+    return np.array(frames)
