@@ -46,8 +46,8 @@ class CodedAxis:
     keys: NDArray[np.float64]
 
 
-def coded_axis(centroids: NDArray[np.float64], step: float, price: float) -> CodedAxis:
-    """Return the axis of least error and price.
+def coded_axes(centroids: NDArray[np.float64], step: float, price: float) -> list[CodedAxis]:
+    """Return axes of several numbers of keys, that of the least error and price first.
 
     Parameters
     ----------
@@ -60,15 +60,15 @@ def coded_axis(centroids: NDArray[np.float64], step: float, price: float) -> Cod
 
     Returns
     -------
-    CodedAxis
-        The axis.
+    list[CodedAxis]
+        The axes.
     """
     most = max(1, (len(centroids) // _CENTROIDS_A_KEY).bit_length() - 1)
     tried = [
         _coded(centroids, 2**depth + 1, step, price)
         for depth in range(1, min(most, LARGEST_AXIS_DEPTH) + 1)
     ]
-    return min(tried, key=lambda pair: pair[1])[0]
+    return [axis for axis, _ in sorted(tried, key=lambda pair: pair[1])]
 
 
 def _coded(

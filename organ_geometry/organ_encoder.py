@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.axis_encoder import ALONG_STEPS, coded_axis
+from organ_geometry.axis_encoder import ALONG_STEPS, CodedAxis, coded_axes
 from organ_geometry.contour import (
     LOFT_POINTS,
     ContourLoft,
@@ -47,6 +47,9 @@ _ROUGH_POINTS = 40
 _ROUGHLY = 1.1
 _FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
 _FINER_CANDIDATES = 2
+_WEIGHTINGS = 4
+_AXES = 4
+_HEAVIEST = 1.6
 # An end section leans out of the axis by up to 1 in 1/4.
 _STEEPEST = 0.25
 
@@ -232,38 +235,80 @@ class _Encoder:
         self._finest_scale = scale_number(usual * _FINEST_STEP)
         self._axis_scale = scale_number(usual * AXIS_STEP)
         step = self._tolerance * scale_of(self._axis_scale)
-        self._axis = coded_axis(self._centroids, step, BIT_PRICE * (0.5 * step) ** 2)
+        self._axes = coded_axes(self._centroids, step, BIT_PRICE * (0.5 * step) ** 2)
+        self._axis = self._axes[0]
         self._turn = 0
         self._cut()
 
     def in_fewest_bytes(self) -> EncodedOrgan:
         """Return the organ of the coarsest steps that keep the tolerance."""
-        exact = self._exact()
+        best = self._exact()
         fine, coarse = self._finest_scale, self._coarsest + 1
-        best: EncodedOrgan | None = None
         # Halving: `coarse` breaks the tolerance; `fine` keeps it, or is the finest there is.
         while coarse - fine > 1:
             middle = (fine + coarse) // 2
-            organ = self._organ(middle)
-            if organ is not None and self._keeps(organ):
-                fine, best = middle, organ
-            else:
+            organ = self._kept(middle)
+            if organ is None:
                 coarse = middle
-        return exact if best is None else best
+            else:
+                fine = middle
+                if len(organ.organ.encoded) < len(best.organ.encoded):
+                    best = organ
+        return best
+
+    def _kept(self, scale: int) -> EncodedOrgan | None:
+        """Return an organ in steps of a size that keeps the tolerance, or None."""
+        weights = self._weights
+        for _ in range(_WEIGHTINGS):
+            organ = self._organ(scale, weights=weights)
+            if organ is None:
+                return None
+            excess = self._excess(organ)
+            if float(excess.max()) <= 1.0:
+                return organ
+            # What sections are off too far weighs more the next time.
+            heavier = np.clip(excess, 1.0, _HEAVIEST) ** 3
+            stations = np.linspace(0.0, 1.0, len(weights))
+            weights = weights * np.interp(stations, self._places, heavier)
+        return None
 
     def _exact(self) -> EncodedOrgan:
         """Return the organ with all candidates as key sections, which keeps the tolerance."""
-        for tries in range(_FINER_CANDIDATES + 1):
-            organ = self._organ(self._finest_scale, np.arange(self._candidates + 1), exact=True)
-            if organ is not None and self._keeps(organ):
-                return organ
-            if tries < _FINER_CANDIDATES and self._depth < LARGEST_KEY_DEPTH:
-                # What changes between two sections needs keys at less than their distance.
-                self._depth += 1
+        # An axis of many keys may bend so sharply that sections cross: another may do.
+        nearest = math.inf
+        best: tuple[CodedAxis, EncodedOrgan] | None = None
+        for axis in self._axes[:_AXES]:
+            if axis is not self._axis:
+                self._axis = axis
                 self._cut()
-        if organ is None:
+            organ, excess = self._with_all_candidates()
+            if organ is not None and excess < nearest:
+                nearest, best = excess, (axis, organ)
+            if excess <= 1.0:
+                break
+        if best is None:
             raise ValueError("the sections make no organ: their widths vanish")
-        raise self._refusal(organ)
+        axis, organ = best
+        if axis is not self._axis:
+            self._axis = axis
+            self._cut()
+        for _ in range(_FINER_CANDIDATES):
+            if nearest <= 1.0 or self._depth >= LARGEST_KEY_DEPTH:
+                break
+            # What changes between two sections needs keys at less than their distance.
+            self._depth += 1
+            self._cut()
+            finer, excess = self._with_all_candidates()
+            if finer is not None and excess < nearest:
+                nearest, organ = excess, finer
+        if nearest > 1.0:
+            raise self._refusal(organ)
+        return organ
+
+    def _with_all_candidates(self) -> tuple[EncodedOrgan | None, float]:
+        """Return the organ with all candidates as key sections, and its largest excess."""
+        organ = self._organ(self._finest_scale, np.arange(self._candidates + 1), exact=True)
+        return organ, math.inf if organ is None else float(self._excess(organ).max())
 
     def by_the_thesis(self) -> EncodedOrgan:
         """Return the organ whose key sections the thesis's rule keeps."""
@@ -281,12 +326,19 @@ class _Encoder:
         return exact
 
     def _organ(
-        self, scale: int, keys: NDArray[np.intp] | None = None, *, exact: bool = False
+        self,
+        scale: int,
+        keys: NDArray[np.intp] | None = None,
+        *,
+        exact: bool = False,
+        weights: NDArray[np.float64] | None = None,
     ) -> EncodedOrgan | None:
         """Return the organ in steps of a size, decoded from its file's content, or None."""
         step = self._tolerance * scale_of(scale)
         price = 0.0 if exact else BIT_PRICE * step * step
-        sections = self._encoder.coded(step, price, self._weights, keys)
+        sections = self._encoder.coded(
+            step, price, self._weights if weights is None else weights, keys
+        )
         code = self._code(scale, sections)
         try:
             # Steps as long as a section is wide may leave none of it.
@@ -317,12 +369,18 @@ class _Encoder:
 
     def _keeps(self, encoded: EncodedOrgan) -> bool:
         """Return whether every section is kept to the tolerance."""
+        return float(self._excess(encoded).max()) <= 1.0
+
+    def _excess(self, encoded: EncodedOrgan) -> NDArray[np.float64]:
+        """Return the (S,) RMS distance of each section in tolerances, roughly if far above one."""
+        excess = np.zeros(len(self._contours))
         for most in (_ROUGH_POINTS, None):
             away = section_distances(encoded.organ, self._contours, encoded.places, most)
-            allowed = self._allowed * (_ROUGHLY if most else 1.0)
-            if float(root_mean_squares(away).max()) > allowed:
-                return False
-        return True
+            rms = root_mean_squares(away)
+            excess = rms / self._allowed if self._allowed > 0.0 else np.full(len(rms), np.inf)
+            if float(excess.max()) > _ROUGHLY:
+                break
+        return excess
 
     def _refusal(self, finest: EncodedOrgan) -> ToleranceTooSmall:
         """Return the error that names the smallest tolerance."""
