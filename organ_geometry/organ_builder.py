@@ -108,6 +108,8 @@ class BuiltOrgan:
         Time for reading the images and building the organ, s.
     warnings
         What may make the organ another than the one wanted, one sentence each.
+    notes
+        How it was found, one sentence each.
     contours
         The edges of the sections that were found, where they stand in space.
     """
@@ -118,6 +120,7 @@ class BuiltOrgan:
     tolerance_mm: float
     seconds: float
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     contours: tuple[SectionContour, ...] = ()
 
     @property
@@ -258,7 +261,8 @@ def build_organ(
         polarity=edges.polarity,
         tolerance_mm=found.organ.tolerance_mm,
         seconds=time.perf_counter() - started,
-        warnings=(*edges.notes, *_warnings(stack, found.organ, traced, wanted_mm)),
+        warnings=tuple(_warnings(stack, found.organ, traced, wanted_mm)),
+        notes=edges.notes,
         contours=tuple(contours),
     )
 

@@ -84,6 +84,16 @@ class OrganCode:
     outer: NDArray[np.int64]
     lumen: NDArray[np.int64] | None
 
+    @property
+    def axis_step(self) -> float:
+        """Step in which the axis is kept, mm."""
+        return tolerance_of(self.tolerance) * scale_of(self.axis_scale)
+
+    @property
+    def section_step(self) -> float:
+        """Step in which the sections' signals are kept, mm."""
+        return tolerance_of(self.tolerance) * scale_of(self.section_scale)
+
     def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
         """Return the organ.
 
@@ -110,7 +120,7 @@ class OrganCode:
             axis_keys(
                 self.ends,
                 self.bends,
-                tolerance * scale_of(self.axis_scale),
+                self.axis_step,
                 self.along_steps,
             ),
             pieces,
@@ -119,7 +129,7 @@ class OrganCode:
             self.tilts,
             left_handed=self.left_handed,
         )
-        steps = signal_steps(tolerance * scale_of(self.section_scale))
+        steps = signal_steps(self.section_step)
         values = differences_to_values(self.keys)
         outer = (values @ self.outer) * steps
         lumen = None if self.lumen is None else outer + (values @ self.lumen) * steps

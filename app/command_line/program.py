@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import compress, export, replay, solve, trainer, validate
+from app.command_line import compress, export, info, replay, solve, trainer, validate
 
 __all__ = ["main", "program"]
 
@@ -42,6 +42,7 @@ def versions(
 
 program.command("trainer")(trainer.trainer)
 program.command("compress")(compress.compress)
+program.command("info")(info.info)
 program.command("export")(export.export)
 program.command("replay")(replay.replay)
 program.command("solve")(solve.solve)

@@ -47,6 +47,8 @@ class Facts:
         Time for reading the images and building the organ, s.
     warnings
         What may make the organ another than the one wanted.
+    notes
+        How it was found.
     sections
         One report for each image.
     """
@@ -71,6 +73,7 @@ class Facts:
     ratio: float
     seconds: float
     warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     sections: tuple[SectionReport, ...]
 
     def as_json(self) -> dict[str, object]:
@@ -139,6 +142,7 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
         ratio=images.bytes_in / bytes_out,
         seconds=built.seconds,
         warnings=(*images.notes, *built.warnings),
+        notes=built.notes,
         sections=built.sections,
     )
 
@@ -183,6 +187,7 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         ("written", said.file),
     ]
     yield from (f"{name:<10} {value}" for name, value in rows)
+    yield from (f"{'how':<10} {note}" for note in said.notes)
     yield from (f"{'note':<10} {warning}" for warning in said.warnings)
     without = [section for section in said.sections if section.problem is not None]
     for section in without[:MOST_LEFT_OUT]:

@@ -1,0 +1,84 @@
+"""`bluntdissect info`: what is in an organ file."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from organ_geometry.organ import Organ
+
+__all__ = ["info"]
+
+
+def info(
+    organ: Annotated[Path, typer.Argument(help="The .organ file.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Say what is in an organ file.
+
+    Example: bluntdissect info duct.organ
+    """
+    from organ_geometry.organ_file import VERSION, code_from_bytes, read_organ
+
+    read = read_organ(organ)
+    code = code_from_bytes(read.encoded)
+    facts: dict[str, object] = {
+        "file": str(organ),
+        "version": VERSION,
+        "bytes": len(read.encoded),
+        "units": read.units,
+        "hollow": read.hollow,
+        "length_mm": read.length,
+        "mean_radius_mm": read.mean_radius,
+        "handedness": "left" if code.left_handed else "right",
+        "first_mm": _point(read, 0),
+        "last_mm": _point(read, -1),
+        "tolerance_mm": read.tolerance_mm,
+        "axis_keys": len(code.bends),
+        "axis_step_mm": code.axis_step,
+        "section_step_mm": code.section_step,
+        "sections_kept": len(read.keys),
+        "section_places": code.candidates + 1,
+        "key_stations_mm": [round(float(station), 4) for station in read.key_stations],
+    }
+    if as_json:
+        print(json.dumps(facts))
+        return
+    wall = "hollow" if read.hollow else "solid"
+    boundaries = "an outer boundary and a lumen" if read.hollow else "an outer boundary"
+    lines = (
+        ("file", f"{organ}, {len(read.encoded):,} bytes, version {VERSION}, checksum right"),
+        (
+            "organ",
+            f"{wall}, {read.length:.2f} mm long, mean radius {read.mean_radius:.3f} mm",
+        ),
+        ("units", read.units if read.units == "mm" else f"{read.units}, read as mm"),
+        (
+            "frame",
+            f"{facts['handedness']}-handed, axis from {_text(read, 0)} to {_text(read, -1)} mm",
+        ),
+        ("promise", f"{read.tolerance_mm:.4f} mm RMS at every section it was built from"),
+        (
+            "axis",
+            f"cubic spline through {len(code.bends)} keys in steps of {code.axis_step:.2g} mm",
+        ),
+        (
+            "sections",
+            f"{len(read.keys)} kept of {code.candidates + 1} places, each with {boundaries}, "
+            f"in steps of {code.section_step:.2g} mm",
+        ),
+        ("at", ", ".join(f"{station:.1f}" for station in read.key_stations) + " mm"),
+    )
+    for name, value in lines:
+        print(f"{name:<10} {value}")
+
+
+def _point(organ: "Organ", place: int) -> list[float]:
+    """Return an end of the axis in space, mm."""
+    return [round(float(coordinate), 4) for coordinate in organ.axis[place]]
+
+
+def _text(organ: "Organ", place: int) -> str:
+    return "(" + ", ".join(f"{coordinate:.2f}" for coordinate in organ.axis[place]) + ")"
