@@ -187,8 +187,8 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         ("written", said.file),
     ]
     yield from (f"{name:<10} {value}" for name, value in rows)
-    yield from (f"{'how':<10} {note}" for note in said.notes)
     yield from (f"{'note':<10} {warning}" for warning in said.warnings)
+    yield from (f"{'how':<10} {note}" for note in said.notes)
     without = [section for section in said.sections if section.problem is not None]
     for section in without[:MOST_LEFT_OUT]:
         yield f"left out   {section.name}: {section.problem}"

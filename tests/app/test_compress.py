@@ -1,0 +1,219 @@
+"""Stacks into organ files: many at once, their reports, their figures, and what is in a file."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from program import refused, run
+
+from app.compression.stack_job import jobs_into
+from assets import BILE_DUCT_PHANTOM
+from organ_geometry.organ_file import read_organ
+
+SPACING = '{"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}'
+
+
+def tube(folder: Path, *radii: int) -> Path:
+    """Write a stack of discs."""
+    folder.mkdir(parents=True)
+    (folder / "spacing.json").write_text(SPACING)
+    for number, radius in enumerate(radii):
+        image = cv2.circle(np.zeros((64, 64), np.uint8), (32, 32), radius, 255, -1)
+        cv2.imwrite(str(folder / f"slice_{number}.png"), image)
+    return folder
+
+
+@pytest.fixture
+def stacks(tmp_path: Path) -> list[Path]:
+    """Two stacks that are called alike, and a third."""
+    return [
+        tube(tmp_path / "left" / "masks", 16, 16, 16, 17),
+        tube(tmp_path / "right" / "masks", 12, 13, 14, 15),
+        tube(tmp_path / "duct", 20, 20, 20),
+    ]
+
+
+def test_many_stacks_go_into_one_folder_under_names_that_differ(
+    tmp_path: Path, stacks: list[Path]
+) -> None:
+    done = run("compress", *stacks, "-o", tmp_path / "organs", "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert [one["stack"] for one in said] == [str(stack) for stack in stacks]
+    names = [Path(one["file"]).name for one in said]
+    assert sorted(names) == sorted(path.name for path in (tmp_path / "organs").iterdir())
+    # What tells the two alike apart comes before all names.
+    assert [name.split("-")[-2:] for name in names[:2]] == [
+        ["left", "masks.organ"],
+        ["right", "masks.organ"],
+    ]
+    for one in said:
+        organ = read_organ(Path(one["file"]))
+        assert len(organ.encoded) == one["bytes_out"]
+        assert len(organ.keys) == one["sections_kept"]
+    radii = [read_organ(Path(one["file"])).mean_radius for one in said]
+    assert radii == pytest.approx([1.63, 1.35, 2.0], abs=0.1)
+
+
+def test_a_stack_that_fails_does_not_stop_the_others(tmp_path: Path, stacks: list[Path]) -> None:
+    empty = tube(tmp_path / "empty", 0, 0)
+    for image in empty.glob("*.png"):
+        cv2.imwrite(str(image), np.zeros((64, 64), np.uint8))
+    done = run("compress", stacks[0], empty, stacks[2], "-o", tmp_path / "organs")
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        f"bluntdissect: 1 of 3 stacks could not be compressed: {empty}"
+    ]
+    lines = done.stdout.splitlines()
+    assert lines[0].split()[:3] == ["organ", "file", "in"]
+    assert [line.split()[0].rsplit("/", 1)[1] for line in lines[1:3]] == [
+        "masks.organ",
+        "duct.organ",
+    ]
+    (failed,) = (line for line in lines if line.startswith("failed"))
+    assert str(empty) in failed
+    assert "two or more are needed" in failed
+    written = {path.name for path in (tmp_path / "organs").iterdir()}
+    assert written == {"masks.organ", "duct.organ"}
+
+
+def test_a_stack_given_twice_is_refused(tmp_path: Path, stacks: list[Path]) -> None:
+    line = refused(("compress", stacks[0], stacks[2], stacks[0], "-o", tmp_path / "organs"))
+    assert f"{stacks[0]} is given twice" in line
+    assert not (tmp_path / "organs").exists()
+
+
+def test_several_stacks_do_not_overwrite_a_file(tmp_path: Path, stacks: list[Path]) -> None:
+    there = tmp_path / "duct.organ"
+    there.write_text("kept")
+    line = refused(("compress", stacks[0], stacks[2], "-o", there))
+    assert "several stacks need a folder" in line
+    assert there.read_text() == "kept"
+
+
+def test_names_are_no_longer_than_they_must_be(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("a.nii.gz", "b.tif", "c")]
+    (tmp_path / "c").mkdir()
+    jobs = jobs_into(
+        Path("out"), paths, figures=Path("figures"), recut="auto", reading={}, building={}
+    )
+    assert [job.output for job in jobs] == [Path(f"out/{name}.organ") for name in "abc"]
+    assert [job.figure for job in jobs] == [Path(f"figures/{name}.png") for name in "abc"]
+    with pytest.raises(ValueError, match="would give the same file"):
+        jobs_into(
+            Path("out"),
+            [tmp_path / "b.tif", tmp_path / "b.png"],
+            figures=None,
+            recut="auto",
+            reading={},
+            building={},
+        )
+
+
+def test_the_promise_can_be_given_in_pixels(tmp_path: Path, stacks: list[Path]) -> None:
+    said = []
+    for option in (("--tolerance-px", 0.5), ("--tolerance-mm", 0.05)):
+        done = run("compress", stacks[1], "-o", tmp_path / "duct.organ", *option, "--json")
+        assert done.returncode == 0, done.stderr
+        said.append(json.loads(done.stdout))
+    assert said[0]["tolerance_mm"] == said[1]["tolerance_mm"]
+    assert said[0]["tolerance_mm"] == pytest.approx(0.05, rel=0.02)
+    assert said[0]["tolerance_px"] == pytest.approx(said[0]["tolerance_mm"] / 0.1)
+    assert all(section["rms_mm"] <= 0.05 for section in said[0]["sections"])
+    assert said[0]["max_error_px"] == pytest.approx(said[0]["max_error_mm"] / 0.1)
+    both = ("--tolerance-px", 1, "--tolerance-mm", 1)
+    line = refused(("compress", stacks[1], "-o", tmp_path / "x.organ", *both))
+    assert "either --tolerance-mm or --tolerance-px" in line
+
+
+def test_a_promise_that_cannot_be_kept_is_answered_with_the_smallest(tmp_path: Path) -> None:
+    output = tmp_path / "duct.organ"
+    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", output, "--tolerance-mm", 0.001))
+    smallest = float(line.split(" mm")[-2].split()[-1])
+    assert 0.001 < smallest < 0.1
+    assert not output.exists()
+    done = run("compress", BILE_DUCT_PHANTOM, "-o", output, "--tolerance-mm", smallest, "--json")
+    assert done.returncode == 0, done.stderr
+    assert max(one["rms_mm"] for one in json.loads(done.stdout)["sections"]) <= smallest
+
+
+def test_the_thesis_s_rule_can_be_asked_for(tmp_path: Path) -> None:
+    sizes = {}
+    for rule in ("fewest", "thesis"):
+        done = run(
+            "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--select", rule, "--json"
+        )
+        assert done.returncode == 0, done.stderr
+        sizes[rule] = json.loads(done.stdout)["bytes_out"]
+    assert sizes["fewest"] < sizes["thesis"]
+    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "x.organ", "--select", "best"))
+    assert "--select must be fewest or thesis, not best" in line
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_the_figure_shows_all_sections_and_those_kept(tmp_path: Path, suffix: str) -> None:
+    figure = tmp_path / f"organ{suffix}"
+    done = run(
+        "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--figure", figure, "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    kept = json.loads(done.stdout)["sections_kept"]
+    if suffix == ".png":
+        picture = cv2.imread(str(figure))
+        assert picture is not None
+        ink = (picture < 250).any(axis=(0, 2))
+        thirds = np.array_split(ink, 3)
+        assert all(third.any() for third in thirds)
+    else:
+        text = figure.read_text()
+        assert "All 128 sections" in text
+        assert f"{kept} sections kept" in text
+        assert "driving points" in text
+
+
+def test_a_figure_that_cannot_be_drawn_is_refused_before_the_work(tmp_path: Path) -> None:
+    output = tmp_path / "duct.organ"
+    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", output, "--figure", tmp_path / "a.gif"))
+    assert "a figure must end in .png, .svg, .pdf" in line
+    assert not output.exists()
+
+
+def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:
+    folder = tube(tmp_path / "scene", 14, 14, 14)
+    for image in folder.glob("*.png"):
+        shown = cv2.imread(str(image), cv2.IMREAD_GRAYSCALE)
+        assert shown is not None
+        cv2.imwrite(str(image), cv2.circle(shown, (56, 8), 5, 255, -1))
+    radii = []
+    for options in (("--seed", "56,8"), ("--seed", "56,8", "--roi", "40,0,63,20")):
+        done = run("compress", folder, "-o", tmp_path / "duct.organ", *options, "--json")
+        assert done.returncode == 0, done.stderr
+        radii.append(json.loads(done.stdout)["mean_radius_mm"])
+    assert radii == pytest.approx([0.5, 0.5], abs=0.06)
+
+
+def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "duct.organ"
+    assert run("compress", BILE_DUCT_PHANTOM, "-o", path).returncode == 0
+    organ = read_organ(path)
+    done = run("info", path, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["bytes"] == path.stat().st_size
+    assert said["length_mm"] == organ.length
+    assert said["mean_radius_mm"] == organ.mean_radius
+    assert said["tolerance_mm"] == organ.tolerance_mm
+    assert said["sections_kept"] == len(organ.keys) == len(said["key_stations_mm"])
+    assert said["key_stations_mm"] == pytest.approx(organ.key_stations, abs=1e-4)
+    assert said["last_mm"] == pytest.approx(organ.axis[-1], abs=1e-4)
+    words = run("info", path).stdout
+    for part in ("version 2", "checksum right", "hollow", "mm RMS", "sections"):
+        assert part in words
+
+
+def test_info_refuses_what_is_no_organ_file(tmp_path: Path) -> None:
+    path = tmp_path / "duct.organ"
+    path.write_bytes(b"solid duct")
+    assert "not an organ file" in refused(("info", path))
