@@ -393,19 +393,30 @@ class ExactSolver:
         -------
         Equilibrium
             The equilibrium.
+
+        Raises
+        ------
+        BeyondLaw
+            If a section between those that the solution is found at gives way.
         """
         at = stations_on(self._span, stations)
         parts = at / self._span
         far = parts > 0.5 if self._half else np.zeros(at.shape, dtype=np.bool_)
         samples = np.zeros((kernels.SAMPLE_ROWS, at.size))
-        kernels.sample(
-            self._state,
-            self._law,
-            self._part,
-            self._bounds,
-            np.where(far, 1.0 - parts, parts),
-            samples,
-        )
+        try:
+            kernels.sample(
+                self._state,
+                self._law,
+                self._part,
+                self._bounds,
+                np.where(far, 1.0 - parts, parts),
+                samples,
+            )
+        except ZeroDivisionError:
+            # Between the points that the solution is found at, a section may bear no more strain.
+            raise self._no_equilibrium(
+                kernels.GIVES_WAY, f"deflection of {self.deflection:g} mm"
+            ) from None
         along: NDArray[np.float64] = samples[kernels.ALONG]
         side = np.where(far, -1.0, 1.0)
         areas, second_moments, fibre_distances, _ = _sections_at(self._beam, at)

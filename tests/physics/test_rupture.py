@@ -156,3 +156,12 @@ def test_a_slack_beam_has_a_highest_stress_although_rounding_squeezes_it(
     check = check_rupture(pulled, 0.2)
     assert check.distance_to_break == pytest.approx(1.0)
     assert not check.broken
+
+
+def test_a_break_is_found_where_a_section_gives_way_between_two_solved_ones() -> None:
+    """Of this thick rod, at deflections of many spans past the break."""
+    rod = Beam.round(span=50.8, diameter=10.16, modulus=10.3421)
+    threshold = 43.37024023882904
+    event = break_event(Exact(shear=True, law="neo-hooke"), rod, 37.47519041930161, threshold)
+    assert event is not None
+    assert event.check.total_stress == pytest.approx(threshold, rel=1e-6)
