@@ -52,8 +52,8 @@ class Organ:
     axis
         (S, 3) points of the axis, one for each section, mm.
     frames
-        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image, but for `turn`) and the
-        section's normal. All are right-handed or all are left-handed, see `handedness`.
+        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image) and the section's
+        normal. All are right-handed or all are left-handed, see `handedness`.
     keys
         (K,) which sections are key sections; the first is 0, the last S-1.
     outer
@@ -66,8 +66,6 @@ class Organ:
         Largest RMS distance of a section's edge points to the organ, mm.
     name
         What the organ is called.
-    turn
-        Angle from the images' right to x_dir, towards y_dir, rad.
     encoded
         Content of the organ's file, or nothing if the organ comes from none.
     """
@@ -80,7 +78,6 @@ class Organ:
     units: str = "mm"
     tolerance_mm: float = 0.0
     name: str = ""
-    turn: float = 0.0
     encoded: bytes = b""
 
     def __post_init__(self) -> None:

@@ -447,10 +447,11 @@ def _back_distances(encoded: EncodedOrgan) -> NDArray[np.float64]:
     count = len(encoded.outlines.outer)
     stations = np.linspace(0.0, organ.length, count)
     largest = np.zeros(count)
-    for wall, edges in (("outer", encoded.outlines.outer), ("lumen", encoded.outlines.lumen)):
-        if edges is None:
-            continue
-        corners = closed_outlines(organ.rows_at(stations, wall), _BACK_CORNERS)
+    walls = [(organ.rows_at(stations), encoded.outlines.outer)]
+    if encoded.outlines.lumen is not None:
+        walls.append((organ.rows_at(stations, "lumen"), encoded.outlines.lumen))
+    for rows, edges in walls:
+        corners = closed_outlines(rows, _BACK_CORNERS)
         for place in range(count):
             away = polygon_distances(corners[place], edges[place])
             largest[place] = max(largest[place], float(away.max()))

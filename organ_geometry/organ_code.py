@@ -12,7 +12,6 @@ from organ_geometry.organ import Organ
 from organ_geometry.section_signals import ASIDE, SIGNALS, WIDTH, signals_to_rows
 
 ROLLS = 256
-TURNS = 64
 TILTS = 64
 TILTED_PART = 0.25
 """Share of the length over which the sections turn from an end's plane to those across the axis."""
@@ -35,8 +34,6 @@ class OrganCode:
         What the lengths are called.
     left_handed
         Whether x_dir, y_dir and the way along the axis are a left-handed frame.
-    turn
-        Angle from the images' right to x_dir, in 1/64 of half a turn.
     tolerance
         Number of the tolerance, see `tolerance_of`.
     axis_scale
@@ -69,7 +66,6 @@ class OrganCode:
 
     units: str
     left_handed: bool
-    turn: int
     tolerance: int
     axis_scale: int
     along_steps: int
@@ -142,7 +138,6 @@ class OrganCode:
             units=self.units,
             tolerance_mm=tolerance,
             name=name,
-            turn=self.turn * math.pi / TURNS,
             encoded=encoded,
         )
 

@@ -21,7 +21,6 @@ from organ_geometry.organ_code import (
     LARGEST_KEY_DEPTH,
     ROLLS,
     TILTS,
-    TURNS,
     OrganCode,
     axis_and_frames,
     scale_number,
@@ -235,9 +234,8 @@ class _Encoder:
         self._finest_scale = scale_number(usual * _FINEST_STEP)
         self._axis_scale = scale_number(usual * AXIS_STEP)
         step = self._tolerance * scale_of(self._axis_scale)
-        self._axes = coded_axes(self._centroids, step, BIT_PRICE * (0.5 * step) ** 2)
+        self._axes = coded_axes(self._centroids, step, 2.0 * BIT_PRICE * (0.5 * step) ** 2)
         self._axis = self._axes[0]
-        self._turn = 0
         self._cut()
 
     def in_fewest_bytes(self) -> EncodedOrgan:
@@ -282,7 +280,7 @@ class _Encoder:
                 self._axis = axis
                 self._cut()
             organ, excess = self._with_all_candidates()
-            if organ is not None and excess < nearest:
+            if organ is not None and (best is None or excess < nearest):
                 nearest, best = excess, (axis, organ)
             if excess <= 1.0:
                 break
@@ -351,7 +349,6 @@ class _Encoder:
         return OrganCode(
             units=self._units,
             left_handed=self._left_handed,
-            turn=self._turn,
             tolerance=self._number,
             axis_scale=self._axis_scale,
             along_steps=ALONG_STEPS,
@@ -412,7 +409,7 @@ class _Encoder:
         right = np.array([contour.x_dir for contour in self._contours])
         local = np.einsum("si,sij->sj", right, frames[at])
         lean = math.atan2(float(local[:, 1].sum()), float(local[:, 0].sum()))
-        angle = (lean + self._turn * math.pi / TURNS) * (-1.0 if hand else 1.0)
+        angle = lean * (-1.0 if hand else 1.0)
         self._roll = round(angle * ROLLS / (2.0 * math.pi)) % ROLLS
         points, frames = axis_and_frames(
             keys, samples, start, self._roll, upright, left_handed=hand

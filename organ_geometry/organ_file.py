@@ -207,7 +207,6 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     hollow = numbers.plain(int(code.lumen is not None), 1)
     left_handed = numbers.plain(int(code.left_handed), 1)
     units = _pass_units(numbers, code.units)
-    turn = numbers.plain(int(code.turn > 0), 1) and numbers.plain(code.turn, 6)
     tolerance = numbers.plain(code.tolerance, 12)
     axis_scale = numbers.plain(code.axis_scale, 6)
     along_steps = numbers.plain(code.along_steps, 2)
@@ -233,7 +232,6 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     return OrganCode(
         units=units,
         left_handed=bool(left_handed),
-        turn=turn,
         tolerance=tolerance,
         axis_scale=axis_scale,
         along_steps=along_steps,
@@ -329,7 +327,6 @@ _WIDTH_BITS = 5
 _BLANK = OrganCode(
     units="mm",
     left_handed=False,
-    turn=0,
     tolerance=0,
     axis_scale=0,
     along_steps=0,

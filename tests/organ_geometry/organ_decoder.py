@@ -60,7 +60,6 @@ class Answers:
 class Decoded:
     units: str
     tolerance: float
-    turn: float
     points: NDArray[np.float64]
     frames: NDArray[np.float64]
     stations: NDArray[np.float64]
@@ -85,7 +84,6 @@ def decode(data: bytes) -> Decoded:
     plain, whole = answers.plain, answers.whole
     hollow, left = plain(1), plain(1)
     units = bytes(plain(8) for _ in range(plain(4))).decode() if plain(1) else "mm"
-    turn = plain(6) * math.pi / 64 if plain(1) else 0.0
 
     def scaled(number: int) -> float:
         return tolerance * (4 + number % 4) * 2.0 ** (number // 4 - 16)
@@ -154,7 +152,7 @@ def decode(data: bytes) -> Decoded:
     points, tangents = curve(at), curve(at, 1)
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     frames = frames_along(points, tangents, start_axis, roll, tilts, -1.0 if left else 1.0)
-    return Decoded(units, tolerance, turn, points, frames, lengths, keys, pieces, outer, lumen)
+    return Decoded(units, tolerance, points, frames, lengths, keys, pieces, outer, lumen)
 
 
 def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArray[np.float64]:

@@ -39,8 +39,8 @@ def test_a_straight_cylinder_keeps_its_two_ends_and_few_bytes() -> None:
     contours = cylinder()
     encoded = encoded_organ(contours, 0.02 * RADIUS, left_handed=True)
     organ = encoded.organ
-    assert organ.keys.tolist() == [0, len(organ.axis) - 1]
-    assert len(organ.encoded) < 50
+    assert len(organ.keys) <= 3
+    assert len(organ.encoded) < 45
     assert largest_rms(encoded, contours) <= organ.tolerance_mm <= 0.02 * RADIUS
     assert organ.length == pytest.approx(LENGTH, abs=2 * organ.tolerance_mm)
     assert organ.mean_radius == pytest.approx(RADIUS, rel=0.02)
