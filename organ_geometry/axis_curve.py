@@ -105,7 +105,7 @@ def refinement(depth: int) -> NDArray[np.float64]:
         finer = np.zeros((count, count))
         coarse = np.zeros((len(values), count))
         coarse[:, ::2] = values
-        middles = np.arange(1, count, 2)
+        middles = np.arange(1, count, 2, dtype=np.intp)
         finer[::2] = coarse
         finer[middles] = natural_cubic(middles / (count - 1), len(values)) @ coarse
         finer[middles, middles] += 1.0
@@ -156,7 +156,8 @@ def even_axis(
     steps = np.diff(fine, axis=0)
     lengths = np.zeros(len(fine))
     np.cumsum(np.sqrt((steps * steps).sum(axis=1)), out=lengths[1:])
-    wanted = np.interp(np.linspace(0.0, lengths[-1], intervals + 1), lengths, places)
+    even = np.linspace(0.0, float(lengths[-1]), intervals + 1)
+    wanted = np.asarray(np.interp(even, lengths, places), dtype=np.float64)
     points = natural_cubic(wanted, len(keys)) @ keys
     tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
     sizes = np.sqrt((tangents * tangents).sum(axis=1, keepdims=True))

@@ -76,18 +76,20 @@ def _coded(
 ) -> tuple[CodedAxis, float]:
     """Return the axis of a number of keys, and what its error and its bits cost."""
     keys, places = _fitted(targets, count)
-    first = np.round(keys[0] / step).astype(np.int64)
-    chord = np.round(keys[-1] / step).astype(np.int64) - first
+    first = np.asarray(np.round(keys[0] / step), dtype=np.int64)
+    chord = np.asarray(np.round(keys[-1] / step), dtype=np.int64) - first
     if not chord.any():
         chord[int(np.abs(keys[-1] - keys[0]).argmax())] = 1
     ends = np.stack([first, chord])
-    frame = chord_frame(chord * step)
+    frame = chord_frame(np.asarray(chord * step, dtype=np.float64))
     unit = np.array([math.ldexp(step, ALONG_STEPS), step, step])
     weights = natural_cubic(places, count)
     tangents = (natural_cubic_slopes(places, count) @ keys) @ frame.T
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     across = np.eye(3) - tangents[:, :, np.newaxis] * tangents[:, np.newaxis, :]
-    straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord * step + first * step
+    straight = np.asarray(
+        np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord * step + first * step, dtype=np.float64
+    )
     wanted = np.einsum("sij,sj->si", across, (targets - weights @ straight) @ frame.T).ravel()
     depth = (count - 1).bit_length() - 1
     levels = key_levels(depth)

@@ -140,7 +140,7 @@ class ContourLoft:
         crossed = (heights[:-1] <= 0.0) & (heights[1:] > 0.0)
         away = np.abs(np.arange(len(crossed))[:, np.newaxis] + 0.5 - near)
         place = np.where(crossed, away, np.inf).argmin(axis=0)
-        lines = np.arange(self.rings.shape[1])
+        lines = np.arange(self.rings.shape[1], dtype=np.intp)
         missed = ~crossed[place, lines]
         if missed.any():
             place[missed] = np.minimum(
@@ -171,7 +171,7 @@ def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     steps = np.diff(closed, axis=0)
     lengths = np.zeros(len(closed))
     np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=lengths[1:])
-    wanted = np.arange(count) * (float(lengths[-1]) / count)
+    wanted = np.arange(count, dtype=np.float64) * (float(lengths[-1]) / count)
     return np.stack([np.interp(wanted, lengths, column) for column in closed.T], axis=1)
 
 

@@ -274,7 +274,7 @@ def axis_keys(
     steps = np.array([math.ldexp(step, along_steps), step, step])
     straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord + first
     depth = (count - 1).bit_length() - 1
-    return straight + (refinement(depth) @ (bends * steps)) @ frame
+    return np.asarray(straight + (refinement(depth) @ (bends * steps)) @ frame, dtype=np.float64)
 
 
 def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -303,7 +303,7 @@ def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
     unit = np.eye(3)[int(np.abs(chord).argmin())]
     across = unit - float(unit @ along) * along
     across = across / math.sqrt(float(across @ across))
-    return np.stack([along, across, np.cross(along, across)])
+    return np.asarray(np.stack([along, across, np.cross(along, across)]), dtype=np.float64)
 
 
 def axis_and_frames(
@@ -337,7 +337,7 @@ def axis_and_frames(
     tuple[NDArray[np.float64], NDArray[np.float64]]
         (N + 1, 3) points, mm, and (N + 1, 3, 3) frames, columns x_dir, y_dir and normal.
     """
-    points, tangents = even_axis(keys, pieces)
+    points, tangents = even_axis(np.asarray(keys, dtype=np.float64), pieces)
     unit = np.eye(3)[start_axis]
     across = unit - float(unit @ tangents[0]) * tangents[0]
     across = across / max(math.sqrt(float(across @ across)), np.finfo(np.float64).tiny)

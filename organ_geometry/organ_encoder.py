@@ -47,6 +47,7 @@ _ROUGHLY = 1.1
 _FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
 _FINER_CANDIDATES = 2
 _WEIGHTINGS = 4
+_VARIANTS = ((0, 2.0), (2, 2.0), (2, 4.0), (4, 4.0))
 _AXES = 4
 _HEAVIEST = 1.6
 # An end section leans out of the axis by up to 1 in 1/4.
@@ -193,6 +194,10 @@ def _thinned(points: NDArray[np.float64], most: int | None) -> NDArray[np.float6
     return points if most is None else points[:: max(1, len(points) // most)]
 
 
+def _size(encoded: EncodedOrgan) -> int:
+    return len(encoded.organ.encoded)
+
+
 class _Encoder:
     """One organ's contours, cut across its axis and coded in steps of several sizes."""
 
@@ -235,7 +240,7 @@ class _Encoder:
         self._axis_scale = scale_number(usual * AXIS_STEP)
         step = self._tolerance * scale_of(self._axis_scale)
         self._axes = coded_axes(self._centroids, step, 2.0 * BIT_PRICE * (0.5 * step) ** 2)
-        self._axis = self._axes[0]
+        self._axis: CodedAxis = self._axes[0]
         self._cut()
 
     def in_fewest_bytes(self) -> EncodedOrgan:
@@ -250,15 +255,19 @@ class _Encoder:
                 coarse = middle
             else:
                 fine = middle
-                if len(organ.organ.encoded) < len(best.organ.encoded):
-                    best = organ
+                best = min(best, organ, key=_size)
+        # Finer steps that leave out more may take fewer bytes, and so may dearer bits.
+        for finer, dearer in _VARIANTS:
+            organ = self._kept(max(fine - finer, self._finest_scale), dearer)
+            if organ is not None:
+                best = min(best, organ, key=_size)
         return best
 
-    def _kept(self, scale: int) -> EncodedOrgan | None:
+    def _kept(self, scale: int, dearer: float = 1.0) -> EncodedOrgan | None:
         """Return an organ in steps of a size that keeps the tolerance, or None."""
         weights = self._weights
         for _ in range(_WEIGHTINGS):
-            organ = self._organ(scale, weights=weights)
+            organ = self._organ(scale, weights=weights, dearer=dearer)
             if organ is None:
                 return None
             excess = self._excess(organ)
@@ -305,7 +314,9 @@ class _Encoder:
 
     def _with_all_candidates(self) -> tuple[EncodedOrgan | None, float]:
         """Return the organ with all candidates as key sections, and its largest excess."""
-        organ = self._organ(self._finest_scale, np.arange(self._candidates + 1), exact=True)
+        organ = self._organ(
+            self._finest_scale, np.arange(self._candidates + 1, dtype=np.intp), exact=True
+        )
         return organ, math.inf if organ is None else float(self._excess(organ).max())
 
     def by_the_thesis(self) -> EncodedOrgan:
@@ -330,10 +341,11 @@ class _Encoder:
         *,
         exact: bool = False,
         weights: NDArray[np.float64] | None = None,
+        dearer: float = 1.0,
     ) -> EncodedOrgan | None:
         """Return the organ in steps of a size, decoded from its file's content, or None."""
         step = self._tolerance * scale_of(scale)
-        price = 0.0 if exact else BIT_PRICE * step * step
+        price = 0.0 if exact else dearer * BIT_PRICE * step * step
         sections = self._encoder.coded(
             step, price, self._weights if weights is None else weights, keys
         )
@@ -405,7 +417,7 @@ class _Encoder:
         start = self._start_axis
         points, frames = axis_and_frames(keys, samples, start, 0, upright, left_handed=hand)
         self._places = _places(self._centroids, points, frames[:, :, 2])
-        at = np.round(self._places * samples).astype(np.intp)
+        at = np.asarray(np.round(self._places * samples), dtype=np.intp)
         right = np.array([contour.x_dir for contour in self._contours])
         local = np.einsum("si,sij->sj", right, frames[at])
         lean = math.atan2(float(local[:, 1].sum()), float(local[:, 0].sum()))

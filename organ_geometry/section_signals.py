@@ -118,7 +118,7 @@ def fitted_signals(
         # A section with few points on a half stays determined.
         trace = np.einsum("sii->s", system)[:, np.newaxis, np.newaxis]
         system = system + (1e-9 * trace + np.finfo(np.float64).tiny) * np.eye(COEFFICIENTS)
-        sums = (weighted * y[:, :, np.newaxis]).sum(axis=1)
+        sums = np.asarray((weighted * y[:, :, np.newaxis]).sum(axis=1), dtype=np.float64)
         fits.append(np.linalg.solve(system, sums[:, :, np.newaxis])[:, :, 0])
     signals = np.empty((len(outlines), SIGNALS))
     signals[:, :2] = spans
@@ -155,6 +155,6 @@ def _bottom_half(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
     area = (x * after[:, :, 1] - y * after[:, :, 0]).sum(axis=1)
     count = x.shape[1]
     left, right = x.argmin(axis=1)[:, np.newaxis], x.argmax(axis=1)[:, np.newaxis]
-    onwards = (np.arange(count) - left) % count <= (right - left) % count
+    onwards = (np.arange(count, dtype=np.intp) - left) % count <= (right - left) % count
     # The sense of positive area goes from left to right on the side of smaller y.
     return onwards != (area >= 0.0)[:, np.newaxis]

