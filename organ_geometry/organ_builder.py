@@ -30,7 +30,7 @@ from organ_geometry.organ_encoder import (
     root_mean_squares,
     section_distances,
 )
-from organ_geometry.organ_tracing import TracedSection, trace_organ
+from organ_geometry.organ_tracing import TracedSection, slice_ranges, trace_organ
 
 Progress = Callable[[int, int], None]
 
@@ -43,6 +43,7 @@ _RAISES = 3
 
 # What a report warns of.
 LONG_AXIS = 1.5
+FAR_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,7 +262,7 @@ def build_organ(
         polarity=edges.polarity,
         tolerance_mm=found.organ.tolerance_mm,
         seconds=time.perf_counter() - started,
-        warnings=tuple(_warnings(stack, found.organ, traced, wanted_mm)),
+        warnings=tuple(_warnings(stack, found.organ, traced, sections, wanted_mm)),
         notes=edges.notes,
         contours=tuple(contours),
     )
@@ -462,9 +463,16 @@ def _warnings(
     stack: ImageStack,
     organ: Organ,
     traced: list[_Traced],
+    sections: tuple[SectionReport, ...],
     wanted_mm: float,
 ) -> Iterator[str]:
     """Yield what the organ's user should know."""
+    far = [one.index for one in sections if one.max_mm > FAR_SHARE * organ.mean_radius]
+    if far:
+        yield (
+            f"the organ is more than {FAR_SHARE:g} of its mean radius from its edge near "
+            f"{slice_ranges(far)}: sections cross there, or are not single-valued"
+        )
     found = len(traced)
     lumens = sum(section.lumen is not None for section in traced)
     if lumens and not organ.hollow:

@@ -28,6 +28,11 @@ SKEW = slice(2 + COEFFICIENTS, SIGNALS)
 
 CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 """Coefficients of the half-circle of half width a = 1, by the weighted fit."""
+_LEVEL = np.eye(COEFFICIENTS)[0]
+_ROUNDNESS = (1e-4, 1e-2, 1.0)
+"""Share of an outline's weight with which a half is held to be round: more where that leaves it."""
+_LEAVES = 1.5
+"""How far from its middle a half-curve may go, in half the outline's height."""
 
 
 def _second_kind_to_first() -> NDArray[np.float64]:
@@ -112,14 +117,28 @@ def fitted_signals(
     basis = second_kind(np.clip(u, -1.02, 1.02))
     bottom = _bottom_half(outlines)
     fits: list[NDArray[np.float64]] = []
-    for half in (bottom, ~bottom):
+    low, high = y.min(axis=1), y.max(axis=1)
+    middles, reach = 0.5 * (low + high), _LEAVES * 0.5 * (high - low)
+    for half, sign in ((bottom, 1.0), (~bottom, -1.0)):
         weighted = basis * (weights * half)[:, :, np.newaxis]
         system = weighted.transpose(0, 2, 1) @ basis
-        # A section with few points on a half stays determined.
-        trace = np.einsum("sii->s", system)[:, np.newaxis, np.newaxis]
-        system = system + (1e-9 * trace + np.finfo(np.float64).tiny) * np.eye(COEFFICIENTS)
         sums = np.asarray((weighted * y[:, :, np.newaxis]).sum(axis=1), dtype=np.float64)
-        fits.append(np.linalg.solve(system, sums[:, :, np.newaxis])[:, :, 0])
+        trace = np.einsum("sii->s", system)[:, np.newaxis] + np.finfo(np.float64).tiny
+        # Where an outline has no points, as of sections that cross, the half is round.
+        round_half = sign * spans[:, :1] * CIRCLE + middles[:, np.newaxis] * _LEVEL
+        fit = np.zeros((len(outlines), COEFFICIENTS))
+        left = np.arange(len(outlines), dtype=np.intp)
+        for share in _ROUNDNESS:
+            held = share * trace[left]
+            fit[left] = np.linalg.solve(
+                system[left] + held[:, :, np.newaxis] * np.eye(COEFFICIENTS),
+                (sums[left] + held * round_half[left])[:, :, np.newaxis],
+            )[:, :, 0]
+            away = np.abs(fit[left] @ _SPREAD.T - middles[left, np.newaxis]).max(axis=1)
+            left = left[away > reach[left]]
+            if not left.size:
+                break
+        fits.append(fit)
     signals = np.empty((len(outlines), SIGNALS))
     signals[:, :2] = spans
     signals[:, SYMMETRIC] = 0.5 * (fits[0] - fits[1]) - spans[:, :1] * CIRCLE
@@ -146,6 +165,9 @@ def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
     for order in range(2, COEFFICIENTS):
         values[..., order] = 2.0 * u * values[..., order - 1] - values[..., order - 2]
     return values
+
+
+_SPREAD = second_kind(np.linspace(-1.0, 1.0, 33))
 
 
 def _bottom_half(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
