@@ -172,7 +172,10 @@ def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     lengths = np.zeros(len(closed))
     np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=lengths[1:])
     wanted = np.arange(count, dtype=np.float64) * (float(lengths[-1]) / count)
-    return np.stack([np.interp(wanted, lengths, column) for column in closed.T], axis=1)
+    columns: list[NDArray[np.float64]] = [
+        np.interp(wanted, lengths, closed[:, axis]) for axis in range(closed.shape[1])
+    ]
+    return np.stack(columns, axis=1)
 
 
 def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

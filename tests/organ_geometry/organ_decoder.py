@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+# The library's own stubs leave its submodules out.
+STREAM: Any = vars(constriction)["stream"]
 HALF_CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 
 
@@ -26,16 +28,16 @@ class Answers:
     def __init__(self, packed: bytes) -> None:
         words = packed + bytes(-len(packed) % 4) + bytes(16)
         numbers = [int.from_bytes(words[i : i + 4], "big") for i in range(0, len(words), 4)]
-        self.coder = constriction.stream.queue.RangeDecoder(np.array(numbers, dtype=np.uint32))
+        self.coder = STREAM.queue.RangeDecoder(np.array(numbers, dtype=np.uint32))
         self.counts: dict[Any, list[int]] = {}
 
     def even(self) -> int:
-        return int(self.coder.decode(constriction.stream.model.Bernoulli(0.5, perfect=False)))
+        return int(self.coder.decode(STREAM.model.Bernoulli(0.5, perfect=False)))
 
     def ask(self, context: Any) -> int:
         counts = self.counts.setdefault(context, [2, 2])
         odds = counts[1] / (counts[0] + counts[1])
-        answer = int(self.coder.decode(constriction.stream.model.Bernoulli(odds, perfect=False)))
+        answer = int(self.coder.decode(STREAM.model.Bernoulli(odds, perfect=False)))
         counts[answer] += 5
         return answer
 

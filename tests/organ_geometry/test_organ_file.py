@@ -95,6 +95,7 @@ def test_a_reader_made_from_the_document_alone_gives_the_same_organ(
     assert (other.units, other.tolerance) == (organ.units, organ.tolerance_mm)
     if hollow:
         assert other.lumen is not None
+        assert organ.lumen is not None
         np.testing.assert_allclose(signals_to_rows(other.lumen), organ.lumen, atol=ROUNDING)
     # The two curves at a key section, by the definition of the polynomials.
     u = np.linspace(-0.99, 0.99, 9)
