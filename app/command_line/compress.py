@@ -36,9 +36,12 @@ def compress(
         ),
     ],
     output: Annotated[
-        Path,
+        str,
         typer.Option(
-            "--output", "-o", help="The .organ file to write; for several stacks, a folder."
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="The .organ file to write; for several stacks, a folder.",
         ),
     ],
     pixel_size: Annotated[
@@ -181,17 +184,18 @@ def compress(
     when: Any = chosen("--recut", recut, ("auto", "always", "never"))
     if tolerance_mm is not None and tolerance_px is not None:
         raise ValueError("give either --tolerance-mm or --tolerance-px")
-    if len(stacks) > 1 or output.is_dir():
+    target = Path(output)
+    if len(stacks) > 1 or target.is_dir() or output.endswith("/"):
         from app.compression.stack_job import jobs_into
 
         jobs = jobs_into(
-            output, stacks, figures=figure, recut=when, reading=reading, building=building
+            target, stacks, figures=figure, recut=when, reading=reading, building=building
         )
-        _compress_many(jobs, output, figure, every=sections, as_json=as_json)
+        _compress_many(jobs, target, figure, every=sections, as_json=as_json)
     else:
         from app.compression.stack_job import StackJob
 
-        job = StackJob(stacks[0], output, figure, when, reading, building)
+        job = StackJob(stacks[0], target, figure, when, reading, building)
         _compress_one(job, every=sections, as_json=as_json)
 
 

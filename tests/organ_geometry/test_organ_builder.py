@@ -256,7 +256,7 @@ def test_a_jumping_organ_is_warned_of(cover: Cover, write_stack: WriteStack) -> 
     far, raised, *_ = build_organ(read_image_stack(write_stack(images, SPACING))).warnings
     assert far.startswith("the organ is more than 0.5 of its mean radius from its edge")
     assert raised.startswith("the tolerance was raised from 0.05 to")
-    assert "what was found jumps from section to section" in warning
+    assert "what was found jumps from section to section" in raised
 
 
 def test_units_that_are_not_mm_are_warned_of(cover: Cover, write_stack: WriteStack) -> None:
