@@ -36,7 +36,7 @@ class Ghost:
             skin.faces[: skin.outer_faces].astype(np.uint32),
             color=GHOST_COLOR,
             opacity=0.3,
-            side="front",
+            side="back",  # what is inside the duct, or at its wall, would flicker through it
             cast_shadow=False,
             receive_shadow=False,
             visible=False,

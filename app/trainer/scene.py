@@ -67,6 +67,17 @@ class Scene:
             keep_finish(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
 
+    def watch(self, session: Session) -> None:
+        """Show another session of the same organ from the next `draw` on.
+
+        Parameters
+        ----------
+        session
+            The session.
+        """
+        if session is not self._session:
+            self._session, self._shape = session, -1
+
     @property
     def heat_wanted(self) -> bool:
         """Whether `draw` has use for the stress on the surfaces."""
