@@ -8,7 +8,7 @@ from threading import Lock
 
 from app.simulation.session import Session
 
-__all__ = ["Sessions", "SessionsFullError"]
+__all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
 
 KEPT_SECONDS = 600.0
 """How long a session waits for its page to come back."""

@@ -15,7 +15,7 @@ from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
-from app.simulation.sessions import Sessions, SessionsFullError
+from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
 from app.trainer.client_view import ClientView
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
@@ -59,6 +59,8 @@ class Trainer:
         Port to serve; 0 takes a free one.
     look
         "plain" for slow machines.
+    most_clients
+        How many can train at once.
 
     Raises
     ------
@@ -73,13 +75,14 @@ class Trainer:
         host: str = "127.0.0.1",
         port: int,
         look: Look = "full",
+        most_clients: int = MOST_SESSIONS,
     ) -> None:
         self._organ, self._host = organ, host
         self._look: Look = look
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
-        self._kept = Sessions(lambda: Session(organ))
+        self._kept = Sessions(lambda: Session(organ), most=most_clients)
         self._background = Background()
         # A client that leaves while it is being drawn is nobody's mistake.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)

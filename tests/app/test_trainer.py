@@ -95,7 +95,10 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         expect(tab.page.get_by_role("button", name="Reset")).to_be_enabled()
         expect(tab.page.get_by_role("textbox").filter(visible=True)).to_have_count(0)
         gap = _gap_when_settled(tab)
-        assert gap > 2.0  # mm between the two pieces
+        first, second = newest(trainer).surfaces
+        between = float(second.vertices[:, 0].min() - first.vertices[:, 0].max())
+        assert gap == pytest.approx(between, abs=SINGLE_PRECISION)
+        assert gap > 1.0  # mm between the longest of what is frayed
 
         tab.page.get_by_role("button", name="Reset").click()
         tab.wait_for_phase("intact")
@@ -110,10 +113,11 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
 
 def _gap_when_settled(tab: TrainerPage) -> float:
     """Distance between the pieces along the duct once they have stopped swinging, mm."""
-    last = None
+    last, still = None, 0
     for _ in range(60):
         first, second = tab.vertices("first_piece"), tab.vertices("second_piece")
-        if last is not None and np.array_equal(last, first):
+        still = still + 1 if last is not None and np.array_equal(last, first) else 0
+        if still == 3:  # a busy machine may not draw for a moment
             return float(second[:, 0].min() - first[:, 0].max())
         last = first
         time.sleep(0.5)
@@ -234,7 +238,7 @@ def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
         tab.slide("Force F (N)", 2.0)
         tab.wait_for_force(2.0)
         tab.page.wait_for_timeout(500)
-        deflections, theory, pulled, level = tab.page.evaluate(
+        deflections, theory, pulled, level, *_ = tab.page.evaluate(
             "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
             ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
         )

@@ -24,8 +24,9 @@ _TELLING = (
     "By hand both have one deflection and differ in force; by the slider it is the other way round."
 )
 _CHAIN = (
-    "The <b>chain</b> is what games and many simulators use: masses and springs, which swing and "
-    "sag. It hangs before the duct, with its masses made larger so that its swing can be seen."
+    "The <b>chain</b> is what games and many simulators use: masses and springs, which "
+    "overshoot and swing before they settle. It hangs before the duct, slowed so that its swing "
+    "can be seen."
 )
 
 
@@ -180,7 +181,7 @@ def _ghost_html(reading: Reading, ghost: GhostReading, label: str) -> str:
 def _percent(own: float, difference: float) -> str:
     if abs(own) < 1e-9:
         return ""
-    return f" <span style='opacity:.7'>({100.0 * difference / own:+.0f} %)</span>"
+    return f" <span class='bd-wide' style='opacity:.7'>({100.0 * difference / own:+.0f} %)</span>"
 
 
 def _label(theory: Theory) -> str:

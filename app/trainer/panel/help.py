@@ -33,8 +33,8 @@ to look around, scroll to come nearer.
 **What is computed.** The duct is one beam between two clamps. It tears where normal stress +
 bending stress > threshold T. How the torn ends gape and swing is drawn, not computed.
 
-**Words** with dots under them, and measures with ⓘ, explain themselves: rest the mouse on them,
-or click.
+**Words** with dots under them, and measures with a question mark, explain themselves: rest the
+mouse on them, or click.
 
 **Keys**
 

@@ -136,7 +136,7 @@ def measures_html(measures: Measures) -> str:
             f" + {figure(KPA_PER_MPA * tear.bending_stress_MPa)} = {figure(total)} kPa &gt; "
             f"{figure(KPA_PER_MPA * tear.threshold_MPa)} kPa.</div>"
         )
-    return f"<div data-testid='measures'>{''.join(rows)}</div>"
+    return f"<div data-testid='measures' style='padding-bottom:10px'>{''.join(rows)}</div>"
 
 
 def _row(
@@ -149,7 +149,8 @@ def _row(
         f" title='{meaning}' style='padding:3px 12px;font-size:13px;"
         "border-bottom:1px solid rgba(255,255,255,.06)'>"
         "<summary style='display:flex;justify-content:space-between;cursor:help;list-style:none'>"
-        f"<span>{name} <span style='opacity:.45'>&#9432;</span></span>"
+        f"<span>{name} <span style='opacity:.5;border:1px solid;border-radius:9px;"
+        "padding:0 4px;font-size:9px'>?</span></span>"
         "<span style='font-variant-numeric:tabular-nums;white-space:nowrap'>"
         f"<b>{figure(value)}</b> "
         f"<span style='opacity:.7;display:inline-block;min-width:26px'>{unit}</span></span>"

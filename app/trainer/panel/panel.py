@@ -58,6 +58,10 @@ class Panel:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         self._readout = gui.add_html("")
+        gui.add_html(
+            f"{_NARROW_STYLE}<div data-testid='disclaimer' style='padding:0 14px 6px;"
+            f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
+        )
         self._legend = HeatLegend(gui)
         # A new tab is a module of its own, and a line here and in `show`.
         tabs = gui.add_tab_group()
@@ -71,10 +75,6 @@ class Panel:
             self._replay = ReplayTab(gui, workplace)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, workplace)
-        gui.add_html(
-            f"{_NARROW_STYLE}<div data-testid='disclaimer' style='padding:4px 14px 10px;"
-            f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
-        )
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, lambda: show_help(workplace.client))
         on_click(self._exercises.result, self._show_last)

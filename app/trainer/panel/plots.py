@@ -160,7 +160,7 @@ def add_series_plots(
     second = gui.add_uplot(
         (time, distance),
         (uplot.Series(label="time, s"), line("distance to break, %", "#f2b134", 2.0)),
-        scales={"x": x, "y": uplot.Scale(range=(0.0, 100.0))},
+        scales={"x": x, "y": uplot.Scale(range=(0.0, 108.0))},
         axes=axes("time (s)", "to break (%)"),
         legend=uplot.Legend(show=False),
         aspect=2.3,

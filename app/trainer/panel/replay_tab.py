@@ -38,12 +38,16 @@ class ReplayTab:
             "Leave the replay", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False
         )
         self._this = gui.add_button("Replay this run", icon=viser.Icon.PLAYER_PLAY)
-        self._open = gui.add_upload_button(
-            "Open a run file",
-            icon=viser.Icon.UPLOAD,
-            mime_type="application/json",
-            hint="A run.json that was downloaded here, of the same organ",
-        )
+        # In a folder: viser shows an upload button whether it is visible or not.
+        self._upload = gui.add_folder(None)
+        with self._upload:
+            self._open = gui.add_upload_button(
+                "Open a run file",
+                icon=viser.Icon.UPLOAD,
+                color="gray",
+                mime_type="application/json",
+                hint="A run.json that was downloaded here, of the same organ",
+            )
         self._json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
         self._told = gui.add_html(note(_TELLING))
@@ -85,7 +89,7 @@ class ReplayTab:
             (self._play, there),
             (self._leave, there),
             (self._this, not there),
-            (self._open, not there and not workplace.in_exercise),
+            (self._upload, not there and not workplace.in_exercise),
             (self._json, not there),
             (self._csv, not there),
         ):

@@ -1,13 +1,14 @@
 """The result page: how a run has ended, its measures, its plots, and what can be done with it."""
 
 from collections.abc import Callable
+from typing import Literal
 
 import viser
 
 from app.simulation.exercise import HoldStretch
 from app.simulation.replay import Replay, Series, series_csv
 from app.simulation.run_log import RunFile, run_json
-from app.trainer.panel.controls import heading, on_click
+from app.trainer.panel.controls import on_click
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.workplace import Workplace
@@ -65,50 +66,48 @@ class ResultPage:
         replay: Callable[[], object],
     ) -> None:
         gui, client = workplace.client.gui, workplace.client
+        self._gui = gui
         series = _series(run, workplace)
         exercise = run.log.exercise
         title = "Free pull" if exercise is None else exercise.title
         self._open = True
         self._modal = gui.add_modal("Result")
         with self._modal:
-            gui.add_html(outcome_html(run.outcome, title) + measures_html(run.measures))
-            gui.add_html(heading("Over time"))
-            limit = exercise.force_limit_N if isinstance(exercise, HoldStretch) else None
-            add_series_plots(gui, series, force_line=limit)
-            buttons: list[tuple[str, viser.IconName, Callable[[], object], str]] = [
-                ("Watch it again", viser.Icon.PLAYER_PLAY, replay, "gray"),
-                (
-                    "Download CSV",
-                    viser.Icon.TABLE_EXPORT,
-                    lambda: client.send_file_download(
-                        "run.csv", series_csv(series).encode(), save_immediately=True
-                    ),
-                    "gray",
-                ),
-                (
-                    "Download JSON",
-                    viser.Icon.DOWNLOAD,
-                    lambda: client.send_file_download(
-                        "run.json", run_json(run), save_immediately=True
-                    ),
-                    "gray",
-                ),
-            ]
+            gui.add_html(outcome_html(run.outcome, title))
+            tabs = gui.add_tab_group()
+            with tabs.add_tab("Measures"):
+                gui.add_html(measures_html(run.measures))
+            with tabs.add_tab("Over time"):
+                limit = exercise.force_limit_N if isinstance(exercise, HoldStretch) else None
+                add_series_plots(gui, series, force_line=limit)
             if again is not None:
-                buttons.append(("Try again", viser.Icon.REFRESH, again, "teal"))
-            for label, icon, action, colour in buttons:
-                button = gui.add_button(label, icon=icon, color=colour)  # pyright: ignore[reportArgumentType]
-                closes = not label.startswith("Download")
-                on_click(button, lambda action=action, closes=closes: self._do(action, closes))
-            on_click(gui.add_button("Close", icon=viser.Icon.X, color="gray"), self.close)
+                self._closing("Try again", viser.Icon.REFRESH, again, "teal")
+            self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)
+            csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+            json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
+            self._closing("Close", viser.Icon.X, lambda: None)
+        send = client.send_file_download
+        on_click(csv, lambda: send("run.csv", series_csv(series).encode(), save_immediately=True))
+        on_click(json, lambda: send("run.json", run_json(run), save_immediately=True))
+
+    def _closing(
+        self,
+        label: str,
+        icon: viser.IconName,
+        action: Callable[[], object],
+        color: Literal["gray", "teal"] = "gray",
+    ) -> None:
+        """Add a button that closes the page, and then does something."""
+        button = self._gui.add_button(label, icon=icon, color=color)
+
+        def press() -> None:
+            self.close()
+            action()
+
+        on_click(button, press)
 
     def close(self) -> None:
         """Close the page."""
         if self._open:
             self._open = False
             self._modal.close()
-
-    def _do(self, action: Callable[[], object], closes: bool) -> None:
-        if closes:
-            self.close()
-        action()
