@@ -2,7 +2,6 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
@@ -36,6 +35,8 @@ class Aids:
         self._ghost: Ghost | None = None
         self._chain: Chain | None = None
         self._nodes = np.zeros((0, 3))
+        # Of the organ at the clamps, found once: a look at its sections takes milliseconds.
+        self._radius, self._first = 0.0, np.zeros(3)
 
     def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
         """Draw what is wanted as it is now.
@@ -56,6 +57,9 @@ class Aids:
             if dissection is not self._dissection:
                 self._remove()
                 self._dissection = dissection
+                organ = dissection.organ
+                self._radius = organ.mean_radius
+                self._first = organ.axis_at(np.array(dissection.clamps[:1]))[0]
             self._draw_arrow(dissection, reading, figures and whole)
             self._draw_overlay(session, overlay and whole)
             self._draw_ghost(session, figures)
@@ -73,8 +77,8 @@ class Aids:
         if wanted:
             event = reading.breaks_at
             up = dissection.frame[:, 2]
-            foot = _first(dissection) + dissection.frame @ np.array(reading.hook)
-            foot += ARROW_FOOT * dissection.organ.mean_radius * up
+            foot = self._first + dissection.frame @ np.array(reading.hook)
+            foot += ARROW_FOOT * self._radius * up
             at_break = reading.force if event is None else event.force
             arrow.show(foot, reading.force * up, at_break=at_break)
 
@@ -111,9 +115,9 @@ class Aids:
             self._chain.visible = chain is not None
         if chain is not None:
             dissection = session.dissection
-            aside = CHAIN_ASIDE * dissection.organ.mean_radius * dissection.frame[:, 1]
+            aside = CHAIN_ASIDE * self._radius * dissection.frame[:, 1]
             np.matmul(chain.places, dissection.frame.T, out=self._nodes)
-            self._nodes += _first(dissection) - aside
+            self._nodes += self._first - aside
             self._chain.show(self._nodes)
 
     def _remove(self) -> None:
@@ -121,8 +125,3 @@ class Aids:
             if aid is not None:
                 aid.remove()
         self._arrow = self._overlay = self._ghost = self._chain = None
-
-
-def _first(dissection: Dissection) -> NDArray[np.float64]:
-    """Return the first clamp's place on the axis, mm."""
-    return dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]

@@ -112,12 +112,15 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         expect(legend).to_contain_text("breaks at 211 kPa")
         wait_until(tab, lambda: seen(tab, "skin_stress") and not seen(tab, "skin"))
 
-        keyboard.press("t")
-        wait_until(tab, lambda: session.reading().force > 1.0)
+        tab.slide("Force F (N)", 3.0)
+        tab.wait_for_force(3.0)
+        tab.open("Train")  # out of the number field, where keys are figures
         keyboard.press("p")
         wait_until(tab, lambda: view.workplace.paused)
         expect(tab.readout).to_contain_text("Paused")
+        tab.slide("Force F (N)", 1.0)
         held = session.reading()
+        assert held.force == 3.0
         assert held.phase is Phase.INTACT
         shares = [stress.copy() for stress in view._shares(session)]
         wanted = session.stress(np.empty_like(shares[0])) / session.threshold
@@ -127,11 +130,12 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         assert session.reading() == held
 
         tab.open("Model")
-        tab.slide("Threshold (kPa)", 300.0)
-        tab.open("Train")  # out of the number field, where keys are figures
+        tab.slide("Threshold (kPa)", 250.0)
+        tab.open("Train")
         keyboard.press("p")
-        tab.page.locator("[data-testid=heat-legend][data-threshold-kpa='300']").wait_for()
-        tab.page.locator("[data-testid=readout][data-threshold-kpa='300']").wait_for()
+        tab.wait_for_force(1.0)
+        tab.page.locator("[data-testid=heat-legend][data-threshold-kpa='250']").wait_for()
+        tab.page.locator("[data-testid=readout][data-threshold-kpa='250']").wait_for()
         keyboard.press("t")  # to the tear that is farther off now
         tab.wait_for_phase("torn")
         wait_until(tab, lambda: seen(tab, "first_piece_stress"))
