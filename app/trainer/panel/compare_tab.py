@@ -1,5 +1,7 @@
 """Compare: the theory that is pulled, another over it, and the chain of masses and springs."""
 
+from collections.abc import Callable
+
 import viser
 
 from app.simulation.ghost import GhostReading
@@ -43,6 +45,7 @@ class CompareTab:
 
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
+        self._choosing = 0
         session = workplace.session
         self._theory = gui.add_dropdown(
             "Theory",
@@ -110,8 +113,6 @@ class CompareTab:
         if self._chain_numbers.content != content:
             self._chain_numbers.content = content
 
-    _choosing = 0
-
     def _choose_theory(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))
         workplace = self._workplace
@@ -124,10 +125,10 @@ class CompareTab:
         session = self._workplace.session
         self._choose(f"Preparing: {label}.", lambda: session.choose_ghost(theory))
 
-    def _choose(self, what: str, action: object) -> None:
+    def _choose(self, what: str, action: Callable[[], object]) -> None:
         self._choosing += 1
         try:
-            self._workplace.attempt(what, action)  # pyright: ignore[reportArgumentType]
+            self._workplace.attempt(what, action)
         finally:
             self._choosing -= 1
         self._theory.value = _label(self._workplace.session.theory)

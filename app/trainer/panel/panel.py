@@ -120,7 +120,9 @@ class Panel:
             The run.
         """
         again = (lambda: self._exercises.again(run)) if run.log.exercise is not None else None
-        ResultPage(self._workplace, run, again=again, replay=lambda: self._replay.replay(run))
+        ResultPage(
+            self._workplace, run, again=again, replay=lambda: self._replay.replay(lambda: run)
+        )
 
     def _show_last(self) -> None:
         run = self._workplace.last_run

@@ -1,5 +1,7 @@
 """Replay: a run made again in the picture, with a slider over its time."""
 
+from collections.abc import Callable
+
 import viser
 
 from app.simulation.run_log import RunFile, read_run, run_json
@@ -54,6 +56,7 @@ class ReplayTab:
         self._playing = True
         self._put = 0.0
         self._of: object = None
+        self._was_playing = False
         on_click(self._this, self._replay_this)
         on_click(self._leave, workplace.leave_replay)
         on_click(self._play, self._play_or_pause)
@@ -66,19 +69,16 @@ class ReplayTab:
             content = self._open.value.content
             self.replay(lambda: read_run(content))
 
-    def replay(self, run: "RunFile | object") -> None:
+    def replay(self, read: Callable[[], RunFile]) -> None:
         """Show a run again, or say why it cannot be.
 
         Parameters
         ----------
-        run
-            The run, or what reads it.
+        read
+            Gives the run; its `ValueError` is what the client is told.
         """
-
-        def start() -> None:
-            self._workplace.start_replay(run if isinstance(run, RunFile) else run())  # pyright: ignore
-
-        self._workplace.attempt("Making the run again.", start)
+        start = self._workplace.start_replay
+        self._workplace.attempt("Making the run again.", lambda: start(read()))
 
     def show(self) -> None:
         """Show where the replay is."""
@@ -115,12 +115,10 @@ class ReplayTab:
             self._time.value = time
         self._was_playing = player.playing
 
-    _was_playing = False
-
     def _replay_this(self) -> None:
         run = self._run()
         if run is not None:
-            self.replay(run)
+            self.replay(lambda: run)
 
     def _run(self) -> RunFile | None:
         """Return the run that goes, or the last one."""
