@@ -144,6 +144,7 @@ def measure_trainer(console: Console) -> dict[str, float]:
         f"{figures[f'processor_percent_{clients}']:.0f} % of one core"
         for clients in CLIENTS
     ]
+    lines.append(f"slider to vertices: {figures['answer_ms_95']:.0f} ms at the 95th percentile")
     for line in lines:
         console.print(line, highlight=False)
     return figures

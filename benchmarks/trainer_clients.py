@@ -1,8 +1,9 @@
-"""Frames a second that the trainer's clients receive, and what that takes of a processor.
+"""Frames a second that the trainer's clients receive, how late they are, and what that takes.
 
 Clients are websocket connections that speak viser's protocol, without a picture: they move the
-force slider as a trainee would and count the frames of the duct that come back. The trainer runs
-as a process of its own, whose processor time is read from outside.
+force slider as a trainee would and count the frames of the duct that come back. One more client
+waits for the duct's answer to each of its moves. The trainer runs as a process of its own, whose
+processor time is read from outside.
 """
 
 import asyncio
@@ -12,6 +13,7 @@ import time
 from typing import Any
 
 import msgspec
+import numpy as np
 import psutil
 import viser
 import websockets.asyncio.client
@@ -19,13 +21,17 @@ import zstandard
 
 __all__ = ["client_figures"]
 
-CLIENTS = (1, 8)
+CLIENTS = (1, 8, 16)
 SECONDS = 10.0
 FIRST_SECONDS, MOST_FIRST, COMPILING = 2.0, 30, 50.0
 """A first client pulls for so long, again and again, until the trainer takes less than so many % of
 a core: then nothing is being compiled any more."""
 SLIDER_SECONDS = 0.1
 """A hand moves a slider this often."""
+LATENCY_MOVES = 60
+"""Moves of the slider whose answers are waited for."""
+STILL_SECONDS = 0.15
+"""A duct that sends nothing for so long has come to rest."""
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -45,40 +51,82 @@ async def frames_per_second(address: str, clients: int, seconds: float) -> list[
     return await asyncio.gather(*(_one_client(address, seconds) for _ in range(clients)))
 
 
-async def _one_client(address: str, seconds: float) -> float:
-    encode = msgspec.msgpack.encode
-    async with websockets.asyncio.client.connect(
+def _connected(address: str) -> websockets.asyncio.client.connect:
+    return websockets.asyncio.client.connect(
         address.replace("http", "ws", 1),
         subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
         max_size=None,
         compression=None,
-    ) as connection:
-        await connection.send(encode(CAMERA))
-        slider = ""
-        while not slider:
-            for message in _messages(await connection.recv()):
-                if message["type"] == "GuiSliderMessage" and message["props"]["label"].startswith(
-                    "Force"
-                ):
-                    slider = message["uuid"]
+    )
+
+
+async def _slider(connection: websockets.asyncio.client.ClientConnection) -> str:
+    """Say that a page is there, and return the force slider that it is sent."""
+    await connection.send(msgspec.msgpack.encode(CAMERA))
+    while True:
+        for message in _messages(await connection.recv()):
+            kind = message["type"]
+            if kind == "GuiSliderMessage" and message["props"]["label"].startswith("Force"):
+                return message["uuid"]
+            if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
+                answer = {
+                    "type": "LocalStorageGetItemResponseMessage",
+                    "request_uuid": message["request_uuid"],
+                    "value": None,
+                    "error": None,
+                }
+                await connection.send(msgspec.msgpack.encode(answer))
+
+
+def _move(slider: str, force: float) -> bytes:
+    update = {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": force}}
+    return msgspec.msgpack.encode(update)
+
+
+def _frames(raw: str | bytes) -> int:
+    """Return how often the duct's vertices are in one websocket frame."""
+    return sum(
+        message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
+        for message in _messages(raw)
+    )
+
+
+async def _one_client(address: str, seconds: float) -> float:
+    async with _connected(address) as connection:
+        slider = await _slider(connection)
 
         async def pull() -> None:
             force = 0.0
             while True:
                 force = 3.2 - force
-                update = {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": force}}
-                await connection.send(encode(update))
+                await connection.send(_move(slider, force))
                 await asyncio.sleep(SLIDER_SECONDS)
 
         hand = asyncio.create_task(pull())
         frames, start = 0, time.perf_counter()
         while time.perf_counter() - start < seconds:
-            frames += sum(
-                message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
-                for message in _messages(await connection.recv())
-            )
+            frames += _frames(await connection.recv())
         hand.cancel()
         return frames / (time.perf_counter() - start)
+
+
+async def answer_seconds(address: str, moves: int) -> list[float]:
+    """Return how long after each move of the slider the duct's next vertices come, s."""
+    async with _connected(address) as connection:
+        slider = await _slider(connection)
+        seconds: list[float] = []
+        for move in range(moves):
+            try:
+                while True:  # until it is at rest
+                    await asyncio.wait_for(connection.recv(), STILL_SECONDS)
+            except TimeoutError:
+                pass
+            start = time.perf_counter()
+            await connection.send(_move(slider, 0.5 + 0.1 * (move % 2)))
+            while not _frames(await connection.recv()):
+                pass
+            seconds.append(time.perf_counter() - start)
+        return seconds
 
 
 def _messages(raw: str | bytes) -> list[dict[str, Any]]:
@@ -96,7 +144,8 @@ def client_figures() -> dict[str, float]:
     -------
     dict[str, float]
         `frames_per_second_<n>`, of the client that has fewest, 1/s, and
-        `processor_percent_<n>`, % of one core, for n clients.
+        `processor_percent_<n>`, % of one core, for n clients; `answer_ms_95`, ms from a move of
+        the slider to the duct's vertices, at the 95th percentile.
 
     Raises
     ------
@@ -118,6 +167,8 @@ def client_figures() -> dict[str, float]:
             for _ in range(MOST_FIRST):
                 if _served(server, words[-1], 1, FIRST_SECONDS)[1] < COMPILING:
                     break
+            answers = asyncio.run(answer_seconds(words[-1], LATENCY_MOVES))
+            figures["answer_ms_95"] = 1e3 * float(np.percentile(answers, 95))
             for clients in CLIENTS:
                 rate, percent = _served(server, words[-1], clients, SECONDS)
                 figures[f"frames_per_second_{clients}"] = rate

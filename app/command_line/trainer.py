@@ -1,6 +1,7 @@
 """`bluntdissect trainer`: the trainer in a browser tab."""
 
 import signal
+import sys
 import threading
 from pathlib import Path
 from types import FrameType
@@ -41,6 +42,9 @@ def trainer(
     if stop.is_set():
         return
 
+    # Stdout has the address first, for who reads it by program.
+    if sys.stderr.isatty():
+        print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
     from app.trainer.server import Trainer
 
     running = Trainer(tissue, host=host, port=port, look=look)

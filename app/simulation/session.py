@@ -134,9 +134,19 @@ class Session:
         return self._drawn.surfaces
 
     @property
+    def transforms(self) -> NDArray[np.float64]:
+        """(D, 3, 4) how the driving points were moved by the last step, less the identity."""
+        return self._drawn.transforms
+
+    @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
         return self._ghost if self._pulled.tear is None else None
+
+    @property
+    def ghost_theory(self) -> Theory | None:
+        """The theory that was chosen for the ghost, or None."""
+        return None if self._ghost is None else self._ghost.model.theory
 
     @property
     def chain(self) -> SwingingChain | None:

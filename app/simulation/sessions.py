@@ -8,7 +8,7 @@ from threading import Lock
 
 from app.simulation.session import Session
 
-__all__ = ["Sessions", "SessionsFullError"]
+__all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
 
 KEPT_SECONDS = 600.0
 """How long a session waits for its page to come back."""
@@ -57,6 +57,24 @@ class Sessions:
     def __len__(self) -> int:
         with self._lock:
             return len(self._kept)
+
+    def waiting(self, token: str) -> bool:
+        """Return whether a session that was left waits under a token.
+
+        Parameters
+        ----------
+        token
+            A client's token from before.
+
+        Returns
+        -------
+        bool
+            Whether `claim` would return it.
+        """
+        with self._lock:
+            self._expire()
+            kept = self._kept.get(token)
+            return kept is not None and kept.left_at is not None
 
     def claim(self, token: str | None = None) -> tuple[str, Session]:
         """Return the session that a client left, or a new one.

@@ -1,11 +1,21 @@
-"""One browser client: its session, its scene and its panel."""
+"""One browser client: its workplace, its scene and its panel."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
-from app.simulation.session import Phase, Reading, Session
-from app.trainer.panel import Panel
+from app.simulation.clock import Clock
+from app.simulation.reading import Phase, Reading
+from app.simulation.run import Run
+from app.simulation.session import Session
+from app.trainer.aids import Aids
+from app.trainer.background import Background
+from app.trainer.panel.panel import Panel
 from app.trainer.scene import Scene
 from app.trainer.stage.lighting import Look
+from app.trainer.workplace import Workplace
 
 __all__ = ["ClientView"]
 
@@ -24,46 +34,104 @@ class ClientView:
         The session that is the client's alone.
     look
         "plain" for slow machines.
+    background
+        Does what nobody waits for.
     """
 
-    def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
-        self.session = session
-        self.client = client
+    def __init__(
+        self, client: viser.ClientHandle, session: Session, look: Look, background: Background
+    ) -> None:
+        self.client, self.session = client, session
+        self.workplace = Workplace(client, session, background)
         self._scene = Scene(client, session, look)
-        self._panel = Panel(client.gui, session, self._refusal)
-        self._phase = Phase.INTACT
+        self._aids = Aids(client)
+        self._panel = Panel(self.workplace)
+        self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
+        self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
         self._panel_due = 0.0
-        self._panel_stale = False
+        self._panel_stale = True
+        self._told: Run | None = session.run if session.run.over else None
+        self._figures = True
+        self._stress: list[NDArray[np.float32]] = []
+        self._stress_shape = -1
+        self._stress_of: Session | None = None
+
+    def close(self) -> None:
+        """Let go of the duct: the client has gone."""
+        self.workplace.let_go()
 
     def tick(self, seconds: float) -> None:
-        """Advance the session and show what has changed.
+        """Advance the session, or its replay, and show what has changed.
 
         Parameters
         ----------
         seconds
             Time since the last tick, s.
         """
-        changed = self.session.step(seconds)
+        workplace, player = self.workplace, self.workplace.player
+        if player is not None:
+            changed = player.tick(self._clock.ticks(seconds))
+        else:
+            changed = not workplace.paused and self.session.step(seconds)
+        visible = workplace.figures_visible
+        changed |= workplace.take_change() | (visible != self._figures)
+        self._figures = visible
         self._panel_due -= seconds
-        self._panel_stale |= changed
+        run = self.session.run
+        # A hold changes nothing, but its time passes and comes to an end.
+        timed = run.going and run.exercise is not None
+        self._panel_stale |= changed | timed | (run.over and run is not self._told)
         if changed:
-            self._scene.draw(self.session.reading())
+            self._draw()
         if self._panel_stale and self._panel_due <= 0.0:
-            reading = self.session.reading()
-            self._panel.show(reading)
+            reading = workplace.shown.reading()
             self._panel_due = PANEL_SECONDS
             self._panel_stale = False
-            if reading.phase is Phase.TORN and self._phase is not Phase.TORN:
-                self._notice = self._tear_notice(reading)
-            if reading.phase is Phase.INTACT and self._notice is not None:
-                self._notice.remove()
-                self._notice = None
-            self._phase = reading.phase
+            self._panel.show(reading)
+            self._tell(reading)
 
-    def _refusal(self, reason: str) -> None:
-        """Show why a choice could not be made."""
-        self.client.add_notification("Not possible", reason, color="yellow", auto_close_seconds=8.0)
+    def _draw(self) -> None:
+        workplace = self.workplace
+        shown, figures = workplace.shown, workplace.figures_visible
+        reading = shown.reading()
+        heat = workplace.heat and figures
+        scene = self._scene
+        scene.watch(shown)
+        if scene.heat_wanted != heat:
+            scene.set_heat(heat)
+        scene.draw(reading, self._shares(shown) if heat else None)
+        self._aids.draw(shown, reading, figures=figures, overlay=workplace.overlay)
+
+    def _shares(self, session: Session) -> Sequence[NDArray[np.float32]]:
+        """Return the stress at the vertices of each surface, in parts of the threshold."""
+        if self._stress_of is not session or self._stress_shape != session.shape:
+            self._stress_of, self._stress_shape = session, session.shape
+            self._stress = [
+                np.empty(len(surface.vertices), np.float32) for surface in session.surfaces
+            ]
+        threshold = session.stress_range[1]
+        for index, out in enumerate(self._stress):
+            session.stress(out, index)
+            out /= threshold
+        return self._stress
+
+    def _tell(self, reading: Reading) -> None:
+        """Tell of a tear, and show the result of an exercise that has come to its end."""
+        workplace, run = self.workplace, self.session.run
+        if run.over and run is not self._told:
+            self._told = run
+            workplace.keep_run()
+            kept = workplace.last_run
+            if run.exercise is not None and kept is not None:
+                workplace.release()
+                workplace.background.do((id(self), "result"), lambda: self._panel.show_result(kept))
+            elif reading.phase is not Phase.INTACT:
+                self._notice = self._tear_notice(reading)
+            self._panel_stale = True
+        if not run.over and self._notice is not None:
+            self._notice.remove()
+            self._notice = None
 
     def _tear_notice(self, reading: Reading) -> viser.NotificationHandle:
         """Show what has torn, where and at which force."""

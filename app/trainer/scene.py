@@ -75,6 +75,17 @@ class Scene:
         if self._stage is not None:
             self._stage.camera_moved(camera.client)
 
+    def watch(self, session: Session) -> None:
+        """Show another session of the same organ from the next `draw` on.
+
+        Parameters
+        ----------
+        session
+            The session.
+        """
+        if session is not self._session:
+            self._session, self._shape = session, -1
+
     @property
     def heat_wanted(self) -> bool:
         """Whether `draw` has use for the stress on the surfaces."""

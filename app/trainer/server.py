@@ -8,17 +8,22 @@ import threading
 import time
 import warnings
 
+import msgspec
 import numpy as np
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
+from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
+from app.trainer.background import Background
 from app.trainer.client_view import ClientView
-from app.trainer.panel import OFFERED_THEORIES
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.warming import warm_drawing
+from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
 __all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
@@ -26,6 +31,14 @@ __all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
 TICKS_PER_SECOND = 30.0
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
+
+EXPIRY_SECONDS = 10.0
+"""How often sessions that were left are looked through."""
+TOKENS = "sessions"
+"""Under which a browser keeps the tokens of its tabs' sessions."""
+MOST_TOKENS = 6
+STORAGE_SECONDS = 1.0
+"""How long a browser may take to say what it keeps."""
 
 log = logging.getLogger(__name__)
 
@@ -47,6 +60,8 @@ class Trainer:
         Port to serve; 0 takes a free one.
     look
         "plain" for slow machines.
+    most_clients
+        How many can train at once.
 
     Raises
     ------
@@ -61,11 +76,15 @@ class Trainer:
         host: str = "127.0.0.1",
         port: int,
         look: Look = "full",
+        most_clients: int = MOST_SESSIONS,
     ) -> None:
         self._organ, self._host = organ, host
         self._look: Look = look
         self._views: dict[int, ClientView] = {}
+        self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
+        self._kept = Sessions(lambda: Session(organ), most=most_clients)
+        self._background = Background()
         self._stopping = threading.Event()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
@@ -106,23 +125,43 @@ class Trainer:
         """Stop the clock and the server."""
         self._stopping.set()
         self._clock.join(timeout=5.0)
+        self._background.stop()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
     def _connect(self, client: viser.ClientHandle) -> None:
+        number = client.client_id
         try:
-            view = ClientView(client, Session(self._organ), self._look)
+            with explained(client, "Preparing your duct."):
+                stored = _stored_tokens(client)
+                back = next((each for each in stored if self._kept.waiting(each)), None)
+                token, session = self._kept.claim(back)
+                _store_tokens(client, stored, token)
+                view = ClientView(client, session, self._look, self._background)
+                if back is None and not _seen(client):
+                    show_first_minute(client)
+        except SessionsFullError as full:
+            client.add_notification("No free place", f"{full}.", color="yellow")
+            return
         except Exception:
-            self._fault(client)
+            if number in self._server.get_clients():
+                self._fault(client)
             return
         with self._views_lock:
             # viser runs this in a pool: a tab closed meanwhile has been disconnected already.
-            if client.client_id in self._server.get_clients():
-                self._views[client.client_id] = view
+            if there := number in self._server.get_clients():
+                self._views[number], self._tokens[number] = view, token
+        if not there:
+            self._kept.leave(token)
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
         with self._views_lock:
-            self._views.pop(client.client_id, None)
+            view = self._views.pop(client.client_id, None)
+            token = self._tokens.pop(client.client_id, None)
+        if view is not None:
+            view.close()
+        if token is not None:
+            self._kept.leave(token)
 
     def _fault(self, client: viser.ClientHandle) -> None:
         """Log the fault that has just stopped a client's session, and tell the client."""
@@ -135,6 +174,7 @@ class Trainer:
     def _run(self) -> None:
         period = 1.0 / TICKS_PER_SECOND
         due = last = time.monotonic()
+        expiry = due + EXPIRY_SECONDS
         while not self._stopping.wait(max(0.0, due - time.monotonic())):
             now = time.monotonic()
             seconds, last = min(now - last, LONGEST_TICK), now
@@ -148,8 +188,33 @@ class Trainer:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
                         there = self._views.pop(number, None) is view
-                    if there:
+                    if there and number in self._server.get_clients():
                         self._fault(view.client)
+            if now > expiry:
+                expiry = now + EXPIRY_SECONDS
+                self._kept.expire()
+
+
+def _stored_tokens(client: viser.ClientHandle) -> list[str]:
+    """Return the tokens that a browser keeps, newest first; none from one that keeps nothing."""
+    try:
+        kept = client.local_storage.get_item(TOKENS, STORAGE_SECONDS)
+        return [] if kept is None else msgspec.json.decode(kept, type=list[str])
+    except (RuntimeError, TimeoutError, msgspec.MsgspecError):
+        return []
+
+
+def _store_tokens(client: viser.ClientHandle, stored: list[str], token: str) -> None:
+    tokens = [token, *(each for each in stored if each != token)]
+    client.local_storage.set_item(TOKENS, msgspec.json.encode(tokens[:MOST_TOKENS]).decode())
+
+
+def _seen(client: viser.ClientHandle) -> bool:
+    """Return whether a browser has shown the first minute before."""
+    try:
+        return client.local_storage.get_item(SEEN, STORAGE_SECONDS) is not None
+    except (RuntimeError, TimeoutError):
+        return False
 
 
 def _serve(host: str, port: int) -> viser.ViserServer:

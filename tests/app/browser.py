@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from app.trainer.stage.camera import viewpoint
+
 SWITCHES = [
     "--no-sandbox",
     "--use-gl=angle",
@@ -21,6 +23,8 @@ SWITCHES = [
     "--disable-sync",
     "--no-first-run",
 ]
+RADIUS = 4.4453
+"""Of the shipped duct, mm."""
 PATIENCE = 60_000
 """ms: software rendering on two busy cores."""
 
@@ -55,9 +59,17 @@ def running_browser() -> Iterator[Browser]:
 
 @contextmanager
 def trainer_page(
-    browser: Browser, address: str, *, width: int = 1280, height: int = 800
+    browser: Browser,
+    address: str,
+    *,
+    width: int = 1280,
+    height: int = 800,
+    first_minute: bool = False,
 ) -> Iterator["TrainerPage"]:
-    """A tab of its own on the trainer, with the duct in it; fails on any error in the page."""
+    """A tab of its own on the trainer, with the duct in it; fails on any error in the page.
+
+    The first minute's lines are dismissed unless they are wanted.
+    """
     context = browser.new_context(viewport={"width": width, "height": height})
     page = context.new_page()
     page.set_default_timeout(PATIENCE)
@@ -69,6 +81,8 @@ def trainer_page(
         page.goto(f"{address}/?fixedDpr=1")
         trainer = TrainerPage(page)
         trainer.wait_for_node("skin")
+        if not first_minute:
+            trainer.start()
         yield trainer
         assert not errors, errors
         elsewhere = [
@@ -87,6 +101,43 @@ class TrainerPage:
     def __init__(self, page: Page) -> None:
         self.page = page
         self.readout = page.get_by_test_id("readout")
+
+    def start(self) -> None:
+        """Dismiss the first minute's lines."""
+        lines = self.page.get_by_test_id("first-minute")
+        lines.wait_for()
+        self.page.get_by_role("dialog").get_by_role("button", name="Start").click()
+        lines.wait_for(state="detached")
+
+    def open(self, tab: str) -> None:
+        """Open a tab of the panel."""
+        self.page.get_by_role("tab", name=tab, exact=True).click()
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose from a dropdown."""
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+        )
+        row.locator("input:not([type=hidden])").click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def tick(self, label: str) -> None:
+        """Tick or untick a checkbox."""
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+        )
+        row.locator("input[type=checkbox]").click()
+
+    def slider(self, label: str) -> float:
+        """What a slider's number field shows."""
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+        )
+        return float(row.locator("input:not([type=hidden])").input_value())
+
+    def press(self, button: str) -> None:
+        """Press a button by its whole name."""
+        self.page.get_by_role("button", name=button, exact=True).click()
 
     def wait_for_node(self, name: str) -> None:
         """Wait until a part of the organ is in the scene."""
@@ -137,3 +188,16 @@ class TrainerPage:
     def wait_for_force(self, force: float) -> None:
         """Wait until the read-out shows a force, N."""
         self.page.locator(f"[data-testid=readout][data-force-n='{force:.6g}']").wait_for()
+
+
+def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:
+    """Where a place of the stage with the shipped duct is in the window, px."""
+    canvas = tab.page.locator("canvas[data-engine]").bounding_box()
+    assert canvas is not None
+    aspect = canvas["width"] / canvas["height"]
+    points = np.array([point], np.float64)
+    right, up = viewpoint(50.8, RADIUS, aspect).picture_points(points, aspect)[0]
+    return (
+        canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
+        canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
+    )

@@ -30,6 +30,35 @@ def take(tab: TrainerPage, path: Path) -> None:
     print(path)
 
 
+def take_comparison(tab: TrainerPage, folder: Path) -> None:
+    """Take the picture of a ghost and the chain."""
+    tab.open("Compare")
+    tab.choose("Ghost", "Exact beam, shear, neo-Hookean")
+    tab.tick("Chain")
+    tab.page.get_by_test_id("chain").wait_for()
+    take(tab, folder / "trainer-compare.jpg")
+    tab.tick("Chain")
+    tab.choose("Ghost", "None")
+
+
+def take_exercise(tab: TrainerPage, folder: Path) -> None:
+    """Do an exercise, and take the pictures of its result and of its replay."""
+    tab.open("Learn")
+    tab.choose("Exercise", "Approach the break")
+    tab.press("Start")
+    tab.page.get_by_test_id("exercise-state").wait_for()
+    tab.open("Train")
+    tab.slide("Force F (N)", 3.2)
+    tab.page.get_by_test_id("outcome").wait_for()
+    take(tab, folder / "trainer-result.jpg")
+    tab.press("Watch it again")
+    tab.open("Replay")
+    tab.slide("Time (s)", 1.0)
+    take(tab, folder / "trainer-replay.jpg")
+    tab.press("Leave the replay")
+    tab.open("Train")
+
+
 def main(folder: Path) -> None:
     """Take a picture of each state and size."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -40,14 +69,24 @@ def main(folder: Path) -> None:
                 with trainer_page(browser, trainer.address, width=width, height=height) as tab:
                     if size == "wide":
                         take(tab, folder / "trainer-rest.jpg")
-                        tab.page.get_by_role("tab", name="Model").click()
+                        tab.open("Model")
+                        tab.tick("Points")
                         take(tab, folder / "trainer-model.jpg")
-                        tab.page.get_by_role("tab", name="Train").click()
+                        tab.tick("Points")
+                        tab.open("Train")
                     tab.slide("Force F (N)", 3.0)
                     tab.wait_for_force(3.0)
                     name = "pulled" if size == "wide" else f"pulled-{size}"
                     take(tab, folder / f"trainer-{name}.jpg")
+                    if size != "small":
+                        tab.page.keyboard.press("Escape")
+                        tab.tick("Stress (H)")
+                        name = "heat" if size == "wide" else f"heat-{size}"
+                        take(tab, folder / f"trainer-{name}.jpg")
+                        tab.tick("Stress (H)")
                     if size == "wide":
+                        take_comparison(tab, folder)
+                        take_exercise(tab, folder)
                         tab.slide("Force F (N)", 3.7)
                         tab.wait_for_phase("torn")
                         take(tab, folder / "trainer-torn.jpg")

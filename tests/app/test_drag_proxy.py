@@ -4,15 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from browser import TrainerPage, running_browser, trainer_page
+from browser import RADIUS, running_browser, stage_pixel, trainer_page
 from playwright.sync_api import Browser
 from simulated import phantom
 
 from app.trainer.drag_proxy import Hold
 from app.trainer.server import Trainer
-from app.trainer.stage.camera import viewpoint
 
-RADIUS = 4.4453
 PIXELS = 3.0
 """How far the hand may be from the mouse in the picture: its last move and the page's rounding."""
 
@@ -59,7 +57,7 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
         tab.wait_for_node("grip")
         tab.page.wait_for_timeout(1500)
         still = view.client.camera.position.copy()
-        start = _pixel(tab, grip)
+        start = stage_pixel(tab, grip)
         mouse = tab.page.mouse
         mouse.move(*start)
         tab.page.wait_for_timeout(500)
@@ -87,19 +85,6 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
         assert heights[-1] - heights[0] > 3.0
         # In the plane of the pull, and where the mouse is.
         np.testing.assert_allclose(places[:, 1], holds[0].start[1], atol=0.02)
-        end = _pixel(tab, tuple(holds[-1].place))
+        end = stage_pixel(tab, tuple(holds[-1].place))
         assert np.hypot(end[0] - start[0] - 24.0, end[1] - start[1] + 72.0) < PIXELS
         np.testing.assert_array_equal(view.client.camera.position, still)
-
-
-def _pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:
-    """Where a place of the stage is in the window, px."""
-    canvas = tab.page.locator("canvas[data-engine]").bounding_box()
-    assert canvas is not None
-    view = viewpoint(50.8, RADIUS, canvas["width"] / canvas["height"])
-    points = np.array([point], np.float64)
-    right, up = view.picture_points(points, canvas["width"] / canvas["height"])[0]
-    return (
-        canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
-        canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
-    )

@@ -12,7 +12,7 @@ from app.simulation.clock import TICK_SECONDS, Clock
 from app.simulation.preset import preset_named, presets
 from app.simulation.pull_control import HAND_SPEED, PullControl
 from app.simulation.session import Phase, Session
-from app.trainer.panel import OFFERED_THEORIES
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from physics import Cubic, Exact
 
 

@@ -29,7 +29,7 @@ from app.simulation.run_log import (
 )
 from app.simulation.session import Phase, Session
 from app.simulation.theory_choice import TheoryChoice
-from app.trainer.panel import OFFERED_THEORIES
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import read_organ, write_organ
 from physics import Cubic, Exact, Fem, MassSpring, TautString

@@ -14,7 +14,7 @@ from simulated import SECONDS, phantom, pull, settle, tear
 
 from app.simulation.preset import preset_named, presets
 from app.simulation.session import Phase, Session
-from app.trainer.panel import OFFERED_THEORIES
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from organ_geometry.organ import Organ
 from physics import (
     Beam,

@@ -95,7 +95,10 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         expect(tab.page.get_by_role("button", name="Reset")).to_be_enabled()
         expect(tab.page.get_by_role("textbox").filter(visible=True)).to_have_count(0)
         gap = _gap_when_settled(tab)
-        assert gap > 1.0  # mm between the tongues of the two pieces
+        first, second = newest(trainer).surfaces
+        between = float(second.vertices[:, 0].min() - first.vertices[:, 0].max())
+        assert gap == pytest.approx(between, abs=SINGLE_PRECISION)
+        assert gap > 1.0  # mm between the longest of what is frayed
 
         tab.page.get_by_role("button", name="Reset").click()
         tab.wait_for_phase("intact")
@@ -110,10 +113,11 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
 
 def _gap_when_settled(tab: TrainerPage) -> float:
     """Distance between the pieces along the duct once they have stopped swinging, mm."""
-    last = None
+    last, still = None, 0
     for _ in range(60):
         first, second = tab.vertices("first_piece"), tab.vertices("second_piece")
-        if last is not None and np.array_equal(last, first):
+        still = still + 1 if last is not None and np.array_equal(last, first) else 0
+        if still == 3:  # a busy machine may not draw for a moment
             return float(second[:, 0].min() - first[:, 0].max())
         last = first
         time.sleep(0.5)
@@ -142,28 +146,24 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         expected = Cubic().deflection(DUCT, 12.0, 1.0)
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
 
+        tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
         tab.page.locator("[data-testid=readout][data-threshold-kpa='300']").wait_for()
         assert session.threshold == pytest.approx(0.3)
 
-        _choose(tab, "Theory", "String (very large deflection)")
+        tab.open("Compare")
+        tab.choose("Theory", "String (very large deflection)")
         tab.page.locator("[data-testid=readout][data-bending-stress-kpa='0']").wait_for()
         expected = TautString().deflection(DUCT, 12.0, 1.0)
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
 
-        _choose(tab, "Duct", "Porcine gallbladder wall, pulled fast")
+        tab.open("Model")
+        tab.choose("Duct", "Porcine gallbladder wall, pulled fast")
         tab.wait_for_force(0.0)
         assert session.dissection.preset.name == "porcine-gallbladder"
+        tab.open("Train")
         tab.slide("Force F (N)", 5.0)
         tab.wait_for_force(5.0)
-
-
-def _choose(tab: TrainerPage, label: str, option: str) -> None:
-    row = tab.page.get_by_text(label, exact=True).locator(
-        "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
-    )
-    row.locator("input:not([type=hidden])").click()
-    tab.page.get_by_role("option", name=option).click()
 
 
 def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer: Trainer) -> None:
@@ -176,7 +176,9 @@ def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer
             "  if (message.type === 'GuiUpdateMessage') window.__update = message;"
             "  send(message); }; }"
         )
+        tab.open("Model")
         tab.slide("Threshold (kPa)", 420.0)  # so that all the force can be borne
+        tab.open("Train")
         tab.slide("Force F (N)", 1.0)
         tab.wait_for_force(1.0)
         message = "{...window.__update, updates: {value: %s}}"
@@ -236,7 +238,7 @@ def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
         tab.slide("Force F (N)", 2.0)
         tab.wait_for_force(2.0)
         tab.page.wait_for_timeout(500)
-        deflections, theory, pulled, level = tab.page.evaluate(
+        deflections, theory, pulled, level, *_ = tab.page.evaluate(
             "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
             ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
         )

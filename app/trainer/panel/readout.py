@@ -1,15 +1,22 @@
 """The read-out above the sliders: distance to break in large, the other figures below it."""
 
-from app.simulation.session import Phase, Reading
+from app.simulation.reading import Phase, Reading
+from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = ["readout_html", "zone"]
+__all__ = ["hidden_readout_html", "readout_html", "zone"]
 
-KPA_PER_MPA = 1000.0
 CAREFUL_BELOW = 0.40
 STOP_BELOW = 0.15
 """Distances to break at which the word and the colour change."""
 
 SAFE, CAREFUL, STOP, TEARING, TORN = "Safe", "Careful", "Stop", "Tearing", "Torn"
+DISTANCE = "1 less the highest stress by the threshold: 100 % is a slack duct, 0 % tears"
+FORCE = "The whole force of the grasper across the duct, newtons"
+DEFLECTION = "How far the duct is pulled out where the hook holds it"
+BREAKS = "Force at which this duct tears when it is held here"
+NORMAL = "Tension along the duct, the same over its whole section"
+BENDING = "Tension at the outermost fibre from the bend"
+THRESHOLD = "The duct tears where normal and bending stress together exceed this"
 COLOURS = {
     SAFE: "#35c28f",
     CAREFUL: "#f2b134",
@@ -40,13 +47,15 @@ def zone(reading: Reading) -> str:
     return STOP if distance < STOP_BELOW else CAREFUL if distance < CAREFUL_BELOW else SAFE
 
 
-def readout_html(reading: Reading) -> str:
+def readout_html(reading: Reading, state: str = "") -> str:
     """Return the read-out as HTML.
 
     Parameters
     ----------
     reading
         The session's reading.
+    state
+        What else is to be known, such as that time stands still.
 
     Returns
     -------
@@ -56,6 +65,7 @@ def readout_html(reading: Reading) -> str:
     """
     word = zone(reading)
     colour = COLOURS[word]
+    word = f"{state}: {word.lower()}" if state else word
     check, phase = reading.check, reading.phase
     distance = max(0.0, check.distance_to_break)
     used = 100.0 * min(1.0, 1.0 - distance)
@@ -74,14 +84,21 @@ def readout_html(reading: Reading) -> str:
     )
     rows = "".join(
         (
-            _cell("Force F", _figure(reading.force), "N"),
-            _cell("Deflection", _figure(reading.deflection), "mm"),
+            _cell(term("Force F", FORCE), figure(reading.force), "N"),
+            _cell(term("Deflection", DEFLECTION), figure(reading.deflection), "mm"),
             _cell(
-                "Broke at" if torn else "Breaks at", _figure(event.force if event else None), "N"
+                term("Broke at" if torn else "Breaks at", BREAKS),
+                figure(event.force if event else None),
+                "N",
             ),
-            _cell("Normal stress", _figure(normal), "kPa"),
-            _cell("Bending stress", _figure(bending), "kPa"),
-            _cell("Threshold T", _figure(check.threshold * KPA_PER_MPA), "kPa"),
+            _cell(term("Normal stress", NORMAL), figure(normal), "kPa", small=True),
+            _cell(term("Bending stress", BENDING), figure(bending), "kPa", small=True),
+            _cell(
+                term("Threshold T", THRESHOLD),
+                figure(check.threshold * KPA_PER_MPA),
+                "kPa",
+                small=True,
+            ),
         )
     )
     label = f"Distance to break {'none, the duct is torn' if torn else f'{100 * distance:.0f} %'}"
@@ -94,7 +111,8 @@ def readout_html(reading: Reading) -> str:
         f" data-breaks-at-n='{breaks_at}' role='status' aria-label='{label}'"
         " style='padding:8px 14px 2px;font-variant-numeric:tabular-nums'>"
         "<div style='display:flex;align-items:flex-end;justify-content:space-between'><div>"
-        "<div style='font-size:11px;opacity:.75'>Distance to break</div>"
+        "<div style='font-size:11px;opacity:.75'>"
+        f"{term('Distance to break', DISTANCE)}</div>"
         "<div style='font-size:38px;line-height:1.05;font-weight:700;"
         f"color:{colour}'>{big}</div></div>"
         f"<div style='border:1px solid {colour};color:{colour};border-radius:99px;"
@@ -102,6 +120,29 @@ def readout_html(reading: Reading) -> str:
         f"{_bar(used)}"
         "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
         f"{rows}</div></div>"
+    )
+
+
+def hidden_readout_html(phase: Phase) -> str:
+    """Return what stands where the read-out is while a trainee is not to see its figures.
+
+    Parameters
+    ----------
+    phase
+        What the duct is going through.
+
+    Returns
+    -------
+    str
+        HTML with no figure in it.
+    """
+    return (
+        f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1' role='status'"
+        " style='padding:8px 14px 2px'><div style='font-size:11px;opacity:.75'>"
+        f"{term('Distance to break', DISTANCE)}</div>"
+        "<div style='font-size:38px;line-height:1.05;font-weight:700;opacity:.35'>–</div>"
+        "<div style='font-size:13px;opacity:.8;margin:10px 0 12px'>Figures are hidden in this "
+        "exercise: feel your way. The result shows them all.</div></div>"
     )
 
 
@@ -119,18 +160,10 @@ def _bar(used: float) -> str:
     )
 
 
-def _cell(name: str, value: str, unit: str) -> str:
+def _cell(name: str, value: str, unit: str, *, small: bool = False) -> str:
+    kind = " class='bd-wide'" if small else ""
     return (
-        f"<div><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
+        f"<div{kind}><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
         f"<div style='font-size:16px;font-weight:600;white-space:nowrap'>{value}"
         f"<span style='font-size:11px;font-weight:400;opacity:.75'> {unit}</span></div></div>"
     )
-
-
-def _figure(value: float | None) -> str:
-    """Return a figure with as many digits as a glance takes in."""
-    if value is None:
-        return "–"
-    if value >= 100.0:
-        return f"{value:,.0f}"
-    return f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"

@@ -1,0 +1,127 @@
+"""What is laid over the scene or set beside the duct: force, model, another theory, the chain."""
+
+import numpy as np
+import viser
+
+from app.simulation.dissection import Dissection
+from app.simulation.reading import Phase, Reading
+from app.simulation.session import Session
+from app.trainer.force_arrow import ForceArrow
+from app.trainer.other_model import Chain, Ghost
+from app.trainer.overlay import Overlay
+
+__all__ = ["Aids"]
+
+CHAIN_ASIDE = 1.9
+"""How far before the duct's axis the chain hangs, in radii: beside it, as the viewer sees it."""
+ARROW_FOOT = 1.25
+"""Where the arrow starts over the duct's axis, in radii: above the wall."""
+
+
+class Aids:
+    """The force's arrow, the model's points, the ghost and the chain, made when asked for.
+
+    Parameters
+    ----------
+    client
+        The client.
+    """
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self._dissection: Dissection | None = None
+        self._arrow: ForceArrow | None = None
+        self._overlay: Overlay | None = None
+        self._ghost: Ghost | None = None
+        self._chain: Chain | None = None
+        self._nodes = np.zeros((0, 3))
+        # Of the organ at the clamps, found once: a look at its sections takes milliseconds.
+        self._radius, self._first = 0.0, np.zeros(3)
+
+    def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
+        """Draw what is wanted as it is now.
+
+        Parameters
+        ----------
+        session
+            The session that is shown.
+        reading
+            Its reading.
+        figures
+            Whether the trainee is to see the figures.
+        overlay
+            Whether the model's points are wanted.
+        """
+        dissection, whole = session.dissection, reading.phase is Phase.INTACT
+        with self._client.atomic():
+            if dissection is not self._dissection:
+                self._remove()
+                self._dissection = dissection
+                organ = dissection.organ
+                self._radius = organ.mean_radius
+                self._first = organ.axis_at(np.array(dissection.clamps[:1]))[0]
+            self._draw_arrow(dissection, reading, figures and whole)
+            self._draw_overlay(session, overlay and whole)
+            self._draw_ghost(session, figures)
+            self._draw_chain(session, figures)
+
+    def _draw_arrow(self, dissection: Dissection, reading: Reading, wanted: bool) -> None:
+        wanted = wanted and reading.held and reading.force > 0.0
+        if self._arrow is None:
+            if not wanted:
+                return
+            self._arrow = ForceArrow(self._client.scene, dissection.beam.span)
+        arrow = self._arrow
+        if arrow.visible != wanted:
+            arrow.visible = wanted
+        if wanted:
+            event = reading.breaks_at
+            up = dissection.frame[:, 2]
+            foot = self._first + dissection.frame @ np.array(reading.hook)
+            foot += ARROW_FOOT * self._radius * up
+            at_break = reading.force if event is None else event.force
+            arrow.show(foot, reading.force * up, at_break=at_break)
+
+    def _draw_overlay(self, session: Session, wanted: bool) -> None:
+        if self._overlay is None:
+            if not wanted:
+                return
+            dissection = session.dissection
+            self._overlay = Overlay(self._client.scene, dissection.organ, dissection.driving)
+        if self._overlay.visible != wanted:
+            self._overlay.visible = wanted
+        if wanted:
+            self._overlay.show(session.transforms, session.dissection.frame[:, 2])
+
+    def _draw_ghost(self, session: Session, figures: bool) -> None:
+        ghost = session.ghost if figures else None
+        if self._ghost is None:
+            if ghost is None:
+                return
+            self._ghost = Ghost(self._client.scene, ghost.surface.skin)
+        if self._ghost.visible != (ghost is not None):
+            self._ghost.visible = ghost is not None
+        if ghost is not None:
+            self._ghost.show(ghost.surface.vertices)
+
+    def _draw_chain(self, session: Session, figures: bool) -> None:
+        chain = session.chain if figures else None
+        if self._chain is None:
+            if chain is None:
+                return
+            self._chain = Chain(self._client.scene, len(chain.places))
+            self._nodes = np.empty_like(chain.places)
+        if self._chain.visible != (chain is not None):
+            self._chain.visible = chain is not None
+        if chain is not None:
+            dissection = session.dissection
+            aside = CHAIN_ASIDE * self._radius * dissection.frame[:, 1]
+            np.matmul(chain.places, dissection.frame.T, out=self._nodes)
+            self._nodes += self._first - aside
+            self._chain.show(self._nodes)
+
+    def _remove(self) -> None:
+        for aid in (self._arrow, self._overlay, self._ghost, self._chain):
+            if aid is not None:
+                aid.remove()
+        self._arrow = self._overlay = self._ghost = self._chain = None

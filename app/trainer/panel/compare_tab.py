@@ -1,0 +1,190 @@
+"""Compare: the theory that is pulled, another over it, and the chain of masses and springs."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.simulation.ghost import GhostReading
+from app.simulation.reading import Phase, Reading
+from app.trainer.panel.controls import figure, heading, note, on_work
+from app.trainer.workplace import Workplace
+from physics import Cubic, Exact, Fem, TautString, Theory
+
+__all__ = ["OFFERED_THEORIES", "CompareTab"]
+
+OFFERED_THEORIES: dict[str, Theory] = {
+    "Cubic beam (Rayleigh)": Cubic(),
+    "String (very large deflection)": TautString(),
+    "Exact beam": Exact(),
+    "Exact beam, shear, neo-Hookean": Exact(shear=True, law="neo-hooke"),
+    "Finite elements (the thesis's reference)": Fem(),
+}
+"""Theories that are quick enough to be stepped for a room of trainees, by their label."""
+NO_GHOST = "None"
+_TELLING = (
+    "The <b>ghost</b> is the same duct by another theory under the same load, in blue over yours. "
+    "By hand both have one deflection and differ in force; by the slider it is the other way round."
+)
+_CHAIN = (
+    "The <b>chain</b> is what games and many simulators use: masses and springs, which "
+    "overshoot and swing before they settle. It hangs before the duct, slowed so that its swing "
+    "can be seen."
+)
+
+
+class CompareTab:
+    """The tab of theories.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, inside the tab.
+    workplace
+        The client's workplace.
+    """
+
+    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
+        self._workplace = workplace
+        self._choosing = 0
+        session = workplace.session
+        self._theory = gui.add_dropdown(
+            "Theory",
+            tuple(OFFERED_THEORIES),
+            initial_value=_label(session.theory),
+            hint="How the beam is solved; each theory has its own threshold",
+        )
+        self._ghost = gui.add_dropdown(
+            "Ghost",
+            (NO_GHOST, *OFFERED_THEORIES),
+            initial_value=self._ghost_label(),
+            hint="Another theory under the same load, laid over the duct",
+        )
+        self._numbers = gui.add_html("")
+        self._chain = gui.add_checkbox(
+            "Chain",
+            initial_value=session.chain is not None,
+            hint="A chain of masses and springs beside the duct, under the same load",
+        )
+        self._chain_numbers = gui.add_html("")
+        gui.add_html(note(_TELLING) + note(_CHAIN))
+        on_work(self._theory, self._choose_theory)
+        on_work(self._ghost, self._choose_ghost)
+        on_work(self._chain, lambda value: session.show_chain(value is True))
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading beside those of the others.
+
+        Parameters
+        ----------
+        reading
+            Of the session that is shown.
+        """
+        workplace, session = self._workplace, self._workplace.session
+        visible, live = workplace.figures_visible, workplace.player is None
+        settled = reading.phase is Phase.INTACT and not workplace.in_exercise and live
+        if self._theory.visible != settled:
+            self._theory.visible = settled
+        for handle, value in (
+            (self._theory, _label(session.theory)),
+            (self._ghost, self._ghost_label()),
+        ):
+            if handle.value != value and not self._choosing:
+                handle.value = value
+        told = visible and live
+        ghost = session.ghost_reading() if told else None
+        if ghost is not None:
+            content = _ghost_html(reading, ghost, self._ghost_label())
+        elif told and session.ghost is not None:
+            content = note("The ghost's theory ends before this load.")
+        else:
+            content = ""
+        if self._numbers.content != content:
+            self._numbers.content = content
+        chain = session.chain if told else None
+        content = (
+            ""
+            if chain is None
+            else note(
+                f"Chain: <b>{figure(chain.force)}</b> N at <b>{figure(chain.deflection)}</b> mm; "
+                f"swings {figure(chain.slowed)} times slower than flesh would.",
+                "chain",
+            )
+        )
+        if self._chain_numbers.content != content:
+            self._chain_numbers.content = content
+
+    def _choose_theory(self, label: object) -> None:
+        theory = OFFERED_THEORIES.get(str(label))
+        workplace = self._workplace
+        if theory is None or theory == workplace.session.theory or workplace.in_exercise:
+            return
+        self._choose(f"Preparing: {label}.", lambda: workplace.session.choose_theory(theory))
+
+    def _choose_ghost(self, label: object) -> None:
+        theory = OFFERED_THEORIES.get(str(label))
+        session = self._workplace.session
+        self._choose(f"Preparing: {label}.", lambda: session.choose_ghost(theory))
+
+    def _choose(self, what: str, action: Callable[[], object]) -> None:
+        self._choosing += 1
+        try:
+            self._workplace.attempt(what, action)
+        finally:
+            self._choosing -= 1
+        self._theory.value = _label(self._workplace.session.theory)
+        self._ghost.value = self._ghost_label()
+
+    def _ghost_label(self) -> str:
+        ghost = self._workplace.session.ghost_theory
+        return NO_GHOST if ghost is None else _label(ghost)
+
+
+def _ghost_html(reading: Reading, ghost: GhostReading, label: str) -> str:
+    """Return both theories' numbers and their differences."""
+    rows = (
+        ("Force F", reading.force, ghost.force, ghost.force_difference, "N"),
+        ("Deflection", reading.deflection, ghost.deflection, ghost.deflection_difference, "mm"),
+        (
+            "Distance to break",
+            100.0 * max(reading.check.distance_to_break, 0.0),
+            100.0 * max(ghost.check.distance_to_break, 0.0),
+            100.0
+            * (max(ghost.check.distance_to_break, 0.0) - max(reading.check.distance_to_break, 0.0)),
+            "%",
+        ),
+    )
+    lines = "".join(
+        f"<tr><td style='padding:2px 0'>{name}</td>"
+        + "".join(
+            f"<td style='text-align:right;padding:2px 0 2px 6px'>{text}</td>"
+            for text in (
+                figure(own),
+                figure(other),
+                f"<b>{'+' if difference >= 0.0 else '−'}{figure(abs(difference))}</b>"
+                f"{_percent(own, difference) if unit != '%' else ''}",
+                f"<span style='opacity:.7'>{unit}</span>",
+            )
+        )
+        + "</tr>"
+        for name, own, other, difference, unit in rows
+    )
+    return (
+        f"<div data-testid='ghost' data-force-difference-n='{ghost.force_difference:.6g}'"
+        f" data-deflection-difference-mm='{ghost.deflection_difference:.6g}'>"
+        f"{heading(label)}<table style='width:calc(100% - 24px);margin:0 12px 8px;"
+        "border-collapse:collapse;font-size:12px;font-variant-numeric:tabular-nums'>"
+        "<tr style='opacity:.7'><td></td><td style='text-align:right'>yours</td>"
+        "<td style='text-align:right'>ghost</td><td style='text-align:right'>difference</td>"
+        f"<td></td></tr>{lines}</table></div>"
+    )
+
+
+def _percent(own: float, difference: float) -> str:
+    if abs(own) < 1e-9:
+        return ""
+    return f" <span class='bd-wide' style='opacity:.7'>({100.0 * difference / own:+.0f} %)</span>"
+
+
+def _label(theory: Theory) -> str:
+    """Return the label of a theory that is offered."""
+    return next(label for label, offered in OFFERED_THEORIES.items() if offered == theory)

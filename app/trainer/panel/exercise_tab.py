@@ -1,0 +1,165 @@
+"""Exercises: one is chosen, its goal and limit are read, it is done, and its result is seen."""
+
+import html
+
+import viser
+
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback
+from app.simulation.run_log import RunFile
+from app.trainer.panel.controls import note, on_click, on_input
+from app.trainer.workplace import Workplace
+
+__all__ = ["ExerciseTab"]
+
+FEEDBACK = {
+    "Continuous": Feedback.CONTINUOUS,
+    "Fading, gone after 30 s": Feedback.FADING,
+    "Only in the result": Feedback.SUMMARY,
+}
+NONE = "This duct cannot break"
+
+
+class ExerciseTab:
+    """The tab of exercises.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, inside the tab.
+    workplace
+        The client's workplace.
+    show_result
+        Opens the result page of a run, in a thread that may wait.
+    """
+
+    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
+        self._workplace = workplace
+        self._offered: dict[str, Exercise] = {}
+        self._key: object = None
+        self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+            "Exercise", [NONE], hint="Its numbers follow from where this duct breaks"
+        )
+        self._task = gui.add_html("")
+        self._feedback = gui.add_dropdown(
+            "Feedback",
+            tuple(FEEDBACK),
+            hint="When you see the figures. Who always sees them comes to depend on them; less "
+            "feedback is harder, and teaches more",
+        )
+        self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
+        self._stop = gui.add_button(
+            "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
+            hint="End the exercise as it stands",
+        )  # fmt: skip
+        self._state = gui.add_html("", visible=False)
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self.result = gui.add_button(
+            "Result of the last run", icon=viser.Icon.REPORT_ANALYTICS, color="gray", visible=False
+        )
+        gui.add_html(
+            note(
+                "Measures say how this duct was handled in this model. They certify no skill.",
+            )
+        )
+        on_input(self._choice, lambda _: self._describe())
+        on_click(self._start, self.start)
+        on_click(self._stop, self._end)
+        self.take_offers()
+
+    def start(self) -> None:
+        """Start the chosen exercise with the chosen feedback."""
+        exercise = self._offered.get(str(self._choice.value))
+        feedback = FEEDBACK.get(str(self._feedback.value), Feedback.CONTINUOUS)
+        if exercise is not None:
+            self._workplace.start_exercise(exercise, feedback)
+
+    def again(self, run: RunFile) -> None:
+        """Start a run's exercise again.
+
+        Parameters
+        ----------
+        run
+            The run.
+        """
+        if run.log.exercise is not None:
+            self._workplace.start_exercise(run.log.exercise, run.log.feedback)
+
+    def take_offers(self) -> None:
+        """Offer the exercises of the duct as it is held now."""
+        session = self._workplace.session
+        key = (session.dissection, session.theory, session.grasp, session.threshold)
+        if key == self._key:
+            return
+        self._key = key
+
+        def find() -> None:
+            offered = {each.title: each for each in session.exercises_offered()}
+            if key != self._key:
+                return
+            self._offered = offered
+            chosen = self._choice.value
+            titles = tuple(offered) or (NONE,)
+            if self._choice.options != titles:
+                self._choice.options = titles
+                self._choice.value = chosen if chosen in offered else titles[0]
+            self._start.disabled = not offered
+            self._describe()
+
+        self._workplace.background.do((id(self), "offers"), find)
+
+    def show(self) -> None:
+        """Show how the exercise stands."""
+        workplace = self._workplace
+        run, busy = workplace.session.run, workplace.in_exercise
+        if not busy:
+            self.take_offers()
+        for handle, visible in (
+            (self._choice, not busy),
+            (self._feedback, not busy),
+            (self._start, not busy),
+            (self._stop, busy),
+            (self._state, busy),
+            (self._progress, busy and workplace.figures_visible),
+            (self.result, not busy and workplace.last_run is not None),
+        ):
+            if handle.visible != visible:
+                handle.visible = visible
+                if handle is self._stop:
+                    self._describe()
+        if busy:
+            value = round(100.0 * run.progress, 1)
+            if self._progress.value != value:
+                self._progress.value = value
+            limit = run.exercise.time_limit_s if run.exercise else 0.0
+            text = (
+                f"{run.seconds:.0f} s of {limit:.0f} s"
+                if run.started
+                else "Ready. Time runs from your first pull."
+            )
+            content = note(f"<b>{text}</b>", "exercise-state")
+            if self._state.content != content:
+                self._state.content = content
+
+    def _end(self) -> None:
+        if self._workplace.session.run.started:
+            self._workplace.finish()
+        else:
+            self._workplace.reset()
+
+    def _describe(self) -> None:
+        running = self._workplace.session.run.exercise if self._workplace.in_exercise else None
+        exercise = running or self._offered.get(str(self._choice.value))
+        if exercise is None:
+            self._task.content = ""
+            return
+        title = (
+            f"<b style='font-size:14px'>{html.escape(exercise.title)}</b><br>" if running else ""
+        )
+        self._task.content = (
+            "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"
+            "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
+            f"{title}<b>Goal</b> {html.escape(exercise.goal)}<br>"
+            f"<b>Limit</b> {html.escape(exercise.limit)}<br>"
+            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first pull.</div>"
+        )

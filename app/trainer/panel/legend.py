@@ -1,0 +1,62 @@
+"""The heat map's legend: beside the picture where there is room, else in the panel."""
+
+import viser
+
+from app.trainer.stage.heat_map import heat_legend_html
+
+__all__ = ["HeatLegend"]
+
+NARROW = 0.8
+"""Width by height of a picture below which a floating legend would cover the duct."""
+WIDTH, HEIGHT, GAP = 290, 154, 16
+"""px."""
+
+
+class HeatLegend:
+    """One client's legend, hidden until it is wanted.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, where the legend goes if it does not float.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self._inside = gui.add_html("", visible=False)
+        self._panel: viser.PanelHandle | None = None
+        self._beside: viser.GuiHtmlHandle | None = None
+        self._content = ""
+
+    def show(self, wanted: bool, threshold: float, aspect: float) -> None:
+        """Show the legend, or take it away.
+
+        Parameters
+        ----------
+        wanted
+            Whether the heat map is seen.
+        threshold
+            End of its scale, MPa.
+        aspect
+            Width by height of the client's picture.
+        """
+        narrow = aspect < NARROW
+        if wanted:
+            content = heat_legend_html(threshold)
+            if not narrow and self._panel is None:
+                self._panel = self._gui.add_panel(visible=False)
+                with self._panel.add_tab("Colour scale"):
+                    self._beside = self._gui.add_html("")
+                self._panel.float(x=GAP, y=-GAP, width=WIDTH, height=HEIGHT)
+            if content != self._content or (self._beside and not self._beside.content):
+                self._content = content
+                for place, there in ((self._inside, narrow), (self._beside, not narrow)):
+                    if place is not None:
+                        place.content = content if there else ""
+        inside, beside = wanted and narrow, wanted and not narrow
+        if inside and not self._inside.content:
+            self._inside.content = self._content
+        if self._inside.visible != inside:
+            self._inside.visible = inside
+        if self._panel is not None and self._panel.visible != beside:
+            self._panel.visible = beside

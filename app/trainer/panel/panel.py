@@ -1,0 +1,158 @@
+"""The panel of one client: the read-out, the tabs, the keys."""
+
+import viser
+from viser import theme
+
+from app.simulation.reading import Reading
+from app.simulation.run_log import RunFile
+from app.trainer.panel.compare_tab import CompareTab
+from app.trainer.panel.controls import on_click
+from app.trainer.panel.exercise_tab import ExerciseTab
+from app.trainer.panel.help import HOTKEYS, show_help
+from app.trainer.panel.legend import HeatLegend
+from app.trainer.panel.model_tab import ModelTab
+from app.trainer.panel.readout import hidden_readout_html, readout_html
+from app.trainer.panel.replay_tab import ReplayTab
+from app.trainer.panel.result_page import ResultPage
+from app.trainer.panel.train_tab import TrainTab
+from app.trainer.workplace import Workplace
+
+__all__ = ["DISCLAIMER", "Panel"]
+
+DISCLAIMER = "Not clinically validated, not a medical device."
+WIDTH = 364
+"""px."""
+BRAND = (38, 166, 154)
+_NARROW_STYLE = "<style>@media (max-width:576px){.bd-wide{display:none}}</style>"
+"""On a phone the read-out has its main figures only, so that the duct is seen above it."""
+
+
+class Panel:
+    """One client's panel: it writes inputs into the session and shows its readings.
+
+    Parameters
+    ----------
+    workplace
+        The client's workplace.
+    """
+
+    def __init__(self, workplace: Workplace) -> None:
+        self._workplace = workplace
+        gui = self._gui = workplace.client.gui
+        gui.configure_theme(
+            titlebar_content=theme.TitlebarConfig(
+                buttons=(),
+                image=theme.TitlebarImage(
+                    image_url_light=_LOGO,
+                    image_url_dark=_LOGO,
+                    image_alt="Blunt-dissection trainer",
+                    href=None,
+                ),
+            ),
+            dark_mode=True,
+            show_logo=False,
+            show_share_button=False,
+            brand_color=BRAND,
+        )
+        gui.set_panel_label("Blunt dissection")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        self._readout = gui.add_html("")
+        gui.add_html(
+            f"{_NARROW_STYLE}<div data-testid='disclaimer' style='padding:0 14px 6px;"
+            f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
+        )
+        self._legend = HeatLegend(gui)
+        # A new tab is a module of its own, and a line here and in `show`.
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Train"):
+            self._train = TrainTab(gui, workplace)
+        with tabs.add_tab("Learn"):
+            self._exercises = ExerciseTab(gui, workplace)
+        with tabs.add_tab("Compare"):
+            self._compare = CompareTab(gui, workplace)
+        with tabs.add_tab("Replay"):
+            self._replay = ReplayTab(gui, workplace)
+        with tabs.add_tab("Model"):
+            self._model = ModelTab(gui, workplace)
+        ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
+        on_click(ask, lambda: show_help(workplace.client))
+        on_click(self._exercises.result, self._show_last)
+        self._add_commands()
+        self.show(workplace.shown.reading())
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading.
+
+        Parameters
+        ----------
+        reading
+            Of the session that is shown.
+        """
+        workplace = self._workplace
+        visible = workplace.figures_visible
+        if visible:
+            state = (
+                "Replay" if workplace.player is not None else "Paused" if workplace.paused else ""
+            )
+            content = readout_html(reading, state)
+        else:
+            content = hidden_readout_html(reading.phase)
+        if self._readout.content != content:
+            self._readout.content = content
+        self._legend.show(
+            workplace.heat and visible,
+            workplace.shown.stress_range[1],
+            workplace.client.camera.aspect,
+        )
+        self._train.show(reading)
+        self._exercises.show()
+        self._compare.show(reading)
+        self._replay.show()
+        self._model.show(reading)
+
+    def show_result(self, run: RunFile) -> None:
+        """Open the result page of a run; it is made again for its plots, so this takes a while.
+
+        Parameters
+        ----------
+        run
+            The run.
+        """
+        again = (lambda: self._exercises.again(run)) if run.log.exercise is not None else None
+        ResultPage(
+            self._workplace, run, again=again, replay=lambda: self._replay.replay(lambda: run)
+        )
+
+    def _show_last(self) -> None:
+        run = self._workplace.last_run
+        if run is not None:
+            self._workplace.attempt("Measuring the run.", lambda: self.show_result(run))
+
+    def _add_commands(self) -> None:
+        workplace = self._workplace
+        actions = {
+            "R": workplace.reset,
+            "T": workplace.ramp_to_tear,
+            "P": lambda: workplace.set_paused(not workplace.paused),
+            "H": lambda: workplace.show(heat=not workplace.heat),
+        }
+        for key, name, what in HOTKEYS:
+            command = self._gui.add_command(name, description=what, hotkey=key)
+
+            @command.on_trigger
+            async def _(_: object, action=actions[key]) -> None:  # pyright: ignore
+                if workplace.player is None or action == actions["H"]:
+                    action()
+
+
+_LOGO = (
+    "data:image/svg+xml;utf8,"
+    "<svg xmlns='http://www.w3.org/2000/svg' width='310' height='32'>"
+    "<path d='M4 21C14 21 14 11 24 11s10 10 20 10' stroke='%23d9a066' stroke-width='8' "
+    "fill='none' stroke-linecap='round'/>"
+    "<path d='M24 1v8a4 4 0 0 0 8 0' stroke='%23cfd4d9' stroke-width='2.5' fill='none' "
+    "stroke-linecap='round'/>"
+    "<text x='58' y='22' font-family='sans-serif' font-size='17' font-weight='600' "
+    "fill='%23e8eaed'>Blunt-dissection trainer</text></svg>"
+)

@@ -1,0 +1,216 @@
+"""The force-deflection plot of a pull: the chosen theory, the pull, and what others say of it."""
+
+import threading
+from contextlib import suppress
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.simulation.dissection import Dissection
+from app.simulation.grasped_duct import GraspedDuct
+from app.simulation.model import Model
+from app.simulation.reading import Reading
+from app.simulation.session import Session
+from app.trainer.background import Background
+from app.trainer.panel.plots import Curve, axes, dots, key_html, line
+from app.validation.thesis_tables import INCH, LBF, TABLES
+from physics import Beam, Cubic, Exact, Theory
+
+__all__ = ["PullPlot", "ansys_points"]
+
+THEORY, PULL, BREAK, CUBIC, EXACT, ANSYS = (
+    "#9aa3ad",
+    "#35c28f",
+    "#ff6b5e",
+    "#f2b134",
+    "#5aa9ff",
+    "#e8eaed",
+)
+REFERENCE_POINTS = 50
+SAME_BEAM = 1e-3
+"""Relative difference of a beam's numbers from a table's that its rounding explains."""
+MIDDLE = 0.05
+"""How near the middle a grasp is in the middle, mm: half of the slider's step."""
+
+_Pair = tuple[Curve, Curve]
+
+
+def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
+    """Return what ANSYS said of a beam, where the thesis has printed it.
+
+    Parameters
+    ----------
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]] | None
+        (N,) deflections, mm, rising, and (N,) forces F = 2P, N; None for a beam that is in no
+        table, and off the middle.
+    """
+    if abs(grasp - 0.5 * beam.span) > MIDDLE:
+        return None
+    for table in TABLES:
+        theirs = table.beam
+        if np.allclose(
+            [beam.span, beam.area, beam.second_moment, beam.modulus],
+            [theirs.span, theirs.area, theirs.second_moment, theirs.modulus],
+            rtol=SAME_BEAM,
+        ):
+            rows = np.array([(ansys * INCH, 2.0 * pull * LBF) for pull, _, ansys in table.rows])
+            return rows[:, 0], rows[:, 1]
+    return None
+
+
+class PullPlot:
+    """One client's force-deflection plot.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI.
+    background
+        Solves the theories beside the chosen one.
+    """
+
+    def __init__(self, gui: viser.GuiApi, background: Background) -> None:
+        nothing = np.zeros(2)
+        self._background = background
+        self._lock = threading.Lock()
+        self._key: object = None
+        self._others_key: object = None
+        self._curve: _Pair = (np.array([0.0, 1.0]), nothing)
+        self._cubic: _Pair | None = None
+        self._exact: _Pair | None = None
+        self._ansys: _Pair | None = None
+        self._deepest = 0.0
+        self._level = np.nan
+        self._chart = gui.add_uplot(
+            (np.array([0.0, 1.0]), *[nothing] * 6),
+            (
+                uplot.Series(label="deflection, mm"),
+                line("theory, N", THEORY),
+                line("this pull, N", PULL, 3.0),
+                line("break, N", BREAK, 1.5, (6, 4)),
+                line("thesis's cubic, N", CUBIC, 1.2, (5, 3)),
+                line("exact beam, N", EXACT, 1.2, (2, 3)),
+                dots("ANSYS, N", ANSYS),
+            ),
+            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
+            axes=axes("deflection (mm)", "force F (N)"),
+            legend=uplot.Legend(show=False),
+            aspect=1.75,
+        )
+        self._legend = gui.add_html("")
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn; while it is not, the page has none of its figures."""
+        return self._chart.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        if visible != self._chart.visible:
+            self._chart.visible = self._legend.visible = visible
+            if not visible:
+                with self._lock:
+                    self._key = None
+                    nothing = np.zeros(2)
+                    self._chart.data = (np.array([0.0, 1.0]), *[nothing] * 6)
+
+    def show(self, session: Session, reading: Reading) -> None:
+        """Draw the theory's curve, the part of it that this pull has covered, and the break.
+
+        Parameters
+        ----------
+        session
+            The session that is shown.
+        reading
+            Its reading.
+        """
+        event = reading.breaks_at
+        self._take_others(session)
+        with self._lock:
+            key = (session.dissection, session.theory, session.grasp, event and event.force)
+            if key != self._key or reading.deepest > self._curve[0][-1]:
+                self._key = key
+                self._curve = session.curve()
+                # Said outright: the chart keeps the range that an earlier curve has left it.
+                self._chart.scales = {
+                    end: uplot.Scale(time=False, range=(0.0, float(values[-1])))
+                    for end, values in zip(("x", "y"), self._curve, strict=True)
+                }
+            self._deepest = reading.deepest
+            self._level = event.force if event else np.nan
+            self._draw()
+
+    def _take_others(self, session: Session) -> None:
+        """Have the thesis's cubic and the exact beam solved for another duct or grasp."""
+        dissection, grasp, chosen = session.dissection, session.grasp, session.theory
+        key = (dissection, grasp, chosen, session.threshold)
+        if key == self._others_key:
+            return
+        self._others_key = key
+        threshold = session.threshold
+
+        def solve() -> None:
+            cubic = _curve(dissection, Cubic(), chosen, grasp, threshold)
+            exact = _curve(dissection, Exact(), chosen, grasp, threshold)
+            with self._lock:
+                if key == self._others_key:
+                    self._cubic, self._exact = cubic, exact
+                    self._ansys = ansys_points(dissection.beam, grasp)
+                    self._explain()
+                    if self._chart.visible and self._key is not None:
+                        self._draw()
+
+        with self._lock:
+            self._cubic = self._exact = self._ansys = None
+        self._background.do((id(self), "others"), solve)
+
+    def _explain(self) -> None:
+        entries = [(PULL, "this pull"), (THEORY, "chosen theory"), (BREAK, "break")]
+        if self._cubic is not None:
+            entries.append((CUBIC, "thesis's cubic"))
+        if self._exact is not None:
+            entries.append((EXACT, "exact beam"))
+        if self._ansys is not None:
+            entries.append(("." + ANSYS, "ANSYS, by the thesis"))
+        self._legend.content = key_html(tuple(entries))
+
+    def _draw(self) -> None:
+        """Send all series on one grid, which has every point that must be hit."""
+        deflections, forces = self._curve
+        last = float(deflections[-1])
+        marks = np.empty(0) if self._ansys is None else self._ansys[0][self._ansys[0] <= last]
+        grid = np.union1d(np.append(deflections, self._deepest), marks)
+        theory = np.interp(grid, deflections, forces)
+        nowhere = np.full_like(grid, np.nan)
+        shown = nowhere.copy()
+        if self._ansys is not None and marks.size:
+            shown[np.searchsorted(grid, marks)] = self._ansys[1][: marks.size]
+        self._chart.data = (
+            grid,
+            theory,
+            np.where(grid <= self._deepest, theory, np.nan),
+            np.full_like(grid, self._level),
+            nowhere if self._cubic is None else np.interp(grid, *self._cubic, right=np.nan),
+            nowhere if self._exact is None else np.interp(grid, *self._exact, right=np.nan),
+            shown,
+        )
+
+
+def _curve(
+    dissection: Dissection, theory: Theory, chosen: Theory, grasp: float, threshold: float
+) -> _Pair | None:
+    """Return a theory's curve; None for the chosen one, which is drawn, and where there is none."""
+    if theory == chosen:
+        return None
+    with suppress(ValueError):
+        duct = GraspedDuct(Model.of(dissection, theory), grasp, threshold)
+        return duct.curve(REFERENCE_POINTS)
+    return None

@@ -1,0 +1,145 @@
+"""Replay: a run made again in the picture, with a slider over its time."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.simulation.run_log import RunFile, read_run, run_json
+from app.trainer.panel.controls import note, number, on_click, on_work
+from app.trainer.panel.result_page import run_csv
+from app.trainer.workplace import Workplace
+
+__all__ = ["ReplayTab"]
+
+_TELLING = (
+    "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
+    "pull after a reset; <code>bluntdissect replay run.json</code> prints its measures."
+)
+STEP = 0.01
+"""Of the time slider, s."""
+
+
+class ReplayTab:
+    """The tab of replays.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, inside the tab.
+    workplace
+        The client's workplace.
+    """
+
+    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
+        self._workplace = workplace
+        self._time = gui.add_slider(
+            "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
+        )
+        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._leave = gui.add_button(
+            "Leave the replay", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False
+        )
+        self._this = gui.add_button("Replay this run", icon=viser.Icon.PLAYER_PLAY)
+        # In a folder: viser shows an upload button whether it is visible or not.
+        self._upload = gui.add_folder(None)
+        with self._upload:
+            self._open = gui.add_upload_button(
+                "Open a run file",
+                icon=viser.Icon.UPLOAD,
+                color="gray",
+                mime_type="application/json",
+                hint="A run.json that was downloaded here, of the same organ",
+            )
+        self._json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
+        self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+        self._told = gui.add_html(note(_TELLING))
+        self._playing = True
+        self._put = 0.0
+        self._of: object = None
+        self._was_playing = False
+        on_click(self._this, self._replay_this)
+        on_click(self._leave, workplace.leave_replay)
+        on_click(self._play, self._play_or_pause)
+        on_click(self._json, lambda: self._download("run.json"))
+        on_click(self._csv, lambda: self._download("run.csv"))
+        on_work(self._time, self._seek)
+
+        @self._open.on_upload
+        def _(_: object) -> None:
+            content = self._open.value.content
+            self.replay(lambda: read_run(content))
+
+    def replay(self, read: Callable[[], RunFile]) -> None:
+        """Show a run again, or say why it cannot be.
+
+        Parameters
+        ----------
+        read
+            Gives the run; its `ValueError` is what the client is told.
+        """
+        start = self._workplace.start_replay
+        self._workplace.attempt("Making the run again.", lambda: start(read()))
+
+    def show(self) -> None:
+        """Show where the replay is."""
+        workplace, player = self._workplace, self._workplace.player
+        there = player is not None
+        for handle, visible in (
+            (self._time, there),
+            (self._play, there),
+            (self._leave, there),
+            (self._this, not there),
+            (self._upload, not there and not workplace.in_exercise),
+            (self._json, not there),
+            (self._csv, not there),
+        ):
+            if handle.visible != visible:
+                handle.visible = visible
+        some = workplace.session.run.started or workplace.last_run is not None
+        for button in (self._this, self._json, self._csv):
+            if button.disabled == (some and not workplace.in_exercise):
+                button.disabled = not button.disabled
+        if player is None:
+            self._of = None
+            return
+        if self._of is not player:
+            self._of = player
+            self._time.max = max(round(player.duration, 2), STEP)
+        if self._playing != player.playing:
+            self._playing = player.playing
+            self._play.label = "Pause" if player.playing else "Play"
+            self._play.icon = viser.Icon.PLAYER_PAUSE if player.playing else viser.Icon.PLAYER_PLAY
+        time = min(round(player.time, 2), self._time.max)
+        if (player.playing and time != self._put) or (not player.playing and self._was_playing):
+            self._put = time
+            self._time.value = time
+        self._was_playing = player.playing
+
+    def _replay_this(self) -> None:
+        run = self._run()
+        if run is not None:
+            self.replay(lambda: run)
+
+    def _run(self) -> RunFile | None:
+        """Return the run that goes, or the last one."""
+        if self._workplace.session.run.started:
+            return self._workplace.session.run_file()
+        return self._workplace.last_run
+
+    def _download(self, name: str) -> None:
+        run = self._run()
+        if run is None:
+            return
+        content = run_json(run) if name.endswith("json") else run_csv(run, self._workplace)
+        self._workplace.client.send_file_download(name, content, save_immediately=True)
+
+    def _play_or_pause(self) -> None:
+        player = self._workplace.player
+        if player is not None:
+            (player.pause if player.playing else player.play)()
+
+    def _seek(self, seconds: object) -> None:
+        player = self._workplace.player
+        if player is not None:
+            player.pause()
+            player.seek(number(seconds))

@@ -1,0 +1,113 @@
+"""The result page: how a run has ended, its measures, its plots, and what can be done with it."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import viser
+
+from app.simulation.exercise import HoldStretch
+from app.simulation.replay import Replay, Series, series_csv
+from app.simulation.run_log import RunFile, run_json
+from app.trainer.panel.controls import on_click
+from app.trainer.panel.measures_table import measures_html, outcome_html
+from app.trainer.panel.plots import add_series_plots
+from app.trainer.workplace import Workplace
+
+__all__ = ["ResultPage", "run_csv"]
+
+FEW = 300
+"""Vertices of a duct that is only measured."""
+
+
+def _series(run: RunFile, workplace: Workplace) -> Series:
+    organ = workplace.session.dissection.organ
+    return Replay(run.log, organ, vertices=FEW).series()
+
+
+def run_csv(run: RunFile, workplace: Workplace) -> bytes:
+    """Return a run tick by tick, as comma-separated values.
+
+    Parameters
+    ----------
+    run
+        The run.
+    workplace
+        Whose organ it was made on.
+
+    Returns
+    -------
+    bytes
+        UTF-8.
+    """
+    return series_csv(_series(run, workplace)).encode()
+
+
+class ResultPage:
+    """A page over the trainer with one run's result, until it is closed.
+
+    Parameters
+    ----------
+    workplace
+        The client's workplace.
+    run
+        The run.
+    again
+        Starts the same exercise again; None for a run without one.
+    replay
+        Shows the run again.
+    """
+
+    def __init__(
+        self,
+        workplace: Workplace,
+        run: RunFile,
+        *,
+        again: Callable[[], object] | None,
+        replay: Callable[[], object],
+    ) -> None:
+        gui, client = workplace.client.gui, workplace.client
+        self._gui = gui
+        series = _series(run, workplace)
+        exercise = run.log.exercise
+        title = "Free pull" if exercise is None else exercise.title
+        self._open = True
+        self._modal = gui.add_modal("Result")
+        with self._modal:
+            gui.add_html(outcome_html(run.outcome, title))
+            tabs = gui.add_tab_group()
+            with tabs.add_tab("Measures"):
+                gui.add_html(measures_html(run.measures))
+            with tabs.add_tab("Over time"):
+                limit = exercise.force_limit_N if isinstance(exercise, HoldStretch) else None
+                add_series_plots(gui, series, force_line=limit)
+            if again is not None:
+                self._closing("Try again", viser.Icon.REFRESH, again, "teal")
+            self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)
+            csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+            json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
+            self._closing("Close", viser.Icon.X, lambda: None)
+        send = client.send_file_download
+        on_click(csv, lambda: send("run.csv", series_csv(series).encode(), save_immediately=True))
+        on_click(json, lambda: send("run.json", run_json(run), save_immediately=True))
+
+    def _closing(
+        self,
+        label: str,
+        icon: viser.IconName,
+        action: Callable[[], object],
+        color: Literal["gray", "teal"] = "gray",
+    ) -> None:
+        """Add a button that closes the page, and then does something."""
+        button = self._gui.add_button(label, icon=icon, color=color)
+
+        def press() -> None:
+            self.close()
+            action()
+
+        on_click(button, press)
+
+    def close(self) -> None:
+        """Close the page."""
+        if self._open:
+            self._open = False
+            self._modal.close()

@@ -1,0 +1,152 @@
+"""Train: what the duct is pulled with, and what is to be seen of it."""
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.simulation.reading import Phase, Reading
+from app.trainer.panel.controls import number, on_click, on_input
+from app.trainer.panel.pull_plot import PullPlot
+from app.trainer.workplace import Workplace
+
+__all__ = ["TrainTab", "slider_step"]
+
+
+class TrainTab:
+    """The tab that the page opens on.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, inside the tab.
+    workplace
+        The client's workplace.
+    """
+
+    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
+        self._workplace = workplace
+        session = workplace.session
+        low, high = session.grasp_range
+        self._force = gui.add_slider(
+            "Force F (N)",
+            min=0.0,
+            max=session.force_limit,
+            step=slider_step(session.force_limit),
+            initial_value=session.force_wanted,
+            hint="The grasper's whole force across the duct. Or drag the duct with the mouse.",
+        )
+        self._grasp = gui.add_slider(
+            "Grasp (mm)",
+            min=round(low, 1),
+            max=round(high, 1),
+            step=0.1,
+            initial_value=round(session.grasp, 1),
+            hint="Where the hook holds the duct, from the left clamp",
+        )
+        self._heat = gui.add_checkbox(
+            "Stress (H)",
+            initial_value=workplace.heat,
+            hint="Colour the surface by its tensile stress, from none to the threshold",
+        )
+        self._pause = gui.add_button(
+            "Pause (P)", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint="Let time stand still"
+        )
+        self._reset = gui.add_button(
+            "Reset (R)", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
+        )
+        self._plot = PullPlot(gui, workplace.background)
+        self._model: object = None
+        self._paused = False
+        self._cause: object = None
+
+        on_input(self._force, lambda value: workplace.pull_with(number(value)))
+        on_input(self._grasp, lambda value: session.set_grasp(number(value)))
+        on_input(self._heat, lambda value: workplace.show(heat=value is True))
+        on_click(self._reset, workplace.reset)
+        on_click(self._pause, lambda: workplace.set_paused(not workplace.paused))
+        self.take_ranges()
+
+    def take_ranges(self) -> None:
+        """Bring the inputs' ranges in line with the session's."""
+        session = self._workplace.session
+        model = session.dissection, session.theory
+        if model == self._model:
+            return
+        self._model = model
+        limit = session.force_limit
+        self._force.max, self._force.step = limit, slider_step(limit)
+        low, high = session.grasp_range
+        self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
+        self._grasp.value = round(session.grasp, 1)
+        self._force.value = min(session.force_wanted, limit)
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading.
+
+        Parameters
+        ----------
+        reading
+            Of the session that is shown.
+        """
+        workplace = self._workplace
+        visible = workplace.figures_visible
+        self.take_ranges()
+        live = workplace.player is None and reading.phase is Phase.INTACT
+        # Hidden, not disabled: viser leaves a disabled slider's number field open to typing.
+        _see(self._force, live and visible)
+        _see(self._grasp, live)
+        _see(self._heat, visible)
+        _see(self._pause, workplace.player is None and not workplace.in_exercise)
+        _see(self._reset, workplace.player is None)
+        self._plot.visible = visible
+        if visible:
+            self._plot.show(workplace.shown, reading)
+        if self._heat.value != workplace.heat:
+            self._heat.value = workplace.heat
+        if workplace.paused != self._paused:
+            self._paused = workplace.paused
+            self._pause.label = "Go on (P)" if self._paused else "Pause (P)"
+        self._follow(reading, live=live, visible=visible)
+
+    def _follow(self, reading: Reading, *, live: bool, visible: bool) -> None:
+        """Let the sliders show what was not done by them: by hand, a reset, a ramp, a tear.
+
+        Never what they have done themselves: a hand on a slider is ahead of what has come here.
+        """
+        session = self._workplace.session
+        cause = (self._workplace.pulls, live, visible, reading.by_hand)
+        if cause == self._cause and not reading.by_hand:
+            return
+        self._cause = cause
+        wanted = session.force_wanted if live and visible else 0.0
+        step = self._force.step
+        _put(self._force, min(max(round(wanted / step) * step, 0.0), self._force.max))
+        if reading.by_hand:
+            _put(self._grasp, round(session.grasp, 1))
+
+
+def slider_step(limit: float) -> float:
+    """Return the power of ten that divides a scale into some hundred to a thousand steps.
+
+    Parameters
+    ----------
+    limit
+        End of the scale.
+
+    Returns
+    -------
+    float
+        The step.
+    """
+    return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))
+
+
+def _see(handle: Any, visible: bool) -> None:
+    if handle.visible != visible:
+        handle.visible = visible
+
+
+def _put(handle: viser.GuiSliderHandle[float], value: float) -> None:
+    if abs(handle.value - value) > 1e-9:
+        handle.value = value

@@ -1,0 +1,340 @@
+"""A workplace: one client's session, what it wants to see of it, and the run that it replays."""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+
+import viser
+
+from app.simulation.exercise import Exercise
+from app.simulation.feedback import Feedback
+from app.simulation.reading import Phase
+from app.simulation.run_log import RunFile
+from app.simulation.session import Session
+from app.trainer.background import Background
+from app.trainer.drag_proxy import Hold
+from app.trainer.replay_player import ReplayPlayer
+
+__all__ = ["Workplace", "explained"]
+
+PAST_BREAK = 1.05
+"""Force of a ramp to the tear, in forces at break."""
+PATIENCE = 0.4
+"""A wait that is longer is explained, s."""
+
+
+class Workplace:
+    """What the parts of one client's page share. Its methods may be called from any thread.
+
+    Parameters
+    ----------
+    client
+        The client.
+    session
+        Its session.
+    background
+        Does what nobody waits for.
+
+    Attributes
+    ----------
+    client, session, background
+        As given.
+    heat, overlay
+        Whether the client wants to see the stress on the surface, and the points of the model.
+    pulls
+        Counts the changes of the pull that no slider has made.
+    last_run
+        The last run that has come to an end or was given up, to be judged and replayed.
+    """
+
+    def __init__(
+        self, client: viser.ClientHandle, session: Session, background: Background
+    ) -> None:
+        self.client, self.session, self.background = client, session, background
+        self.heat = self.overlay = False
+        self.pulls = 0
+        self.last_run: RunFile | None = None
+        self._player: ReplayPlayer | None = None
+        self._paused = False
+        self._held_from: float | None = None
+        self._changed = True
+        self.keep_run()
+
+    @property
+    def player(self) -> ReplayPlayer | None:
+        """The replay that is seen instead of the session, or None."""
+        return self._player
+
+    @property
+    def shown(self) -> Session:
+        """The session that is seen."""
+        player = self._player
+        return self.session if player is None else player.session
+
+    @property
+    def figures_visible(self) -> bool:
+        """Whether the trainee is to see the figures now."""
+        return self._player is not None or self.session.run.feedback_visible
+
+    @property
+    def in_exercise(self) -> bool:
+        """Whether an exercise waits for its first pull or goes on."""
+        run = self.session.run
+        return run.exercise is not None and not run.over
+
+    @property
+    def paused(self) -> bool:
+        """Whether the session's time stands still."""
+        return self._paused
+
+    def take_change(self) -> bool:
+        """Return whether what is to be seen has changed since this was last asked.
+
+        Returns
+        -------
+        bool
+            Whether it has.
+        """
+        changed, self._changed = self._changed, False
+        return changed
+
+    def show(self, *, heat: bool | None = None, overlay: bool | None = None) -> None:
+        """Choose what is to be seen.
+
+        Parameters
+        ----------
+        heat
+            Whether stress is drawn on the surface.
+        overlay
+            Whether the points of the model are drawn.
+        """
+        self.heat = self.heat if heat is None else heat
+        self.overlay = self.overlay if overlay is None else overlay
+        self._changed = True
+
+    def set_paused(self, paused: bool) -> None:
+        """Let the session's time stand still, or go on. An exercise is not held up.
+
+        Parameters
+        ----------
+        paused
+            Whether it shall stand still.
+        """
+        if paused and self.in_exercise:
+            self.refuse("An exercise goes on until it is over. Stop it first.")
+            return
+        self._paused = paused
+        self._changed = True
+
+    def keep_run(self) -> None:
+        """Keep the run so far as the last one."""
+        with suppress(ValueError):  # nothing was pulled
+            self.last_run = self.session.run_file()
+
+    def reset(self) -> None:
+        """Make the duct whole; the next pull starts a run."""
+        self.keep_run()
+        self.session.reset()
+        self.pulls += 1
+        self._paused = False
+        self._changed = True
+
+    def start_exercise(self, exercise: Exercise, feedback: Feedback) -> None:
+        """Start anew with an exercise.
+
+        Parameters
+        ----------
+        exercise
+            The exercise.
+        feedback
+            When the trainee sees the figures.
+        """
+        self.keep_run()
+        self.leave_replay()
+        self.session.start_exercise(exercise, feedback)
+        self.pulls += 1
+        self._paused = False
+        self._changed = True
+
+    def finish(self) -> None:
+        """End the run as it stands."""
+        self.session.finish()
+        self._changed = True
+
+    def pull_with(self, force: float) -> None:
+        """Pull with a force; after a run that is over, as a new run.
+
+        Parameters
+        ----------
+        force
+            N.
+        """
+        if self._player is None:
+            self._begin_anew(force > 0.0)
+            self.session.set_force(force)
+
+    def ramp_to_tear(self) -> None:
+        """Pull evenly until the duct tears."""
+        if self._player is not None:
+            return
+        self._begin_anew(True)
+        event = self.session.reading().breaks_at
+        if event is not None:
+            self.session.set_force(PAST_BREAK * event.force)
+            self.pulls += 1
+            self._paused = False
+
+    def grab(self, hold: Hold) -> None:
+        """Take the duct by hand.
+
+        Parameters
+        ----------
+        hold
+            Where.
+        """
+        if self._player is not None:
+            return
+        self._begin_anew(True)
+        session = self.session
+        first = session.dissection.clamps[0]
+        station = session.grasp if hold.station is None else hold.station - first
+        self._held_from = session.grab(station)
+        self.lead(hold)
+
+    def lead(self, hold: Hold) -> None:
+        """Lead the hand that has taken the duct.
+
+        Parameters
+        ----------
+        hold
+            Where it is now.
+        """
+        if self._held_from is not None:
+            along_pull = float(hold.moved @ self.session.dissection.frame[:, 2])
+            self.session.hand_to(self._held_from + along_pull)
+
+    def let_go(self) -> None:
+        """Let the duct spring back, if a hand holds it."""
+        if self._held_from is not None:
+            self._held_from = None
+            self.release()
+
+    def release(self) -> None:
+        """Let the duct spring back, by what it may be pulled."""
+        self.session.let_go()
+        self.pulls += 1
+
+    def start_replay(self, run: RunFile) -> ReplayPlayer:
+        """Show a run again instead of the session, which stands still meanwhile.
+
+        Parameters
+        ----------
+        run
+            The run; a `RunFileError` says if it cannot be made again.
+
+        Returns
+        -------
+        ReplayPlayer
+            The replay, at its start and playing.
+        """
+        player = ReplayPlayer(run, self.session.dissection.organ)
+        self.let_go()
+        player.play()
+        self._player = player
+        self._changed = True
+        return player
+
+    def leave_replay(self) -> None:
+        """Show the session again, as it was left."""
+        self._player = None
+        self._changed = True
+
+    def refuse(self, reason: str) -> None:
+        """Tell the client why something cannot be done.
+
+        Parameters
+        ----------
+        reason
+            One or two sentences.
+        """
+        self.client.add_notification("Not possible", reason, color="yellow", auto_close_seconds=8.0)
+
+    @contextmanager
+    def preparing(self, what: str) -> Generator[None]:
+        """Tell the client what is being done, if it takes a while.
+
+        Parameters
+        ----------
+        what
+            A sentence.
+        """
+        with explained(self.client, what):
+            yield
+
+    def attempt(self, what: str, action: Callable[[], object]) -> bool:
+        """Do something that the client has asked for, or say why it cannot be done.
+
+        Parameters
+        ----------
+        what
+            A sentence for when it takes a while.
+        action
+            What to do; its `ValueError` is what the client is told.
+
+        Returns
+        -------
+        bool
+            Whether it was done.
+        """
+        try:
+            with self.preparing(what):
+                action()
+        except ValueError as error:
+            self.refuse(str(error))
+            return False
+        finally:
+            self._changed = True
+        return True
+
+    def _begin_anew(self, pulls: bool) -> None:
+        """Make way for a new run when the last one is over and the duct still whole."""
+        session = self.session
+        if pulls and session.run.over and session.reading().phase is Phase.INTACT:
+            self.reset()
+
+
+@contextmanager
+def explained(client: viser.ClientHandle, what: str) -> Generator[None]:
+    """Tell a client what is being done, if it takes a while.
+
+    Parameters
+    ----------
+    client
+        The client.
+    what
+        A sentence.
+    """
+    shown: list[viser.NotificationHandle] = []
+    over = threading.Event()
+    lock = threading.Lock()
+
+    def show() -> None:
+        with lock:
+            if not over.is_set():
+                shown.append(
+                    client.add_notification(
+                        "One moment", what, loading=True, with_close_button=False
+                    )
+                )
+
+    timer = threading.Timer(PATIENCE, show)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        with lock:
+            over.set()
+        for notice in shown:
+            notice.remove()

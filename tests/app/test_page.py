@@ -1,0 +1,410 @@
+"""The trainer's page in a real browser: pull by hand, see, compare, learn, replay, first minute."""
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import RADIUS, TrainerPage, running_browser, stage_pixel, trainer_page
+from playwright.sync_api import Browser, Download, expect
+from simulated import phantom
+
+from app.simulation.feedback import Feedback
+from app.simulation.reading import Phase
+from app.simulation.replay import Replay, series_csv
+from app.simulation.run_log import run_json
+from app.simulation.session import Session
+from app.trainer.client_view import ClientView
+from app.trainer.panel.pull_plot import ansys_points
+from app.trainer.server import Trainer
+from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
+from physics import Beam, Cubic, Exact
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264, poisson_ratio=0.3)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def trainer() -> Iterator[Trainer]:
+    running = Trainer(phantom(), port=0, look="plain")
+    yield running
+    running.stop()
+
+
+def newest(trainer: Trainer) -> ClientView:
+    """The view of the client that came last."""
+    return trainer._views[max(trainer._views)]
+
+
+def wait_until(tab: TrainerPage, condition: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something comes true, while the page goes on."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it has not come true in time"
+        tab.page.wait_for_timeout(50)
+
+
+def charts(tab: TrainerPage) -> list[list[list[float | None]]]:
+    """The data of the charts that are drawn."""
+    return tab.page.evaluate(
+        "() => Object.values(window.__viserTestpoints.uplots).filter(plot => plot.chart)"
+        ".map(plot => plot.chart.data.map(row => Array.from(row,"
+        " value => Number.isFinite(value) ? value : null)))"
+    )
+
+
+def seen(tab: TrainerPage, name: str) -> bool:
+    """Whether a part of the organ is drawn."""
+    return tab.page.evaluate(
+        "name => { const node = window.__viserMutable.nodeRefFromName['/organ/' + name];"
+        " return !!node && node.visible; }",
+        name,
+    )
+
+
+def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        session = newest(trainer).session
+        tab.wait_for_node("grip")
+        tab.page.wait_for_timeout(1000)
+        start = stage_pixel(tab, (25.4 + 6.0, -0.8 * RADIUS, 0.6 * RADIUS))
+        mouse = tab.page.mouse
+        mouse.move(*start)
+        tab.page.wait_for_timeout(300)
+        mouse.down()
+        for step in range(1, 7):
+            mouse.move(start[0], start[1] - 14.0 * step)
+            tab.page.wait_for_timeout(80)
+        wait_until(tab, lambda: session.reading().by_hand and not session.step(0.0))
+        tab.page.wait_for_timeout(700)
+        reading = session.reading()
+        assert reading.deflection > 2.0
+        # The hand sets the displacement where it has taken hold, the beam answers with the force.
+        assert session.grasp == pytest.approx(31.4, abs=0.7)
+        force = Cubic().force(DUCT, session.grasp, reading.deflection)
+        assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
+        assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
+        assert tab.slider("Grasp (mm)") == pytest.approx(session.grasp, abs=0.051)
+        assert seen(tab, "force")
+        expect(tab.page.get_by_text(f"{force:.2f} N", exact=True)).to_be_visible()
+        mouse.up()
+        tab.wait_for_force(0.0)
+        wait_until(tab, lambda: session.reading().deflection == 0.0)
+        wait_until(tab, lambda: tab.slider("Force F (N)") == 0.0)
+        assert not seen(tab, "force")
+
+
+def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        session, keyboard = view.session, tab.page.keyboard
+        legend = tab.page.get_by_test_id("heat-legend")
+        expect(legend).to_have_count(0)
+        keyboard.press("h")
+        expect(legend).to_be_visible()
+        expect(legend).to_contain_text("breaks at 211 kPa")
+        wait_until(tab, lambda: seen(tab, "skin_stress") and not seen(tab, "skin"))
+
+        tab.slide("Force F (N)", 3.0)
+        tab.wait_for_force(3.0)
+        tab.open("Train")  # out of the number field, where keys are figures
+        keyboard.press("p")
+        wait_until(tab, lambda: view.workplace.paused)
+        expect(tab.readout).to_contain_text("Paused")
+        tab.slide("Force F (N)", 1.0)
+        held = session.reading()
+        assert held.force == 3.0
+        assert held.phase is Phase.INTACT
+        shares = [stress.copy() for stress in view._shares(session)]
+        wanted = session.stress(np.empty_like(shares[0])) / session.threshold
+        np.testing.assert_array_equal(shares[0], wanted)
+        assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
+        tab.page.wait_for_timeout(400)
+        assert session.reading() == held
+
+        tab.open("Model")
+        tab.slide("Threshold (kPa)", 250.0)
+        tab.open("Train")
+        keyboard.press("p")
+        tab.wait_for_force(1.0)
+        tab.page.locator("[data-testid=heat-legend][data-threshold-kpa='250']").wait_for()
+        tab.page.locator("[data-testid=readout][data-threshold-kpa='250']").wait_for()
+        keyboard.press("t")  # to the tear that is farther off now
+        tab.wait_for_phase("torn")
+        wait_until(tab, lambda: seen(tab, "first_piece_stress"))
+        keyboard.press("r")
+        tab.wait_for_phase("intact")
+        keyboard.press("h")
+        expect(legend).to_have_count(0)
+        wait_until(tab, lambda: seen(tab, "skin"))
+
+
+def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
+    browser: Browser, trainer: Trainer
+) -> None:
+    beam = Session(phantom()).dissection.beam
+    points = ansys_points(beam, 25.4)
+    assert points is not None
+    first = TABLE_6_3.rows[0]
+    assert (points[0][0], points[1][0]) == (first[2] * INCH, 2.0 * first[0] * LBF)
+    assert len(points[0]) == len(TABLE_6_3.rows)
+    assert ansys_points(beam, 20.0) is None
+    assert ansys_points(Beam.round(span=50.0, diameter=8.0, modulus=0.3), 25.0) is None
+
+    with trainer_page(browser, trainer.address) as tab:
+        tab.open("Compare")
+        tab.choose("Theory", "Finite elements (the thesis's reference)")
+        wait_until(tab, lambda: newest(trainer).session.theory.name == "fem")
+        tab.open("Train")
+        expect(tab.page.get_by_test_id("plot-key")).to_contain_text("exact beam")
+        expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
+        wait_until(tab, lambda: any(charts(tab)[0][6]))
+        x, _, _, _, cubic, exact, ansys = charts(tab)[0]
+        shown = {a: b for a, b in zip(x, ansys, strict=True) if b is not None}
+        assert shown == pytest.approx(
+            {a: b for a, b in zip(*points, strict=True) if a <= x[-1]}, rel=1e-6
+        )
+        for theory, curve in ((Cubic(), cubic), (Exact(), exact)):
+            for deflection, force in list(zip(x, curve, strict=True))[5:60:10]:
+                assert deflection is not None
+                assert force == pytest.approx(theory.force(beam, 25.4, deflection), rel=5e-3)
+
+
+def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        session = newest(trainer).session
+        tab.slide("Force F (N)", 2.0)
+        tab.wait_for_force(2.0)
+        tab.open("Compare")
+        tab.choose("Ghost", "Exact beam")
+        ghost = tab.page.get_by_test_id("ghost")
+        ghost.wait_for()
+        exact, cubic = Exact().deflection(DUCT, 25.4, 2.0), Cubic().deflection(DUCT, 25.4, 2.0)
+        found = float(ghost.get_attribute("data-deflection-difference-mm") or "nan")
+        assert found == pytest.approx(exact - cubic, rel=1e-4)
+        assert float(ghost.get_attribute("data-force-difference-n") or "nan") == 0.0
+        wait_until(tab, lambda: seen(tab, "ghost"))
+
+        tab.choose("Theory", "Exact beam")
+        wait_until(tab, lambda: session.theory == Exact())
+        wait_until(tab, lambda: tab.figure("deflection-mm") == pytest.approx(exact, rel=1e-5))
+        tab.choose("Ghost", "None")
+        expect(ghost).to_have_count(0)
+        wait_until(tab, lambda: not seen(tab, "ghost"))
+
+        tab.tick("Chain")
+        wait_until(tab, lambda: session.chain is not None and seen(tab, "chain/nodes"))
+        expect(tab.page.get_by_test_id("chain")).to_contain_text("N at")
+        tab.tick("Chain")
+        wait_until(tab, lambda: session.chain is None and not seen(tab, "chain/nodes"))
+
+        tab.open("Model")
+        tab.tick("Points")
+        wait_until(tab, lambda: seen(tab, "overlay/driving_points"))
+
+
+def test_exercise_is_done_judged_and_downloaded_and_replayed(
+    browser: Browser, trainer: Trainer, tmp_path: Path
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        session = view.session
+        tab.open("Learn")
+        task = tab.page.get_by_test_id("task")
+        expect(task).to_contain_text("Hold the duct")
+        tab.choose("Exercise", "Approach the break")
+        expect(task).to_contain_text("15 % or less")
+        expect(task).to_contain_text("Do not tear the duct.")
+        tab.press("Start")
+        expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("first pull")
+        tab.open("Train")
+        tab.slide("Force F (N)", 3.2)
+        outcome = tab.page.get_by_test_id("outcome")
+        outcome.wait_for()
+        assert outcome.get_attribute("data-outcome") == "Passed"
+        run = view.workplace.last_run
+        assert run is not None
+        assert run.outcome is not None
+        assert run.outcome.passed
+        measures = run_measures(tab)
+        for name, value in measures.items():
+            assert value == getattr(run.measures, name), name
+        assert len(measures) == 10
+
+        assert downloaded(tab, "Download JSON") == run_json(run)
+        again = Replay(run.log, phantom(), vertices=300)
+        assert downloaded(tab, "Download CSV") == series_csv(again.series()).encode()
+        tab.page.get_by_role("tab", name="Over time").click()
+        wait_until(tab, lambda: len(charts(tab)) >= 2)
+        time_of, force_of = next(rows[:2] for rows in charts(tab) if len(rows) == 3)
+        assert time_of[-1] == run.log.ticks / 30.0
+        assert force_of[-1] == again.session.reading().force
+
+        # Replay it: at its end the page shows what the run has shown, and then the live duct.
+        tab.press("Watch it again")
+        tab.open("Replay")
+        wait_until(tab, lambda: view.workplace.player is not None)
+        live = session.reading()
+        tab.slide("Time (s)", round(0.5 * run.log.ticks / 30.0, 2))
+        player = view.workplace.player
+        assert player is not None
+        wait_until(tab, lambda: abs(player.time - 0.5 * run.log.ticks / 30.0) < 0.02)
+        middle = tab.vertices("skin")
+        tab.slide("Time (s)", 100.0)
+        wait_until(tab, lambda: player.at_end)
+        last = again.session.reading()
+        wait_until(tab, lambda: tab.figure("force-n") == pytest.approx(last.force, rel=1e-5))
+        assert tab.figure("deflection-mm") == pytest.approx(last.deflection, rel=1e-5)
+        assert player.session.measures() == run.measures
+        assert np.abs(tab.vertices("skin") - middle).max() > 0.5
+        tab.press("Leave the replay")
+        tab.wait_for_force(live.force)
+        assert session.reading() == live
+
+        # The file that was downloaded is opened again.
+        file = tmp_path / "run.json"
+        file.write_bytes(run_json(run))
+        tab.page.locator("input[type=file]").set_input_files(file)
+        wait_until(tab, lambda: view.workplace.player is not None)
+        assert view.workplace.player is not None
+        assert run_json(view.workplace.player.run) == file.read_bytes()
+        tab.press("Leave the replay")
+        file.write_text("{}")
+        wait_until(tab, lambda: tab.page.locator("input[type=file]").count() > 0)
+        tab.page.locator("input[type=file]").set_input_files(file)
+        expect(tab.page.get_by_text(re.compile("not a run of bluntdissect"))).to_be_visible()
+
+
+def run_measures(tab: TrainerPage) -> dict[str, float | None]:
+    """The measures in full, as the result page carries them."""
+    rows: list[list[str]] = tab.page.evaluate(
+        "() => [...document.querySelectorAll('[data-measure]')]"
+        ".map(row => [row.dataset.measure, row.dataset.value])"
+    )
+    return {name: float(value) if value else None for name, value in rows}
+
+
+def downloaded(tab: TrainerPage, button: str) -> bytes:
+    """What a button downloads."""
+    with tab.page.expect_download() as expected:
+        tab.page.get_by_role("dialog").get_by_role("button", name=button, exact=True).click()
+    download: Download = expected.value
+    return Path(download.path()).read_bytes()
+
+
+def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        session = view.session
+        tab.page.evaluate(
+            "() => { const viewer = window.__viserMutable; const send = viewer.sendMessage;"
+            " viewer.sendMessage = message => {"
+            "  if (message.type === 'GuiUpdateMessage') window.__update ??= message;"
+            "  send(message); }; }"
+        )
+        tab.open("Model")
+        tab.slide("Threshold (kPa)", 300.0)
+        wait_until(tab, lambda: session.threshold == pytest.approx(0.3))
+        tab.open("Learn")
+        tab.page.keyboard.press("h")
+        tab.page.get_by_test_id("heat-legend").wait_for()
+        tab.choose("Feedback", "Only in the result")
+        tab.press("Start")
+        hidden = tab.page.locator("[data-testid=readout][data-hidden='1']")
+        hidden.wait_for()
+        assert session.run.feedback is Feedback.SUMMARY
+        expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
+        tab.open("Train")
+        expect(tab.page.get_by_text("Force F (N)", exact=True)).to_have_count(0)
+        expect(tab.page.get_by_test_id("plot-key")).to_have_count(0)
+        session.grab(25.4)
+        session.hand_to(6.0)
+        wait_until(tab, lambda: session.reading().deflection > 5.9)
+        tab.page.wait_for_timeout(300)
+        wait_until(tab, lambda: seen(tab, "skin"))
+        assert not seen(tab, "skin_stress")
+        assert not seen(tab, "force")
+        assert tab.readout.get_attribute("data-force-n") is None
+        words = tab.page.locator("body").inner_text()
+        for figure in (session.reading().force, session.reading().deflection):
+            assert f"{figure:.2f}" not in words
+        # Time cannot be held, and the slider that is hidden is not taken from a browser.
+        tab.page.keyboard.press("p")
+        assert not view.workplace.paused
+        threshold = session.threshold
+        tab.page.evaluate(
+            "() => window.__viserMutable.sendMessage({...window.__update, updates: {value: 400}})"
+        )
+        tab.page.wait_for_timeout(300)
+        assert session.threshold == threshold
+        tab.open("Learn")
+        tab.press("Stop")
+        outcome = tab.page.get_by_test_id("outcome")
+        outcome.wait_for()
+        assert outcome.get_attribute("data-outcome") == "Not judged"
+        tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        wait_until(tab, lambda: tab.figure("distance-to-break") == 1.0)
+
+
+def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, first_minute=True) as tab:
+        lines = tab.page.get_by_test_id("first-minute")
+        expect(lines.locator("li")).to_have_count(3)
+        tab.start()
+        view = newest(trainer)
+        tab.slide("Force F (N)", 1.5)
+        tab.wait_for_force(1.5)
+        sessions = len(trainer._kept)
+        ticks = view.session.run.ticks
+        tab.page.reload()
+        tab.wait_for_node("skin")
+        tab.wait_for_force(1.5)
+        wait_until(tab, lambda: newest(trainer) is not view)
+        assert newest(trainer).session is view.session
+        assert len(trainer._kept) == sessions
+        assert view.session.run.ticks >= ticks
+        assert tab.slider("Force F (N)") == 1.5
+        expect(lines).to_have_count(0)  # it has been read
+        tab.press("Help")
+        expect(tab.page.get_by_role("dialog")).to_contain_text("Ramp to tear")
+        expect(lines.locator("li")).to_have_count(3)
+        tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        expect(lines).to_have_count(0)
+
+
+def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, width=390, height=844) as tab:
+        expect(tab.page.get_by_test_id("disclaimer")).to_be_visible()
+        tab.page.wait_for_timeout(500)
+        _, bottom = stage_pixel(tab, (25.4, 0.0, -RADIUS))
+        panel = tab.readout.bounding_box()
+        assert panel is not None
+        assert bottom < panel["y"]
+        tab.page.keyboard.press("h")
+        legend = tab.page.get_by_test_id("heat-legend")
+        expect(legend).to_be_visible()
+        place = legend.bounding_box()
+        assert place is not None
+        assert place["y"] > panel["y"]  # inside the panel
+
+
+def test_full_house_is_said(browser: Browser) -> None:
+    trainer = Trainer(phantom(), port=0, look="plain", most_clients=1)
+    try:
+        with trainer_page(browser, trainer.address) as _:
+            context = browser.new_context()
+            page = context.new_page()
+            page.goto(f"{trainer.address}/?fixedDpr=1")
+            expect(page.get_by_text(re.compile("1 trainees are at work"))).to_be_visible(
+                timeout=60_000
+            )
+            context.close()
+    finally:
+        trainer.stop()
