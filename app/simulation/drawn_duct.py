@@ -46,6 +46,11 @@ class DrawnDuct:
         self.surfaces: tuple[Surface, ...] = ()
         self._stress: tuple[SurfaceStress, ...] | None = None
 
+    @property
+    def transforms(self) -> NDArray[np.float64]:
+        """(D, 3, 4) transforms of the driving points less the identity; overwritten."""
+        return self._transforms
+
     def follow(self, dissection: Dissection) -> None:
         """Show the whole organ, moved by a dissection's driving points from now on.
 

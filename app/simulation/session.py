@@ -134,6 +134,11 @@ class Session:
         return self._drawn.surfaces
 
     @property
+    def transforms(self) -> NDArray[np.float64]:
+        """(D, 3, 4) how the driving points were moved by the last step, less the identity."""
+        return self._drawn.transforms
+
+    @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
         return self._ghost if self._pulled.tear is None else None
@@ -147,6 +152,12 @@ class Session:
     def run(self) -> Run:
         """The run that goes: its time, its exercise and how that stands; for looking at."""
         return self._run
+
+    @property
+    def tear_front(self) -> float | None:
+        """How far the tear has run (`tear_course.front`); None while the duct is whole."""
+        tear = self._pulled.tear
+        return None if tear is None else tear.front
 
     def presets_offered(self) -> list[Preset]:
         """Return the presets that this organ can be clamped for.

@@ -30,7 +30,10 @@ from app.simulation.run_log import (
 from app.simulation.session import Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel import OFFERED_THEORIES
+from assets import BILE_DUCT_PHANTOM
+from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ import Organ
+from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import read_organ, write_organ
 from physics import Cubic, Exact, Fem, MassSpring, TautString
 
@@ -433,8 +436,8 @@ def test_the_command_prints_the_same_measures_to_the_digit(
 def test_the_command_takes_the_organ_s_own_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    organ = Organ(phantom().axis * 1.1, phantom().frames, phantom().keys, phantom().outer)
-    write_organ(organ, tmp_path / "own.organ")
+    coarse = build_organ(read_image_stack(BILE_DUCT_PHANTOM), tolerance_mm=0.2).organ
+    write_organ(coarse, tmp_path / "own.organ")
     session = Session(read_organ(tmp_path / "own.organ"), vertices=300)
     session.set_force(1.0)
     session.advance(20)
