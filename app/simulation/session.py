@@ -154,6 +154,11 @@ class Session:
         return self._run
 
     @property
+    def seed(self) -> int:
+        """What chooses the raggedness of the torn rim."""
+        return self._seed
+
+    @property
     def tear_front(self) -> float | None:
         """How far the tear has run (`tear_course.front`); None while the duct is whole."""
         tear = self._pulled.tear

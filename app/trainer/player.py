@@ -103,13 +103,15 @@ class _Body:
             part.mesh.visible = shown
 
 
-def page_edge_length(organ: Organ) -> float:
+def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
     """Return the edges that a page shows an organ with where nobody asks for others.
 
     Parameters
     ----------
     organ
         The organ.
+    vertices
+        How many vertices there shall be, about.
 
     Returns
     -------
@@ -118,7 +120,7 @@ def page_edge_length(organ: Organ) -> float:
     """
     walls = 2 if organ.hollow else 1
     area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
-    return min(math.sqrt(area / VERTICES), 0.4 * organ.mean_radius)
+    return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
 def order_page(order: Order) -> str:
@@ -161,9 +163,7 @@ def order_page(order: Order) -> str:
             "Forces in N, lengths in mm." + (f" {DRAWN_NOT_COMPUTED}" if tears else ""),
         ],
     )
-    pieces = None
-    if event is not None and tears:
-        pieces = dissection.torn_at(event.check, edge_length=order.edge_length)
+    pieces = order.pieces() if tears else None
     return player_page(dissection, scenes, edge_length=order.edge_length, pieces=pieces)
 
 
