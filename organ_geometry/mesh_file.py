@@ -14,7 +14,14 @@ from organ_geometry.shaded_wall import shaded_walls
 from organ_geometry.skin import Skin
 from organ_geometry.whole_file import check_target, write_whole
 
-__all__ = ["PAINTED_SUFFIXES", "SUFFIXES", "ClosedSurface", "check_mesh_path", "write_mesh"]
+__all__ = [
+    "PAINTED_SUFFIXES",
+    "SUFFIXES",
+    "ClosedSurface",
+    "check_mesh_path",
+    "mesh_content",
+    "write_mesh",
+]
 
 SUFFIXES = (".stl", ".ply", ".obj", ".glb")
 """Kinds of file, by suffix."""
@@ -115,8 +122,27 @@ def write_mesh(parts: Mapping[str, ClosedSurface], path: Path) -> None:
         If the suffix is unknown or keeps no colours, or the folder is not there.
     """
     check_mesh_path(path, painted=any(part.colors is not None for part in parts.values()))
-    kind = path.suffix.lower().removeprefix(".")
-    write_whole(path, _glb(parts) if kind == "glb" else _flat(list(parts.values()), kind))
+    write_whole(path, mesh_content(parts, path.suffix.lower()))
+
+
+def mesh_content(parts: Mapping[str, ClosedSurface], suffix: str) -> bytes:
+    """Return closed surfaces as a file's content.
+
+    Parameters
+    ----------
+    parts
+        Surfaces by name; all or none have colours.
+    suffix
+        The kind of file, one of `SUFFIXES`.
+
+    Returns
+    -------
+    bytes
+        The content.
+    """
+    if suffix == ".glb":
+        return _glb(parts)
+    return _flat(list(parts.values()), suffix.removeprefix("."))
 
 
 def _glb(parts: Mapping[str, ClosedSurface]) -> bytes:

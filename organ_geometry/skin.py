@@ -93,7 +93,7 @@ class BoundSkin:
             (D, 3, 4) transforms of the driving points less the identity
             (`DrivingPoints.transforms`).
         out
-            (V, 3) receives the vertices, mm.
+            (V, 3) receives the vertices, mm; contiguous, as numpy makes arrays.
 
         Returns
         -------
@@ -295,6 +295,8 @@ def _blend(
     out: NDArray[np.float32],
 ) -> None:
     blended = np.empty((3, 4))
+    # As plain rows of numbers the compiler loads and stores several vertices at once.
+    all_places, all_moved = rest.reshape(-1), out.reshape(-1)
     for run in range(starts.size - 1):
         first, last = starts[run], starts[run + 1]
         before = transforms[index[first]]
@@ -307,9 +309,11 @@ def _blend(
         xx, xy, xz, x_shift = blended[0, 0], blended[0, 1], blended[0, 2], blended[0, 3]
         yx, yy, yz, y_shift = blended[1, 0], blended[1, 1], blended[1, 2], blended[1, 3]
         zx, zy, zz, z_shift = blended[2, 0], blended[2, 1], blended[2, 2], blended[2, 3]
-        places, moved = rest[first:last], out[first:last]
+        places, moved = all_places[3 * first : 3 * last], all_moved[3 * first : 3 * last]
         for v in range(last - first):
-            x, y, z = np.float64(places[v, 0]), np.float64(places[v, 1]), np.float64(places[v, 2])
-            moved[v, 0] = x + (xx * x + xy * y + xz * z + x_shift)
-            moved[v, 1] = y + (yx * x + yy * y + yz * z + y_shift)
-            moved[v, 2] = z + (zx * x + zy * y + zz * z + z_shift)
+            x = np.float64(places[3 * v])
+            y = np.float64(places[3 * v + 1])
+            z = np.float64(places[3 * v + 2])
+            moved[3 * v] = x + (xx * x + xy * y + xz * z + x_shift)
+            moved[3 * v + 1] = y + (yx * x + yy * y + yz * z + y_shift)
+            moved[3 * v + 2] = z + (zx * x + zy * y + zz * z + z_shift)

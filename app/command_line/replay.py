@@ -1,4 +1,4 @@
-"""`bluntdissect replay`: a run that was downloaded, made again, and its measures."""
+"""`bluntdissect replay`: a run that was downloaded, made again: its measures, or a file of it."""
 
 import json
 from pathlib import Path
@@ -10,8 +10,12 @@ from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
     from app.simulation.measures import Measures
+    from app.simulation.replay import Replay
 
 __all__ = ["replay"]
+
+PLAYED = (".glb", ".html")
+"""Kinds of file that play a run, by suffix."""
 
 
 def replay(
@@ -24,17 +28,42 @@ def replay(
         Path | None,
         typer.Option(help="File for the run tick by tick, as comma-separated values."),
     ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File that plays the run: a rigged .glb or a page, .html."
+        ),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            help="With -o: keys up to the end or the tear.",
+            show_default="each tick, at most 2,000; of a page 300",
+        ),
+    ] = None,
+    edge_length: Annotated[
+        float | None,
+        typer.Option(
+            help="With -o: length of the triangles' edges, mm.",
+            show_default="0.5; of a page what keeps it small",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Make a run again from its inputs and print its measures.
 
-    Says whether they are those of the original, to the digit. Example: bluntdissect replay run.json
+    Says whether they are those of the original, to the digit. With -o the run can be seen in other
+    programs. Examples: bluntdissect replay run.json; bluntdissect replay run.json -o run.glb
     """
     import msgspec
 
     from app.simulation.replay import Replay, series_csv
     from app.simulation.run_log import MOST_BYTES, read_run, versions
 
+    if output is not None:
+        _check_output(output)
+    elif frames is not None or edge_length is not None:
+        raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
     with run.open("rb") as file:
         original = read_run(file.read(MOST_BYTES + 1))
     if csv is not None and not csv.parent.is_dir():
@@ -44,12 +73,16 @@ def replay(
     same = (found.measures, found.outcome) == (original.measures, original.outcome)
     others = {name: made for name, made in original.log.versions.items() if name in versions()}
     others = {name: made for name, made in others.items() if versions()[name] != made}
+    played: dict[str, object] = {}
+    if output is not None:
+        played = _write_played(again, output, frames, edge_length)
     if csv is not None:
         csv.write_text(series_csv(again.series()))
     if as_json:
         outcome = None if found.outcome is None else msgspec.to_builtins(found.outcome)
         measures = msgspec.to_builtins(found.measures)
-        print(json.dumps({"measures": measures, "outcome": outcome, "as_recorded": same}))
+        facts = {"measures": measures, "outcome": outcome, "as_recorded": same, **played}
+        print(json.dumps(facts))
         return
     for name, value in _lines(found.measures):
         print(f"{name:<28} {value}")
@@ -59,6 +92,41 @@ def replay(
     made = ", ".join(f"{name} {version}" for name, version in others.items())
     note = f"; it was made with {made}" if others else ""
     print(f"{'as recorded':<28} {'yes, to the digit' if same else f'no{note}'}")
+    if played:
+        print(f"{output}: the run in {played['keys']:,} keys, {played['bytes']:,} bytes")
+
+
+def _check_output(path: Path) -> None:
+    from organ_geometry.whole_file import check_target
+
+    if path.suffix.lower() not in PLAYED:
+        raise ValueError(
+            f"cannot write {path}: a run is played by one of {', '.join(PLAYED)}; its name must "
+            f"end so"
+        )
+    check_target(path)
+
+
+def _write_played(
+    again: "Replay", path: Path, frames: int | None, edge_length: float | None
+) -> dict[str, object]:
+    """Write a file that plays a run, and return what was written."""
+    from app.export.motion import MOST_FRAMES
+    from app.export.recorded_run import RecordedRun
+    from organ_geometry.whole_file import write_whole
+
+    if path.suffix.lower() == ".glb":
+        run = RecordedRun.of(again, frames=MOST_FRAMES if frames is None else frames)
+        content = run.rigged(edge_length=0.5 if edge_length is None else edge_length)
+    else:
+        from app.trainer.player import page_edge_length
+        from app.trainer.run_page import PAGE_FRAMES, run_page
+
+        run = RecordedRun.of(again, frames=PAGE_FRAMES if frames is None else frames)
+        edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length
+        content = run_page(run, edge_length=edges).encode()
+    write_whole(path, content)
+    return {"file": str(path), "bytes": len(content), "keys": len(run.motion.times)}
 
 
 def _lines(measures: "Measures") -> list[tuple[str, str]]:

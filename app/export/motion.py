@@ -11,6 +11,7 @@ from app.simulation.dissection import Dissection
 from physics import BreakEvent, Pull, Theory
 
 __all__ = [
+    "MOST_FRAMES",
     "RECOIL_STEP",
     "WHOLE",
     "Motion",

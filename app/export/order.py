@@ -1,12 +1,13 @@
 """An order: which organ under which pull is wanted as a file, and in what kind of file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from app.export.delivery import Delivery
 from app.export.motion import Motion, check_frames, pull_motion, tear_motion
 from app.export.rigged_organ import ORGAN, rigged_organ
 from app.export.stress_color import stress_colors
@@ -14,50 +15,19 @@ from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
-from organ_geometry.mesh_file import PAINTED_SUFFIXES, ClosedSurface, write_mesh
+from organ_geometry.mesh_file import PAINTED_SUFFIXES, ClosedSurface, mesh_content
 from organ_geometry.mesh_file import SUFFIXES as MESH_SUFFIXES
 from organ_geometry.skin import organ_skin
+from organ_geometry.tear import TornPiece
 from organ_geometry.whole_file import check_target, write_whole
 from physics import BreakEvent, Theory, break_event
 
-__all__ = ["SUFFIXES", "Delivery", "Order"]
+__all__ = ["SUFFIXES", "Order"]
 
 SUFFIXES = (*MESH_SUFFIXES, ".vtp", ".pvd", ".csv")
 """Kinds of file, by suffix."""
 
 Table = Literal["curve", "axis"]
-
-
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """What was written.
-
-    Attributes
-    ----------
-    kind
-        What it is, in words.
-    files
-        The files, the one that was asked for first.
-    surfaces
-        Names of the closed surfaces; none of a table.
-    vertices, faces
-        How many there are.
-    force
-        The grasper's whole force at the end, N; of torn pieces, the one that tore them.
-    deflection
-        Displacement of the grasp at that force, mm; 0 for torn pieces, which have swung back.
-    animations
-        Names of the motions in it.
-    """
-
-    kind: str
-    files: tuple[Path, ...]
-    surfaces: tuple[str, ...]
-    vertices: int
-    faces: int
-    force: float
-    deflection: float
-    animations: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,6 +59,8 @@ class Order:
         What a CSV lists.
     threshold
         Stress at which the organ tears, MPa; the preset's own when None.
+    seed
+        Chooses the raggedness of the torn rim.
     """
 
     dissection: Dissection
@@ -102,6 +74,7 @@ class Order:
     edge_length: float = 0.5
     table: Table = "curve"
     threshold: float | None = None
+    seed: int = 1
 
     @cached_property
     def strength(self) -> float:
@@ -129,6 +102,13 @@ class Order:
             If the suffix is unknown or does not go with the order, there are too few or too many
             frames, or no file can be written there.
         """
+        self._check_kind(path)
+        if path.suffix.lower() == ".pvd":
+            check_series_path(path)
+        else:
+            check_target(path)
+
+    def _check_kind(self, path: Path) -> None:
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             raise ValueError(
@@ -145,10 +125,6 @@ class Order:
             raise ValueError(
                 f"cannot write {path}: {suffix} goes up to the break; leave out --torn"
             )
-        if suffix == ".pvd":
-            check_series_path(path)
-        else:
-            check_target(path)
 
     def write(self, path: Path) -> Delivery:
         """Write the order to a file, whole or not at all.
@@ -170,13 +146,42 @@ class Order:
         """
         self.check(path)
         suffix = path.suffix.lower()
-        if suffix == ".csv":
-            return self._write_table(path)
         if suffix == ".pvd":
             return self._write_series(path)
+        content, delivery = self._made(suffix)
+        write_whole(path, content)
+        return replace(delivery, files=(path,))
+
+    def content(self, suffix: str) -> bytes:
+        """Return what a file of the order would hold.
+
+        Parameters
+        ----------
+        suffix
+            The kind of file, with its dot.
+
+        Returns
+        -------
+        bytes
+            The content.
+
+        Raises
+        ------
+        ValueError
+            If the order cannot be carried out, with the reason; a series is many files.
+        """
+        self._check_kind(Path(f"organ{suffix}"))
+        if suffix.lower() == ".pvd":
+            raise ValueError("a .pvd is a series of files; write it to a folder")
+        return self._made(suffix.lower())[0]
+
+    def _made(self, suffix: str) -> tuple[bytes, Delivery]:
+        """Return a file's content and what it is; its place is not known yet."""
+        if suffix == ".csv":
+            return self._table()
         if suffix == ".glb" and not (self.still or self.torn or self.painted):
-            return self._write_rigged(path)
-        return self._write_still(path)
+            return self._rigged()
+        return self._still(suffix)
 
     def last_force(self) -> float:
         """Return the force that a motion, a series or a curve goes to.
@@ -230,7 +235,11 @@ class Order:
     def _snapshot(self) -> Snapshot:
         if self.torn:
             return torn_snapshot(
-                self.dissection, self.break_event, force=self.force, edge_length=self.edge_length
+                self.dissection,
+                self.break_event,
+                force=self.force,
+                edge_length=self.edge_length,
+                seed=self.seed,
             )
         force = borne_force(self.dissection, self.break_event, self.force or 0.0)
         return self._pulled().under(force)
@@ -244,28 +253,41 @@ class Order:
             threshold=self.strength,
         )
 
-    def _write_still(self, path: Path) -> Delivery:
+    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+        """Return the two pieces that the organ tears into.
+
+        Returns
+        -------
+        tuple[TornPiece, TornPiece] | None
+            The pieces; None if it does not break.
+        """
+        if self.break_event is None:
+            return None
+        return self.dissection.torn_at(
+            self.break_event.check, edge_length=self.edge_length, seed=self.seed
+        )
+
+    def _still(self, suffix: str) -> tuple[bytes, Delivery]:
         snapshot = self._snapshot()
-        if path.suffix.lower() == ".vtp":
-            write_whole(path, snapshot_content(snapshot))
+        if suffix == ".vtp":
+            content = snapshot_content(snapshot)
         else:
             parts: dict[str, ClosedSurface] = {}
             for name, surface in snapshot.surfaces.items():
                 colors = stress_colors(surface.stress.distance_to_break) if self.painted else None
                 parts[name] = ClosedSurface.of(surface.skin, surface.vertices, colors)
-            write_mesh(parts, path)
+            content = mesh_content(parts, suffix)
         kind = "two closed pieces" if self.torn else "one closed surface"
-        return _delivery(kind, [path], snapshot)
+        return content, Delivery.of(kind, snapshot)
 
     def _write_series(self, path: Path) -> Delivery:
         forces = np.linspace(0.0, self.last_force(), self.frames)
         pulled = self._pulled()
         files = write_series((pulled.under(force) for force in forces.tolist()), path)
-        return _delivery(
-            f"a series of {self.frames} closed surfaces", files, pulled.under(float(forces[-1]))
-        )
+        last = pulled.under(float(forces[-1]))
+        return Delivery.of(f"a series of {self.frames} closed surfaces", last, tuple(files))
 
-    def _write_table(self, path: Path) -> Delivery:
+    def _table(self) -> tuple[bytes, Delivery]:
         if self.table == "axis":
             force = borne_force(self.dissection, self.break_event, self.force or 0.0)
             content = axis_table(
@@ -285,28 +307,21 @@ class Order:
                 frames=self.frames,
                 threshold=self.strength,
             )
-        write_whole(path, content)
         kind = "the axis" if self.table == "axis" else "the force-deflection curve"
-        return Delivery(kind, (path,), (), 0, 0, force, self._deflection(force))
+        return content, Delivery(kind, (), (), 0, 0, force, self._deflection(force))
 
-    def _write_rigged(self, path: Path) -> Delivery:
+    def _rigged(self) -> tuple[bytes, Delivery]:
         force = self.last_force()
-        organ, event = self.dissection.organ, self.break_event
+        organ = self.dissection.organ
         skin = organ_skin(organ, edge_length=self.edge_length)
-        motions = self.motions()
-        pieces = (
-            None
-            if event is None
-            else self.dissection.torn_at(event.check, edge_length=self.edge_length)
-        )
+        motions, pieces = self.motions(), self.pieces()
         content = rigged_organ(
             skin, self.dissection.driving, motions, pieces, radius=organ.mean_radius
         )
-        write_whole(path, content)
         names = tuple(motion.name for motion in motions)
-        return Delivery(
+        return content, Delivery(
             f"a rigged surface that can {' and '.join(names)}",
-            (path,),
+            (),
             (ORGAN,) if pieces is None else (ORGAN, *PIECES),
             len(skin.vertices),
             len(skin.faces),
@@ -319,16 +334,3 @@ class Order:
         return self.theory.under_force(
             self.dissection.beam, self.grasp, force, np.empty(0)
         ).deflection
-
-
-def _delivery(kind: str, files: list[Path], snapshot: Snapshot) -> Delivery:
-    surfaces = snapshot.surfaces
-    return Delivery(
-        kind,
-        tuple(files),
-        tuple(surfaces),
-        sum(len(surface.vertices) for surface in surfaces.values()),
-        sum(len(surface.skin.faces) for surface in surfaces.values()),
-        snapshot.force,
-        snapshot.deflection,
-    )

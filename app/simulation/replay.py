@@ -21,7 +21,7 @@ from app.simulation.session import VERTICES, Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from organ_geometry.organ import Organ
 
-__all__ = ["Replay", "Series", "replayed", "series_csv"]
+__all__ = ["AFTER_TEAR", "Replay", "Series", "replayed", "series_csv"]
 
 AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
@@ -150,7 +150,7 @@ class Replay:
             due = min(tick, self.log.ticks, self._next_tick())
             self._session.advance(due - self._at)
             self._at = due
-        if self._at == self.log.ticks:
+        if self._at >= self.log.ticks:
             self._take_inputs()
             self._session.finish()
             if self._tore is None:
@@ -225,6 +225,7 @@ class Replay:
             )
         if log.exercise is not None:
             session.start_exercise(log.exercise, log.feedback)
+        session.advance()  # before the run: what is seen at its start is a duct at rest
         self._at = self._next = 0
 
     def _next_tick(self) -> int:

@@ -158,6 +158,17 @@ class Session:
         """The run that goes: its time, its exercise and how that stands; for looking at."""
         return self._run
 
+    @property
+    def seed(self) -> int:
+        """What chooses the raggedness of the torn rim."""
+        return self._seed
+
+    @property
+    def tear_front(self) -> float | None:
+        """How far the tear has run (`tear_course.front`); None while the duct is whole."""
+        tear = self._pulled.tear
+        return None if tear is None else tear.front
+
     def presets_offered(self) -> list[Preset]:
         """Return the presets that this organ can be clamped for.
 

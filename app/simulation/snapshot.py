@@ -160,6 +160,7 @@ def torn_snapshot(
     *,
     force: float | None,
     edge_length: float,
+    seed: int = 1,
 ) -> Snapshot:
     """Return the two pieces of an organ that has torn and swung back.
 
@@ -173,6 +174,8 @@ def torn_snapshot(
         A force that tears it, N, or None.
     edge_length
         Wanted length of the triangles' edges, mm.
+    seed
+        Chooses the raggedness of the torn rim.
 
     Returns
     -------
@@ -194,7 +197,7 @@ def torn_snapshot(
             f"{event.force:.4g} N; give that or more, or no force"
         )
     gone = tear_course.front(tear_course.SETTLED_SECONDS)
-    pieces = dissection.torn_at(event.check, edge_length=edge_length)
+    pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
     surfaces: dict[str, StillSurface] = {}
     for name, piece in zip(PIECES, pieces, strict=True):
         vertices = piece.open(gone, piece.skin.vertices.copy())

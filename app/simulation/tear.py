@@ -71,9 +71,14 @@ class Tear:
         return self._elapsed >= tear_course.SETTLED_SECONDS
 
     @property
+    def front(self) -> float:
+        """How far it has run (`tear_course.front`)."""
+        return tear_course.front(self._elapsed)
+
+    @property
     def carried(self) -> float:
         """Part of its stress that the duct still has: 1 at the break, 0 when it is in two."""
-        return max(0.0, 1.0 - tear_course.front(self._elapsed))
+        return max(0.0, 1.0 - self.front)
 
     def advance(self) -> None:
         """Advance by one tick."""
@@ -87,8 +92,7 @@ class Tear:
         transforms
             (D, 3, 4) receives the transforms of the driving points.
         """
-        front, part = tear_course.front(self._elapsed), tear_course.swing(self._elapsed)
-        self._dissection.move(self.driven, transforms, part=part)
+        self._dissection.move(self.driven, transforms, part=tear_course.swing(self._elapsed))
         for surface, piece, bound in zip(self.surfaces, self._pieces, self._bound, strict=True):
             bound.deform(transforms, surface.vertices)
-            piece.open(front, surface.vertices)
+            piece.open(self.front, surface.vertices)

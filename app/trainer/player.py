@@ -25,12 +25,22 @@ from organ_geometry.skin import BoundSkin, organ_skin
 from organ_geometry.tear import TornPiece
 from physics import Pull, check_rupture, critical_stations
 
-__all__ = ["Scenes", "order_page", "page_edge_length", "player_page"]
+__all__ = [
+    "DRAWN_NOT_COMPUTED",
+    "Scenes",
+    "caption",
+    "order_page",
+    "page_edge_length",
+    "player_page",
+]
 
 VERTICES = 2400
 """Of a page's skin, about: each is written at every key."""
 MOST_VERTICES = 12_000
 """Of a page's skin: a hundred keys of more would make it too large to open or to send."""
+MOST_PLACES = 2_500_000
+"""Vertices times keys: a page of thirty megabytes before it is packed."""
+DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41
 """Twenty a second."""
 GRID = 1.0 / 256.0
@@ -50,12 +60,16 @@ class Scenes:
         The organ's motion.
     captions
         (T,) what is written over the organ at each key.
+    hooks
+        (T, 3) where the hook holds the axis at each key, mm from the first clamp along the clamps,
+        sideways and along the pull.
     title, notes
         What stands over the picture all the time.
     """
 
     motion: Motion
     captions: Sequence[str]
+    hooks: NDArray[np.float64]
     title: str
     notes: Sequence[str]
 
@@ -89,13 +103,15 @@ class _Body:
             part.mesh.visible = shown
 
 
-def page_edge_length(organ: Organ) -> float:
+def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
     """Return the edges that a page shows an organ with where nobody asks for others.
 
     Parameters
     ----------
     organ
         The organ.
+    vertices
+        How many vertices there shall be, about.
 
     Returns
     -------
@@ -104,7 +120,7 @@ def page_edge_length(organ: Organ) -> float:
     """
     walls = 2 if organ.hollow else 1
     area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
-    return min(math.sqrt(area / VERTICES), 0.4 * organ.mean_radius)
+    return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
 def order_page(order: Order) -> str:
@@ -139,27 +155,22 @@ def order_page(order: Order) -> str:
     scenes = Scenes(
         motion,
         _captions(order, motion, force),
+        _hooks(dissection, motion, grasp),
         preset.title,
         [
             f"{dissection.beam.span:.1f} mm between the clamps, pulled {grasp:.1f} mm from the "
             f"first, {theory.name} beam{broke}",
-            "Forces in N, lengths in mm."
-            + (" How a tear gapes and swings back is drawn, not computed." if tears else ""),
+            "Forces in N, lengths in mm." + (f" {DRAWN_NOT_COMPUTED}" if tears else ""),
         ],
     )
-    pieces = None
-    if event is not None and tears:
-        pieces = dissection.torn_at(event.check, edge_length=order.edge_length)
-    return player_page(
-        dissection, scenes, grasp=grasp, edge_length=order.edge_length, pieces=pieces
-    )
+    pieces = order.pieces() if tears else None
+    return player_page(dissection, scenes, edge_length=order.edge_length, pieces=pieces)
 
 
 def player_page(
     dissection: Dissection,
     scenes: Scenes,
     *,
-    grasp: float,
     edge_length: float,
     pieces: tuple[TornPiece, TornPiece] | None = None,
 ) -> str:
@@ -171,8 +182,6 @@ def player_page(
         The organ between its clamps.
     scenes
         The motion, and what is written to it.
-    grasp
-        Distance of the hook from the first clamp, mm.
     edge_length
         Wanted length of the triangles' edges, mm.
     pieces
@@ -186,7 +195,7 @@ def player_page(
     Raises
     ------
     ValueError
-        If the edges are so short that the page would be too large.
+        If the edges are so short, or the keys so many, that the page would be too large.
     """
     skin = organ_skin(dissection.organ, edge_length=edge_length)
     if len(skin.vertices) > MOST_VERTICES:
@@ -194,13 +203,19 @@ def player_page(
             f"edge_length of {edge_length:g} mm gives {len(skin.vertices):,} vertices and a page "
             f"holds at most {MOST_VERTICES:,}, each written at every key; take a larger one"
         )
+    keys = len(scenes.motion.times)
+    if len(skin.vertices) * keys > MOST_PLACES:
+        raise ValueError(
+            f"{keys:,} keys of {len(skin.vertices):,} vertices are too many: a page holds at most "
+            f"{MOST_PLACES // len(skin.vertices):,} such keys; take fewer frames or longer edges"
+        )
     bound = skin.bound_to(dissection.driving)
     # Only its scene is wanted, but viser has no scene without a server. It prints its address and
     # its end, whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
-            return _recorded(server, dissection, scenes, grasp, bound, pieces)
+            return _recorded(server, dissection, scenes, bound, pieces)
         finally:
             server.stop()
 
@@ -209,14 +224,13 @@ def _recorded(
     server: viser.ViserServer,
     dissection: Dissection,
     scenes: Scenes,
-    grasp: float,
     bound: BoundSkin,
     pieces: tuple[TornPiece, TornPiece] | None,
 ) -> str:
     """Return the page that a server's scene gives, key by key."""
     motion, scene = scenes.motion, server.scene
     first, last = dissection.organ.axis_at(np.array(dissection.clamps))
-    hooks = _hooks(dissection, motion, grasp)
+    hooks = scenes.hooks
     stage = Stage(
         scene,
         span=float(np.linalg.norm(last - first)),
@@ -314,6 +328,26 @@ def _hooks(dissection: Dissection, motion: Motion, grasp: float) -> NDArray[np.f
     return held
 
 
+def caption(force: float, deflection: float, left: float) -> str:
+    """Return what is written over a whole organ.
+
+    Parameters
+    ----------
+    force
+        The grasper's whole force, N.
+    deflection
+        Displacement of the grasp, mm.
+    left
+        Distance to break, 1 to 0.
+
+    Returns
+    -------
+    str
+        The caption.
+    """
+    return f"F {force:.3g} N   lifted {deflection:.1f} mm   distance to break {100.0 * left:.0f} %"
+
+
 def _captions(order: Order, motion: Motion, force: float) -> list[str]:
     """Return what the instruments show at each key."""
     dissection = order.dissection
@@ -324,10 +358,7 @@ def _captions(order: Order, motion: Motion, force: float) -> list[str]:
     for at in np.linspace(0.0, force, int(motion.whole.sum())).tolist():
         pulled = pull.to_force(at, stations)
         left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
-        captions.append(
-            f"F {at:.3g} N   lifted {pulled.deflection:.1f} mm   "
-            f"distance to break {100.0 * left:.0f} %"
-        )
+        captions.append(caption(at, pulled.deflection, left))
     tears, torn = f"F {force:.3g} N   it tears", "F 0 N   torn in two"
     fronts = motion.fronts[~motion.whole].tolist()
     return captions + [tears if front < 1.0 else torn for front in fronts]

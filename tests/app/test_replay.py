@@ -255,6 +255,28 @@ def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
     assert again.session.reading().phase is Phase.INTACT
 
 
+def test_torn_pieces_go_on_tick_by_tick_and_a_jump_back_shows_the_duct_at_rest() -> None:
+    log = dragged(Session(phantom(), vertices=300)).log
+    stepped, jumped = (Replay(log, phantom(), vertices=300) for _ in range(2))
+    rest = [surface.vertices.copy() for surface in stepped.session.surfaces]
+    fronts: list[float] = []
+    for tick in range(log.ticks, log.ticks + 60):
+        stepped.seek_tick(tick)
+        front = stepped.session.tear_front
+        assert front is not None
+        fronts.append(front)
+    assert fronts[0] == 0.0
+    assert fronts[-1] == 2.0
+    assert all(np.diff(fronts) >= 0.0)
+    jumped.seek_tick(log.ticks + 59)
+    for ours, other in zip(stepped.session.surfaces, jumped.session.surfaces, strict=True):
+        assert ours.vertices.tobytes() == other.vertices.tobytes()
+    stepped.seek_tick(0)
+    assert stepped.session.tear_front is None
+    (whole,) = stepped.session.surfaces
+    assert whole.vertices.tobytes() == rest[0].tobytes()
+
+
 def test_the_torn_rim_is_the_one_that_was_seen() -> None:
     found = []
     for seed in (1, 7):

@@ -1,0 +1,140 @@
+"""Recorded runs as motions: what was done to the duct, key by key, and the tear it came to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.export.motion import WHOLE, Motion, MotionKey, check_frames
+from app.export.rigged_organ import rigged_organ
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.dissection import Dissection
+from app.simulation.reading import Phase, Reading
+from app.simulation.replay import AFTER_TEAR, Replay
+from organ_geometry.skin import organ_skin
+from organ_geometry.tear import TornPiece
+
+__all__ = ["RUN", "RecordedRun"]
+
+RUN = "run"
+"""Name of the motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedRun:
+    """A run made again, to be played.
+
+    Attributes
+    ----------
+    dissection
+        The organ between its clamps.
+    motion
+        What it did, its times s from the first pull.
+    readings
+        What the instruments showed at each key.
+    seed
+        Of the torn rim's raggedness.
+    """
+
+    dissection: Dissection
+    motion: Motion
+    readings: tuple[Reading, ...]
+    seed: int
+
+    @classmethod
+    def of(cls, replay: Replay, *, frames: int) -> "RecordedRun":
+        """Return a run as it is made again, from its first tick to its end.
+
+        A run ends with its tear; what the pieces do after it is shown tick by tick.
+
+        Parameters
+        ----------
+        replay
+            The run; it is at its end afterwards.
+        frames
+            Keys up to the end or the tear, evenly in time; a run of fewer ticks has a key for each.
+
+        Returns
+        -------
+        RecordedRun
+            The run.
+
+        Raises
+        ------
+        ValueError
+            If there cannot be so many keys, or the run has no tick.
+        """
+        check_frames(frames)
+        ticks, session = replay.log.ticks, replay.session
+        if not ticks:
+            raise ValueError("a run of no ticks has nothing to play; pull, and wait a moment")
+        replay.seek_tick(0)
+        dissection = session.dissection
+        shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
+        # The first key is rest itself, to the bit.
+        keys = [MotionKey(0.0, dissection.rest_transforms())]
+        readings = [session.reading()]
+        tick, last = 0, ticks
+        while tick < last:
+            tick += 1
+            replay.seek_tick(tick)
+            front, time = session.tear_front, tick * TICK_SECONDS
+            if front is None and tick not in shown:
+                continue
+            transforms, reading = session.transforms.copy(), session.reading()
+            if front is not None and keys[-1].front == WHOLE:
+                last = tick + AFTER_TEAR - 1
+                keys.append(MotionKey(time, transforms))  # the whole organ as it breaks
+                readings.append(reading)
+            keys.append(MotionKey(time, transforms, WHOLE if front is None else front))
+            readings.append(reading)
+        return cls(dissection, Motion.of(RUN, keys), tuple(readings), replay.log.seed)
+
+    @property
+    def torn(self) -> bool:
+        """Whether the run ends with a tear."""
+        return self.readings[-1].phase is not Phase.INTACT
+
+    def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
+        """Return the two pieces that the duct tore into.
+
+        Parameters
+        ----------
+        edge_length
+            Wanted length of the triangles' edges, mm.
+
+        Returns
+        -------
+        tuple[TornPiece, TornPiece] | None
+            The pieces; None if it did not tear.
+        """
+        if not self.torn:
+            return None
+        check = self.readings[-1].check
+        return self.dissection.torn_at(check, edge_length=edge_length, seed=self.seed)
+
+    def rigged(self, *, edge_length: float) -> bytes:
+        """Return the run as a binary glTF (`rigged_organ`).
+
+        Parameters
+        ----------
+        edge_length
+            Wanted length of the triangles' edges, mm.
+
+        Returns
+        -------
+        bytes
+            The file, with the animation `run`.
+
+        Raises
+        ------
+        ValueError
+            If the edges are too short.
+        """
+        organ = self.dissection.organ
+        return rigged_organ(
+            organ_skin(organ, edge_length=edge_length),
+            self.dissection.driving,
+            [self.motion],
+            self.pieces(edge_length=edge_length),
+            radius=organ.mean_radius,
+        )

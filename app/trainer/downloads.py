@@ -1,0 +1,135 @@
+"""Downloads: what is on the screen as a file, by the code that `bluntdissect export` runs."""
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.export.order import Order
+from app.simulation.reading import Phase
+from app.simulation.session import Session
+from app.trainer.player import order_page, page_edge_length
+
+__all__ = ["SUFFIXES", "Download", "download", "order_on_screen"]
+
+SUFFIXES = {
+    ".glb": "Animated model (glTF)",
+    ".stl": "Closed mesh (STL)",
+    ".vtp": "Mesh with stresses (ParaView)",
+    ".csv": "Force-deflection curve (CSV)",
+    ".html": "Page that plays it",
+    ".organ": "Organ file",
+}
+"""Kinds of file and what they are called."""
+VERTICES = 20_000
+"""Of a surface, about: half a millimetre of a duct."""
+
+
+@dataclass(frozen=True, slots=True)
+class Download:
+    """A file for the browser.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    content
+        Its bytes.
+    """
+
+    name: str
+    content: bytes
+
+
+def order_on_screen(session: Session) -> Order:
+    """Return a session's duct as an order: its theory, grasp, force and threshold, or its tear.
+
+    Parameters
+    ----------
+    session
+        The session.
+
+    Returns
+    -------
+    Order
+        The order. A duct that springs back has the force that would hold it there.
+    """
+    dissection, grasp, reading = session.dissection, session.grasp, session.reading()
+    order = Order(
+        dissection,
+        dissection.theory_for(session.theory),
+        grasp,
+        torn=reading.phase is not Phase.INTACT,
+        threshold=session.threshold,
+        edge_length=page_edge_length(dissection.organ, VERTICES),
+        seed=session.seed,
+    )
+    if order.torn:
+        return order
+    force = reading.force
+    if not reading.held and reading.deflection > 0.0:
+        held = order.theory.under_deflection(
+            dissection.beam, grasp, reading.deflection, np.empty(0)
+        )
+        force = held.force
+    if order.break_event is not None:
+        force = min(force, order.break_event.force)
+    return replace(order, force=max(0.0, force))
+
+
+def download(session: Session, suffix: str) -> Download:
+    """Return what is on the screen as a file. It takes up to some seconds: not in the clock.
+
+    Still meshes are as the duct is now, in two if it is torn. What moves, the model and the page,
+    pulls the duct to where it is now; a duct at rest or torn is pulled to its break, and tears. The
+    curve goes to the break. Where nothing breaks, the largest force of the grasper is the end.
+
+    Parameters
+    ----------
+    session
+        The session.
+    suffix
+        The kind of file, one of `SUFFIXES`.
+
+    Returns
+    -------
+    Download
+        The file, called what the organ is called.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind, or the file cannot be made, with the reason.
+    """
+    if suffix not in SUFFIXES:
+        raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
+    return Download(f"{_file_name(session)}{suffix}", _content(session, suffix))
+
+
+def _content(session: Session, suffix: str) -> bytes:
+    organ = session.dissection.organ
+    if suffix == ".organ":
+        if not organ.encoded:
+            raise ValueError("only an organ that was built from images has an organ file")
+        return organ.encoded
+    order = order_on_screen(session)
+    if suffix in (".stl", ".vtp"):
+        return order.content(suffix)
+    order = _moving(order, session.force_limit, whole_curve=suffix == ".csv")
+    if suffix == ".html":
+        return order_page(replace(order, edge_length=page_edge_length(organ))).encode()
+    return order.content(suffix)
+
+
+def _moving(order: Order, most: float, *, whole_curve: bool) -> Order:
+    """Return an order as one of a motion or a curve, with an end to go to."""
+    force = None if whole_curve or not order.force else order.force
+    if force is None and order.break_event is None:
+        force = most
+    return replace(order, force=force, torn=False)
+
+
+def _file_name(session: Session) -> str:
+    """Return a name that every system takes."""
+    name = re.sub(r"[^\w-]+", "_", session.dissection.organ.name, flags=re.ASCII).strip("_")
+    return name or "organ"

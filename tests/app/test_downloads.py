@@ -1,0 +1,195 @@
+"""Downloads: files hold what the session shows, without a browser."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from simulated import phantom, pull, settle, tear
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from app.export.order import Order
+from app.simulation.preset import preset_named
+from app.simulation.session import Session
+from app.trainer.downloads import SUFFIXES, download, order_on_screen
+from organ_geometry.organ import Organ
+from organ_geometry.organ_file import organ_from_bytes
+from physics import Cubic, Exact
+
+
+def session(preset: str = "thesis-bile-duct") -> Session:
+    """A duct by another theory than the first, with a grasp and threshold of its own."""
+    found = Session(phantom(), preset_named(preset), vertices=300, seed=5)
+    found.choose_theory(Exact())
+    found.set_grasp(0.4 * found.dissection.beam.span)
+    found.set_threshold(1.2 * found.threshold)
+    found.step(1.0)
+    return found
+
+
+def vtp(content: bytes) -> dict[str, np.ndarray]:
+    """A VTP's points and arrays, by VTK."""
+    reader = vtkXMLPolyDataReader()
+    reader.ReadFromInputStringOn()
+    reader.SetInputString(content.decode("latin-1"))
+    reader.Update()
+    surface = reader.GetOutput()
+    data = surface.GetPointData()
+    return {"points": vtk_to_numpy(surface.GetPoints().GetData()).copy()} | {
+        data.GetArrayName(k): vtk_to_numpy(data.GetArray(k)).copy()
+        for k in range(data.GetNumberOfArrays())
+    }
+
+
+@pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
+def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
+    shown = session(preset)
+    pull(shown, 0.3 * shown.force_limit)
+    order, reading = order_on_screen(shown), shown.reading()
+    assert order.dissection is shown.dissection
+    assert order.theory.name == shown.dissection.theory_for(Exact()).name
+    assert order.force is not None
+    beam = shown.dissection.beam
+    pulled = order.theory.under_force(beam, shown.grasp, order.force, np.empty(0))
+    assert pulled.deflection == pytest.approx(reading.deflection, rel=1e-6)
+    assert (order.grasp, order.threshold, order.seed) == (shown.grasp, shown.threshold, 5)
+    assert order.force == reading.force > 0.0
+    assert not order.torn
+    assert order.break_event is not None
+    assert reading.breaks_at is not None
+    assert order.break_event.force == pytest.approx(reading.breaks_at.force, rel=1e-6)
+
+
+def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
+    shown = session()
+    shown.grab(20.0)
+    shown.hand_to(5.0)
+    settle(shown)
+    order = order_on_screen(shown)
+    assert order.grasp == 20.0
+    assert order.force is not None
+    assert order.force == shown.reading().force > 0.0
+    beam = shown.dissection.beam
+    again = order.theory.under_force(beam, 20.0, order.force, np.empty(0))
+    assert again.deflection == pytest.approx(5.0, rel=1e-6)
+
+
+def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
+    shown = session()
+    shown.grab(20.0)
+    shown.hand_to(5.0)
+    settle(shown)
+    shown.let_go()
+    shown.advance()
+    reading, order = shown.reading(), order_on_screen(shown)
+    assert reading.force == 0.0
+    assert 0.0 < reading.deflection < 5.0
+    assert order.force is not None
+    held = order.theory.under_force(shown.dissection.beam, 20.0, order.force, np.empty(0))
+    assert held.deflection == pytest.approx(reading.deflection, rel=1e-6)
+
+
+def test_still_meshes_are_the_duct_as_it_is() -> None:
+    shown = session()
+    pull(shown, 0.3 * shown.force_limit)
+    reading = shown.reading()
+    mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh.merge_vertices()
+    assert mesh.is_watertight
+    arrays = vtp(download(shown, ".vtp").content)
+    assert mesh.bounds == pytest.approx(
+        np.stack([arrays["points"].min(0), arrays["points"].max(0)])
+    )
+    least = arrays["distance_to_break"].min()
+    assert least == pytest.approx(reading.check.distance_to_break, abs=0.03)
+    # With the session's edges the vertices are the session's.
+    order = replace(order_on_screen(shown), edge_length=shown._drawn.edge_length)
+    (drawn,) = shown.surfaces
+    assert vtp(order.content(".vtp"))["points"] == pytest.approx(drawn.vertices, abs=1e-4)
+
+
+def test_a_torn_duct_is_two_pieces_with_the_rim_that_is_seen() -> None:
+    shown = session()
+    tear(shown)
+    order = order_on_screen(shown)
+    assert order.torn
+    mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh.merge_vertices()
+    assert mesh.body_count == 2
+    assert mesh.is_watertight
+    # With the session's edges the pieces are the session's, to the bit.
+    edge_length = shown._drawn.edge_length
+    pieces = replace(order, edge_length=edge_length).pieces()
+    assert pieces is not None
+    for surface, piece in zip(shown.surfaces, pieces, strict=True):
+        assert surface.skin.vertices == pytest.approx(piece.skin.vertices, abs=1e-4)
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_what_moves_goes_to_the_force_or_over_the_break(torn: bool) -> None:
+    shown = session()
+    if torn:
+        tear(shown)
+    else:
+        pull(shown, 0.3 * shown.force_limit)
+    order = order_on_screen(shown)
+    end = None if torn else order.force
+    moving = replace(order, force=end, torn=False)
+    assert download(shown, ".glb").content == moving.content(".glb")
+    (head, *rows) = csv.reader(io.StringIO(download(shown, ".csv").content.decode()))
+    assert head[0].startswith("force")
+    assert order.break_event is not None
+    assert float(rows[-1][0]) == pytest.approx(order.break_event.force, rel=1e-8)
+
+
+def test_a_page_at_rest_goes_over_the_break() -> None:
+    page = download(session(), ".html")
+    assert page.name.endswith(".html")
+    assert b"drawn, not computed" in page.content
+
+
+def test_a_duct_that_does_not_break_is_pulled_as_far_as_the_grasper_can() -> None:
+    shown = Session(phantom(), preset_named("thesis-rubber"), vertices=300)
+    shown.set_threshold(shown.threshold_range[1])
+    shown.step(1.0)
+    order = order_on_screen(shown)
+    rows = list(csv.reader(io.StringIO(download(shown, ".csv").content.decode())))
+    end = shown.force_limit if order.break_event is None else order.break_event.force
+    assert float(rows[-1][0]) == pytest.approx(end, rel=1e-8)
+
+
+def test_the_organ_file_is_the_organ() -> None:
+    found = download(session(), ".organ")
+    assert found.name == f"{phantom().name}.organ"
+    again = organ_from_bytes(found.content)
+    assert np.array_equal(again.axis, phantom().axis)
+    assert np.array_equal(again.outer, phantom().outer)
+
+
+def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
+    organ = phantom()
+    other = Organ(organ.axis, organ.frames, organ.keys, organ.outer, name="../a b/\u00fc")
+    shown = Session(other, vertices=300)
+    with pytest.raises(ValueError, match="built from images"):
+        download(shown, ".organ")
+    assert download(shown, ".csv").name == "a_b.csv"
+    for suffix in (".pvd", ".exe", "glb", ""):
+        with pytest.raises(ValueError, match="a download must be one of"):
+            download(shown, suffix)
+    assert set(SUFFIXES) == {".glb", ".stl", ".vtp", ".csv", ".html", ".organ"}
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".stl", ".ply", ".obj", ".vtp", ".csv"])
+def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    shown = session()
+    order = Order(shown.dissection, Cubic(), shown.grasp, force=1.0, frames=4, edge_length=2.0)
+    path = tmp_path_factory.mktemp("orders") / f"organ{suffix}"
+    assert order.write(path).files == (path,)
+    assert path.read_bytes() == order.content(suffix)
+    with pytest.raises(ValueError, match="series of files"):
+        order.content(".pvd")

@@ -1,0 +1,108 @@
+"""Pages of recorded runs: they load, and play what the session drew."""
+
+from dataclasses import replace
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+import pytest
+from browser import PATIENCE, running_browser
+from simulated import phantom
+from test_player import LARGEST, VERTICES
+
+from app.export.recorded_run import RecordedRun
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.replay import Replay
+from app.simulation.session import Session
+from app.trainer.player import GRID, REST_SECONDS
+from app.trainer.run_page import run_page
+from organ_geometry.skin import organ_skin
+
+EDGE_LENGTH = 1.5
+FIRST_TICK, SEEN_TICK = 10, 25
+
+
+def run(*, torn: bool = True) -> RecordedRun:
+    session = Session(phantom(), vertices=300)
+    session.grab(20.0)
+    session.hand_to(6.0)
+    session.advance(FIRST_TICK)
+    session.hand_to(3.0)
+    session.advance(20)
+    if torn:
+        session.set_force(session.force_limit)
+        while not session.run.over:
+            session.advance()
+    return RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=2000)
+
+
+def test_page_plays_a_run_and_its_tear(tmp_path: Path) -> None:
+    recorded = run()
+    path = tmp_path / "run.html"
+    path.write_text(run_page(recorded, edge_length=EDGE_LENGTH))
+    assert path.stat().st_size < LARGEST
+    errors: list[str] = []
+    requests: list[str] = []
+    motion, driving = recorded.motion, recorded.dissection.driving
+    with running_browser() as browser:
+        page = browser.new_page(viewport={"width": 480, "height": 300})
+        page.set_default_timeout(PATIENCE)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(f"{path.as_uri()}?fixedDpr=1")
+        about = page.locator("#about")
+        about.wait_for()
+        assert "A recorded run of" in about.inner_text()
+        assert "it tore at" in about.inner_text()
+        page.wait_for_function(f"() => ({VERTICES})('organ')")
+        clock = page.locator("input").first
+
+        def shown(time: float, name: str, wanted: np.ndarray) -> np.ndarray:
+            """Scrub to a time and wait until the vertices are where they ought to be."""
+            found = np.zeros((0, 3))
+            until = monotonic() + PATIENCE / 1000.0
+            while monotonic() < until:
+                clock.fill(f"{REST_SECONDS + time + 0.01:.2f}")
+                page.wait_for_timeout(1000)
+                found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
+                if found.shape == wanted.shape and np.abs(found - wanted).max() <= GRID:
+                    break
+            return found
+
+        skin = organ_skin(recorded.dissection.organ, edge_length=EDGE_LENGTH)
+        used = np.unique(skin.faces[: skin.outer_faces])
+        bound = skin.bound_to(driving)
+        moved = bound.deform(motion.transforms[SEEN_TICK], skin.vertices.copy())[used]
+        seen = shown(SEEN_TICK * TICK_SECONDS, "organ", moved)
+        assert seen == pytest.approx(moved, abs=0.5 * GRID + 1e-5)
+        pieces = recorded.pieces(edge_length=EDGE_LENGTH)
+        assert pieces is not None
+        second = pieces[1]
+        outer = np.unique(second.skin.faces[: second.skin.outer_faces])
+        lying = second.open(2.0, second.skin.vertices.copy())[outer]
+        seen = shown(float(motion.times[-1]), "second_piece", lying)
+        assert seen == pytest.approx(lying, abs=0.5 * GRID + 1e-5)
+    assert not errors, errors
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in requests), requests
+
+
+def test_a_page_of_a_whole_run_says_nothing_of_a_tear() -> None:
+    page = run_page(run(torn=False), edge_length=2.0)
+    assert "A recorded run of 1.0 s" in page
+    assert "it tore" not in page
+    assert "drawn, not computed" not in page
+
+
+def test_keys_that_make_a_page_too_large_are_refused() -> None:
+    recorded = run(torn=False)
+    motion = recorded.motion
+    many = 1000
+    long = replace(
+        motion,
+        times=np.arange(many) * TICK_SECONDS,
+        transforms=np.repeat(motion.transforms[:1], many, axis=0),
+        fronts=np.full(many, -1.0),
+    )
+    readings = recorded.readings[:1] * many
+    with pytest.raises(ValueError, match=r"a page holds at most .* take fewer frames"):
+        run_page(replace(recorded, motion=long, readings=readings), edge_length=0.7)

@@ -1,0 +1,185 @@
+"""Recorded runs: what a viewer plays is what the session drew, tick by tick, and its tear."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gltf_reader import Gltf
+from other_programs import validated
+from program import refused
+from rigged import walls
+from simulated import phantom
+
+from app.command_line.replay import replay
+from app.export.motion import WHOLE
+from app.export.recorded_run import RUN, RecordedRun
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.reading import Phase
+from app.simulation.replay import AFTER_TEAR, Replay
+from app.simulation.run_log import RunFile, run_json
+from app.simulation.session import Session
+from app.simulation.tear_course import SETTLED_SECONDS
+from physics import Exact
+
+OF_RADIUS = 1e-4
+"""How near a viewer's vertices must be to what the session drew, in parts of the radius."""
+VERTICES = 1200
+SEED = 7
+
+
+@cache
+def recorded(*, torn: bool) -> RunFile:
+    """A run by hand and by the slider, with another grasp and theory on the way."""
+    session = Session(phantom(), vertices=300, seed=SEED)
+    session.grab(20.0)
+    for drag in (3.0, 5.0, 2.0, 6.0):
+        session.hand_to(drag)
+        session.advance(6)
+    session.let_go()
+    session.advance(8)
+    session.set_force(1.5)
+    session.advance(12)
+    session.set_grasp(28.0)
+    session.choose_theory(Exact())
+    session.advance(10)
+    if torn:
+        session.set_force(session.force_limit)
+        while not session.run.over:
+            session.advance()
+    return session.run_file()
+
+
+@cache
+def again(*, torn: bool) -> Replay:
+    """The run in a session of its own."""
+    return Replay(recorded(torn=torn).log, phantom(), vertices=VERTICES)
+
+
+@cache
+def played(*, torn: bool, frames: int = 2000) -> RecordedRun:
+    return RecordedRun.of(again(torn=torn), frames=frames)
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_a_viewer_shows_the_vertices_that_the_session_drew(torn: bool) -> None:
+    run, session = played(torn=torn), again(torn=torn).session
+    edge_length = DrawnDuct(phantom(), VERTICES).edge_length
+    gltf = Gltf(run.rigged(edge_length=edge_length))
+    ticks = recorded(torn=torn).log.ticks
+    radius = 1e-3 * phantom().mean_radius
+    seen: set[str] = set()
+    for tick in (0, 5, 17, 29, 45, 60, ticks - 1, ticks, ticks + 9, ticks + 25, ticks + 80):
+        if tick > ticks and not torn:
+            continue
+        again(torn=torn).seek_tick(tick)
+        for surface in session.surfaces:
+            name = "organ" if surface.name == "skin" else surface.name
+            shown = gltf.vertices(name, RUN, float(np.float32(tick * TICK_SECONDS)))
+            drawn = walls(surface.skin, surface.vertices)
+            for got, wanted in zip(shown, drawn, strict=True):
+                assert np.abs(got - wanted).max() <= OF_RADIUS * radius, (tick, name)
+            seen.add(name)
+    assert seen == ({"organ", "first_piece", "second_piece"} if torn else {"organ"})
+    assert gltf.duration(RUN) == pytest.approx((ticks + torn * (AFTER_TEAR - 1)) * TICK_SECONDS)
+    assert AFTER_TEAR * TICK_SECONDS > SETTLED_SECONDS
+
+
+def test_a_run_of_every_tick_comes_apart_where_it_tore() -> None:
+    run, log = played(torn=True), recorded(torn=True).log
+    motion = run.motion
+    assert run.torn
+    assert motion.whole.sum() == log.ticks + 1
+    assert (~motion.whole).sum() == AFTER_TEAR
+    last = int(np.flatnonzero(motion.whole)[-1])
+    assert motion.times[last] == motion.times[last + 1] == log.ticks * TICK_SECONDS
+    assert np.array_equal(motion.transforms[last], motion.transforms[last + 1])
+    assert motion.fronts[[last, last + 1, -1]].tolist() == [WHOLE, 0.0, 2.0]
+    assert not motion.transforms[0].any()  # rest, to the bit
+    assert not motion.transforms[-1].any()
+    tear = recorded(torn=True).measures.tear
+    assert tear is not None
+    assert run.readings[last].force == tear.force_N
+    assert [reading.phase is Phase.INTACT for reading in run.readings[: last + 1]] == [
+        *([True] * last),
+        False,
+    ]
+
+
+def test_fewer_frames_are_even_and_keep_both_ends_and_the_tear() -> None:
+    log = recorded(torn=True).log
+    motion = played(torn=True, frames=5).motion
+    ticks = motion.times[motion.whole] / TICK_SECONDS
+    assert ticks == pytest.approx(np.linspace(0.0, log.ticks, 5), abs=0.5 + 1e-9)
+    assert (~motion.whole).sum() == AFTER_TEAR
+    every = played(torn=True).motion
+    at = np.searchsorted(every.times, motion.times[1])
+    assert np.array_equal(motion.transforms[1], every.transforms[at])
+
+
+def test_a_run_without_a_tear_has_no_pieces() -> None:
+    run = played(torn=False)
+    assert not run.torn
+    assert run.pieces(edge_length=1.0) is None
+    assert run.motion.whole.all()
+
+
+def test_pieces_have_the_rim_that_was_seen() -> None:
+    again(torn=True).seek_tick(10**6)
+    edge_length = DrawnDuct(phantom(), VERTICES).edge_length
+    pieces = played(torn=True).pieces(edge_length=edge_length)
+    assert pieces is not None
+    for surface, piece in zip(again(torn=True).session.surfaces, pieces, strict=True):
+        assert surface.skin.vertices.tobytes() == piece.skin.vertices.tobytes()
+
+
+@pytest.mark.parametrize("frames", [1, 2001])
+def test_too_few_or_too_many_frames_are_refused(frames: int) -> None:
+    with pytest.raises(ValueError, match=r"frames must be 2 .* to 2,000"):
+        RecordedRun.of(again(torn=False), frames=frames)
+
+
+def test_a_run_of_no_ticks_is_refused() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_force(1.0)
+    with pytest.raises(ValueError, match="no ticks has nothing to play"):
+        RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=10)
+
+
+def test_the_command_writes_what_other_programs_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, output = tmp_path / "run.json", tmp_path / "run.GLB"
+    path.write_bytes(run_json(recorded(torn=True)))
+    replay(path, output=output, frames=20, edge_length=1.0, as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["as_recorded"] is True
+    assert printed["file"] == str(output)
+    assert printed["bytes"] == output.stat().st_size
+    assert printed["keys"] == 20 + AFTER_TEAR
+    (report,) = validated(output)
+    assert report["issues"]["numErrors"] == 0, report
+    assert report["issues"]["numWarnings"] == 0, report
+
+
+def test_the_command_refuses_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    path.write_bytes(run_json(recorded(torn=False)))
+    assert "one of .glb, .html" in refused(("replay", path, "-o", tmp_path / "run.stl"))
+    assert "frames must be" in refused(("replay", path, "-o", tmp_path / "a.glb", "--frames", 1))
+    (tmp_path / "folder.glb").mkdir()
+    for output, frames, edge_length, words in (
+        ("no/run.glb", None, None, "there is no folder"),
+        ("folder.glb", None, None, "it is a folder"),
+        ("run.glb", 5000, None, "frames must be 2"),
+        ("run.glb", None, 0.001, "edge_length"),
+        ("run.html", None, 0.3, "a page holds at most"),
+        ("run.html", 2000, -1.0, "edge_length"),
+        (None, 10, None, "give -o"),
+    ):
+        target = None if output is None else tmp_path / output
+        with pytest.raises(ValueError, match=words):
+            replay(path, output=target, frames=frames, edge_length=edge_length)
+        assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.glb", path]
