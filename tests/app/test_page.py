@@ -17,6 +17,7 @@ from app.simulation.replay import Replay, series_csv
 from app.simulation.run_log import run_json
 from app.simulation.session import Session
 from app.trainer.client_view import ClientView
+from app.trainer.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server import Trainer
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
@@ -209,6 +210,10 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         tab.tick("Points")
         wait_until(tab, lambda: seen(tab, "overlay/driving_points"))
 
+        # What is on the screen, by the code that the command line exports with.
+        tab.choose("Export as", SUFFIXES[".stl"])
+        assert downloaded(tab, "Download file") == download(session, ".stl").content
+
 
 def test_exercise_is_done_judged_and_downloaded_and_replayed(
     browser: Browser, trainer: Trainer, tmp_path: Path
@@ -294,7 +299,7 @@ def run_measures(tab: TrainerPage) -> dict[str, float | None]:
 def downloaded(tab: TrainerPage, button: str) -> bytes:
     """What a button downloads."""
     with tab.page.expect_download() as expected:
-        tab.page.get_by_role("dialog").get_by_role("button", name=button, exact=True).click()
+        tab.page.get_by_role("button", name=button, exact=True).click()
     download: Download = expected.value
     return Path(download.path()).read_bytes()
 

@@ -8,6 +8,7 @@ from app.simulation.run_log import RunFile
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click
 from app.trainer.panel.exercise_tab import ExerciseTab
+from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
@@ -75,6 +76,7 @@ class Panel:
             self._replay = ReplayTab(gui, workplace)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, workplace)
+            ExportBox(gui, workplace)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, lambda: show_help(workplace.client))
         on_click(self._exercises.result, self._show_last)

@@ -1,0 +1,40 @@
+"""Export: what is on the screen as a file for other tools."""
+
+import viser
+
+from app.trainer.downloads import SUFFIXES, download
+from app.trainer.panel.controls import on_click
+from app.trainer.workplace import Workplace
+
+__all__ = ["ExportBox"]
+
+
+class ExportBox:
+    """A choice of file and a button that sends it.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI, inside a tab.
+    workplace
+        The client's workplace.
+    """
+
+    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
+        self._workplace = workplace
+        self._suffixes = {label: suffix for suffix, label in SUFFIXES.items()}
+        self._kind = gui.add_dropdown(
+            "Export as", tuple(self._suffixes), hint="The duct as it is now, in a file"
+        )
+        button = gui.add_button("Download file", icon=viser.Icon.DOWNLOAD, color="gray")
+        on_click(button, self._send)
+
+    def _send(self) -> None:
+        workplace, suffix = self._workplace, self._suffixes.get(self._kind.value)
+        if suffix is not None:
+            workplace.attempt("Writing the file.", lambda: self._send_file(suffix))
+
+    def _send_file(self, suffix: str) -> None:
+        workplace = self._workplace
+        file = download(workplace.shown, suffix)
+        workplace.client.send_file_download(file.name, file.content, save_immediately=True)
