@@ -1,6 +1,7 @@
 """A session: one trainee's duct, its inputs, its state and its steps in time. No viewer in it."""
 
 import contextlib
+from collections.abc import Callable
 from threading import RLock
 
 import numpy as np
@@ -62,7 +63,7 @@ class Session:
     ) -> None:
         self._lock = RLock()
         self._clock = Clock()
-        self._organ, self._seed = organ, seed
+        self._organ, self._seed, self._vertices = organ, seed, vertices
         self._drawn = DrawnDuct(organ, vertices)
         self._ghost: Ghost | None = None
         self._chain: SwingingChain | None = None
@@ -325,6 +326,41 @@ class Session:
         with self._lock:
             if self._pulled.tear is None:
                 self._start(model)
+
+    def prepare_organ(self, organ: Organ) -> Callable[[], None]:
+        """Prepare another organ, with this preset where the organ is long enough for it.
+
+        Parameters
+        ----------
+        organ
+            The organ.
+
+        Returns
+        -------
+        Callable[[], None]
+            Starts anew with the organ, at once; runs made before are gone, as they cannot be made
+            again on it. To be called by whoever draws the session: the surfaces are others then.
+
+        Raises
+        ------
+        ValueError
+            If the organ cannot be clamped, or the theory ends before its break.
+        """
+        drawn = DrawnDuct(organ, self._vertices)
+        preset = self.dissection.preset
+        dissection = Dissection.of(organ, preset if fits(organ, preset) else default_preset(organ))
+        model = Model.of(dissection, self.theory)
+
+        def start() -> None:
+            with self._lock:
+                drawn.shape = self._drawn.shape
+                self._organ, self._drawn = organ, drawn
+                # The theory may have been changed meanwhile.
+                same = model.theory == self.theory
+                self._start(model if same else Model.of(dissection, self.theory))
+                self._last_run = None
+
+        return start
 
     def choose_theory(self, theory: Theory) -> None:
         """Solve the duct by another theory, with that theory's own threshold.

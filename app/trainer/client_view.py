@@ -36,13 +36,20 @@ class ClientView:
         "plain" for slow machines.
     background
         Does what nobody waits for.
+    builder
+        Does what takes seconds.
     """
 
     def __init__(
-        self, client: viser.ClientHandle, session: Session, look: Look, background: Background
+        self,
+        client: viser.ClientHandle,
+        session: Session,
+        look: Look,
+        background: Background,
+        builder: Background,
     ) -> None:
         self.client, self.session = client, session
-        self.workplace = Workplace(client, session, background)
+        self.workplace = Workplace(client, session, background, builder)
         self._scene = Scene(client, session, look)
         self._aids = Aids(client)
         self._panel = Panel(self.workplace)
@@ -58,8 +65,9 @@ class ClientView:
         self._stress_of: Session | None = None
 
     def close(self) -> None:
-        """Let go of the duct: the client has gone."""
+        """Let go of the duct, and of what was sent: the client has gone."""
         self.workplace.let_go()
+        self._panel.close()
 
     def tick(self, seconds: float) -> None:
         """Advance the session, or its replay, and show what has changed.
@@ -69,7 +77,9 @@ class ClientView:
         seconds
             Time since the last tick, s.
         """
-        workplace, player = self.workplace, self.workplace.player
+        workplace = self.workplace
+        workplace.take_organ()
+        player = workplace.player
         if player is not None:
             changed = player.tick(self._clock.ticks(seconds))
         else:

@@ -1,5 +1,6 @@
 """The scene: the duct of one client between its clamps, and the hook that pulls it."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +25,7 @@ from app.trainer.stage.wall import Wall
 __all__ = ["Scene"]
 
 SAME_STAGE = 0.01
-"""Change of the span that the eye does not see: a megabyte need not be sent anew for it."""
+"""Change of span and radius that the eye does not see: a megabyte need not be sent anew for it."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
 _TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
@@ -233,14 +234,20 @@ class Scene:
         span = float(np.linalg.norm(last - first))
         axis = dissection.organ.axis_at(np.linspace(*dissection.clamps, 41)) - first
         self._arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))
-        if self._stage is not None and abs(span / self._stage.span - 1.0) > SAME_STAGE:
+        radius = dissection.organ.mean_radius
+        if self._stage is not None and not (
+            math.isclose(span, self._stage.span, rel_tol=SAME_STAGE)
+            and math.isclose(radius, self._stage.radius, rel_tol=SAME_STAGE)
+        ):
+            if self._hand is not None:
+                self._hand.let_go()  # of the stage's hook
             self._stage.remove()
             self._stage = None
         if self._stage is None:
             self._stage = Stage(
                 self._client.scene,
                 span=span,
-                radius=dissection.organ.mean_radius,
+                radius=radius,
                 look=self._look,
                 bite=BITE,
                 tissue=TISSUE,

@@ -84,7 +84,7 @@ class Trainer:
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
         self._kept = Sessions(lambda: Session(organ), most=most_clients)
-        self._background = Background()
+        self._background, self._builder = Background(), Background()
         self._stopping = threading.Event()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
@@ -126,6 +126,7 @@ class Trainer:
         self._stopping.set()
         self._clock.join(timeout=5.0)
         self._background.stop()
+        self._builder.stop()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -137,7 +138,7 @@ class Trainer:
                 back = next((each for each in stored if self._kept.waiting(each)), None)
                 token, session = self._kept.claim(back)
                 _store_tokens(client, stored, token)
-                view = ClientView(client, session, self._look, self._background)
+                view = ClientView(client, session, self._look, self._background, self._builder)
                 if back is None and not _seen(client):
                     show_first_minute(client)
         except SessionsFullError as full:
@@ -152,6 +153,7 @@ class Trainer:
             if there := number in self._server.get_clients():
                 self._views[number], self._tokens[number] = view, token
         if not there:
+            view.close()
             self._kept.leave(token)
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
@@ -188,6 +190,7 @@ class Trainer:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
                         there = self._views.pop(number, None) is view
+                    view.close()
                     if there and number in self._server.get_clients():
                         self._fault(view.client)
             if now > expiry:

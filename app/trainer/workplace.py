@@ -14,6 +14,7 @@ from app.simulation.session import Session
 from app.trainer.background import Background
 from app.trainer.drag_proxy import Hold
 from app.trainer.replay_player import ReplayPlayer
+from organ_geometry.organ import Organ
 
 __all__ = ["Workplace", "explained"]
 
@@ -34,10 +35,12 @@ class Workplace:
         Its session.
     background
         Does what nobody waits for.
+    builder
+        Does what takes seconds, for one client after the other.
 
     Attributes
     ----------
-    client, session, background
+    client, session, background, builder
         As given.
     heat, overlay
         Whether the client wants to see the stress on the surface, and the points of the model.
@@ -48,15 +51,21 @@ class Workplace:
     """
 
     def __init__(
-        self, client: viser.ClientHandle, session: Session, background: Background
+        self,
+        client: viser.ClientHandle,
+        session: Session,
+        background: Background,
+        builder: Background,
     ) -> None:
-        self.client, self.session, self.background = client, session, background
+        self.client, self.session = client, session
+        self.background, self.builder = background, builder
         self.heat = self.overlay = False
         self.pulls = 0
         self.last_run: RunFile | None = None
         self._player: ReplayPlayer | None = None
         self._paused = False
         self._held_from: float | None = None
+        self._other_organ: Callable[[], None] | None = None
         self._changed = True
         self.keep_run()
 
@@ -135,6 +144,36 @@ class Workplace:
         """Make the duct whole; the next pull starts a run."""
         self.keep_run()
         self.session.reset()
+        self.pulls += 1
+        self._paused = False
+        self._changed = True
+
+    def practise_on(self, organ: Organ) -> None:
+        """Start anew on another organ, with the next `take_organ`.
+
+        Parameters
+        ----------
+        organ
+            The organ.
+
+        Raises
+        ------
+        ValueError
+            If it cannot be clamped, or an exercise goes on.
+        """
+        if self.in_exercise:
+            raise ValueError("An exercise goes on until it is over. Stop it first.")
+        self._other_organ = self.session.prepare_organ(organ)
+
+    def take_organ(self) -> None:
+        """Put the organ in place that is to be practised on; for whoever draws the session."""
+        start, self._other_organ = self._other_organ, None
+        if start is None or self.in_exercise:
+            return
+        self.leave_replay()
+        self._held_from = None
+        start()
+        self.last_run = None
         self.pulls += 1
         self._paused = False
         self._changed = True

@@ -33,7 +33,7 @@ class ModelTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         session = workplace.session
-        self._titles = {preset.title: preset.name for preset in session.presets_offered()}
+        self._titles = self._offered()
         self._preset = gui.add_dropdown(
             "Duct",
             tuple(self._titles),
@@ -87,11 +87,19 @@ class ModelTab:
         if model == self._model:
             return
         self._model = model
+        titles = self._offered()
+        if titles != self._titles:
+            self._titles = titles
+            self._preset.options = tuple(titles)
         self._preset.value = session.dissection.preset.title
         low, high, step, value = self._threshold_scale()
         self._threshold.min, self._threshold.max, self._threshold.step = low, high, step
         self._threshold.value = value
         self._about.content = self._about_html()
+
+    def _offered(self) -> dict[str, str]:
+        presets = self._workplace.session.presets_offered()
+        return {preset.title: preset.name for preset in presets}
 
     def _set_threshold(self, threshold: float) -> None:
         if not self._workplace.in_exercise:

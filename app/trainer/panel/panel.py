@@ -5,6 +5,7 @@ from viser import theme
 
 from app.simulation.reading import Reading
 from app.simulation.run_log import RunFile
+from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click
 from app.trainer.panel.exercise_tab import ExerciseTab
@@ -64,7 +65,7 @@ class Panel:
             f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
         )
         self._legend = HeatLegend(gui)
-        # A new tab is a module of its own, and a line here and in `show`.
+        # A new tab is a module of its own, and a line here and, if it follows readings, in `show`.
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, workplace)
@@ -74,6 +75,8 @@ class Panel:
             self._compare = CompareTab(gui, workplace)
         with tabs.add_tab("Replay"):
             self._replay = ReplayTab(gui, workplace)
+        with tabs.add_tab("Build"):
+            self._build = BuildTab(gui, workplace)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, workplace)
             ExportBox(gui, workplace)
@@ -112,6 +115,10 @@ class Panel:
         self._compare.show(reading)
         self._replay.show()
         self._model.show(reading)
+
+    def close(self) -> None:
+        """Remove what the client has sent: it has gone."""
+        self._build.close()
 
     def show_result(self, run: RunFile) -> None:
         """Open the result page of a run; it is made again for its plots, so this takes a while.

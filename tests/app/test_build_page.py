@@ -1,0 +1,156 @@
+"""Building an organ in the page, in a real browser."""
+
+import io
+import re
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from browser import PATIENCE, TrainerPage, running_browser, trainer_page
+from playwright.sync_api import Browser, expect
+from simulated import phantom
+
+from app.simulation.reading import Phase
+from app.trainer.client_view import ClientView
+from app.trainer.server import Trainer
+from assets import BILE_DUCT_PHANTOM
+from organ_geometry.image_stack import read_image_stack
+from organ_geometry.organ_builder import build_organ
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def trainer() -> Iterator[Trainer]:
+    running = Trainer(phantom(), port=0, look="plain")
+    yield running
+    running.stop()
+
+
+def newest(trainer: Trainer) -> ClientView:
+    """The view of the client that came last."""
+    return trainer._views[max(trainer._views)]
+
+
+def wait_until(tab: TrainerPage, condition: Callable[[], object], seconds: float = 60.0) -> None:
+    """Wait until something comes true, while the page goes on."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it has not come true in time"
+        tab.page.wait_for_timeout(50)
+
+
+def downloaded(tab: TrainerPage) -> tuple[str, bytes]:
+    with tab.page.expect_download() as waiting:
+        tab.press("Download .organ")
+    return waiting.value.suggested_filename, Path(waiting.value.path()).read_bytes()
+
+
+def test_the_phantom_is_built_practised_on_and_downloaded(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=1440, height=900) as tab:
+        view = newest(trainer)
+        session = view.session
+        tab.open("Build")
+        assert trainer._builder._thread is None
+        tab.press("Use the built-in phantom")
+        result = tab.page.get_by_test_id("build-result")
+        expect(result).to_contain_text("128 in, 128 found, 10 kept", timeout=PATIENCE)
+        expect(result).to_have_attribute(
+            "data-bytes", str(len(phantom().encoded)), timeout=PATIENCE
+        )
+        caption = tab.page.get_by_test_id("build-caption")
+        expect(caption).to_contain_text("section_064.png: ▬ outer edge ▬ lumen", timeout=PATIENCE)
+        tab.slide("Image", 3)
+        expect(caption).to_contain_text("section_003.png", timeout=PATIENCE)
+        assert downloaded(tab) == ("bile_duct_phantom.organ", phantom().encoded)
+
+        tab.slide("Threshold (px)", 0.1)
+        expect(tab.page.get_by_test_id("build-status")).to_contain_text(
+            "the smallest that can is", timeout=PATIENCE
+        )
+        expect(result).to_have_count(0, timeout=PATIENCE)
+        tab.slide("Threshold (px)", 1.6)
+        expect(result).to_have_attribute("data-tolerance-mm", "0.19921875", timeout=PATIENCE)
+        coarse = build_organ(read_image_stack(BILE_DUCT_PHANTOM), tolerance_px=1.6).organ.encoded
+        assert len(coarse) < len(phantom().encoded)
+        assert downloaded(tab) == ("bile_duct_phantom.organ", coarse)
+
+        session.set_force(2.0)
+        before = session.shape
+        tab.press("Practise on it")
+        wait_until(tab, lambda: session.dissection.organ.encoded == coarse)
+        assert session.shape > before
+        assert not session.run.started
+        assert session.force_wanted == 0.0
+        tab.open("Train")
+        tab.slide("Force F (N)", 3.0)
+        tab.wait_for_force(3.0)
+        skin = session.surfaces[0].vertices
+        wait_until(tab, lambda: tab.vertices("skin").shape == skin.shape)
+        tab.page.keyboard.press("Escape")
+        view.workplace.ramp_to_tear()
+        tab.wait_for_phase("torn")
+        assert session.reading().phase is Phase.TORN
+
+
+def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
+    browser: Browser, trainer: Trainer, tmp_path: Path
+) -> None:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for path in sorted(BILE_DUCT_PHANTOM.glob("*.png"))[:20]:
+            archive.write(path, f"scan/{path.name}")
+    sent = tmp_path / "short duct.zip"
+    sent.write_bytes(content.getvalue())
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        tab.open("Build")
+        status = tab.page.get_by_test_id("build-status")
+        chooser = tab.page.locator("input[type=file]").last
+        for wrong, said in ((b"no zip", "neither a TIFF nor a zip"), (b"", "neither")):
+            (tmp_path / "wrong.zip").write_bytes(wrong)
+            chooser.set_input_files(tmp_path / "wrong.zip")
+            expect(status).to_contain_text(said, timeout=PATIENCE)
+        chooser.set_input_files(sent)
+        expect(status).to_contain_text(
+            "give the pixel size and the slice distance", timeout=PATIENCE
+        )
+        tab.slide("Pixel (mm)", 0.125)
+        tab.slide("Slice distance (mm)", 0.4)
+        tab.press("Read them with these sizes")
+        result = tab.page.get_by_test_id("build-result")
+        expect(result).to_contain_text("20 in, 20 found", timeout=PATIENCE)
+        expect(result).to_contain_text(
+            re.compile("too short to be clamped as .*thesis", re.I), timeout=PATIENCE
+        )
+        folder = view._panel._build._bench._folder
+        assert folder is not None
+        place = Path(folder.name)
+        assert place.is_dir()
+        tab.press("Practise on it")
+        session = view.session
+        wait_until(tab, lambda: session.dissection.organ.length == pytest.approx(7.6, abs=0.1))
+        tab.open("Model")
+        wait_until(tab, lambda: view._panel._model._preset.value == "Porcine common bile duct")
+        titles = tuple(preset.title for preset in session.presets_offered())
+        assert view._panel._model._preset.options == titles
+        tab.open("Train")
+        tab.slide("Force F (N)", 1.0)
+        tab.wait_for_force(1.0)
+    wait_until_gone(place)
+
+
+def wait_until_gone(place: Path) -> None:
+    """What a client has sent is removed when its page is closed."""
+    end = time.monotonic() + 10.0
+    while place.exists():
+        assert time.monotonic() < end, "it is still there"
+        time.sleep(0.05)
