@@ -204,12 +204,15 @@ def test_streamed_duct_moves_without_a_frame_that_has_none(browser: Browser) -> 
             tab.page.wait_for_timeout(3000)  # shaders
             (session,) = trainer.sessions.values()
             totals = np.zeros(4, int)
-            for force in (3.0, 0.5):
+            # A busy machine without a graphics card draws one or two frames a second.
+            for force in (3.0, 0.5) * 4:
                 session.set_force(force)
                 totals += tab.page.evaluate(DRAWN)
+                if totals[0] >= 20 and totals[3] > 4:
+                    break
             frames, missing, bare, pictures = totals.tolist()
             assert bare == 0
-            assert missing <= 0.05 * frames
+            assert missing <= max(2.0, 0.05 * frames)
             assert pictures > 2
     finally:
         trainer.stop()
