@@ -60,13 +60,16 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         def shown(time: float, name: str, wanted: np.ndarray, within: float) -> np.ndarray:
             """Scrub to a time and wait until the vertices are where they ought to be."""
             found = np.zeros((0, 3))
-            until = monotonic() + PATIENCE / 1000.0
+            until = monotonic() + 2.0 * PATIENCE / 1000.0
             while monotonic() < until:
                 clock.fill(f"{time:.2f}")  # again and again: the page may have been starting
-                page.wait_for_timeout(1000)
-                found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
-                if found.shape == wanted.shape and np.abs(found - wanted).max() <= within:
-                    break
+                for _ in range(
+                    20
+                ):  # each jump builds the scene anew, which takes a while
+                    page.wait_for_timeout(400)
+                    found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
+                    if found.shape == wanted.shape and np.abs(found - wanted).max() <= within:
+                        return found
             return found
 
         skin = organ_skin(wanted.dissection.organ, edge_length=wanted.edge_length)
