@@ -63,9 +63,7 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
             until = monotonic() + 2.0 * PATIENCE / 1000.0
             while monotonic() < until:
                 clock.fill(f"{time:.2f}")  # again and again: the page may have been starting
-                for _ in range(
-                    20
-                ):  # each jump builds the scene anew, which takes a while
+                for _ in range(20):  # each jump builds the scene anew, which takes a while
                     page.wait_for_timeout(400)
                     found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
                     if found.shape == wanted.shape and np.abs(found - wanted).max() <= within:
