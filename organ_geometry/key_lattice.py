@@ -11,9 +11,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST_DEPTH = 12
-"""Most candidates for keys are 2^12 + 1."""
-
 
 @lru_cache(maxsize=64)
 def halving_order(count: int) -> tuple[tuple[int, int, int, int], ...]:
