@@ -13,6 +13,7 @@ _OVERLAY = """
 #about h1 { margin: 0 0 0.25rem; font-size: 1.25rem; font-weight: 600; }
 #about p { margin: 0; opacity: 0.85; }
 #about p.warning { margin-top: 0.35rem; color: #ffd166; opacity: 1; }
+@media (max-height: 32rem) { #about p:not(.warning) { display: none; } }
 </style>
 <div id="about">
 <h1>@title</h1>

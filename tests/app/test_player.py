@@ -21,12 +21,16 @@ from physics import Cubic
 
 LARGEST = 3_000_000
 """Bytes of a page that can still be sent by mail."""
-VERTICES = """name => {
-    let mesh = null;
-    const node = window.__viserMutable.nodeRefFromName['/organ/' + name];
-    node?.traverse(child => { if (!mesh && child.isMesh) mesh = child; });
-    return mesh && Array.from(mesh.geometry.attributes.position.array);
+SHOWN = """count => {
+    const found = [];
+    window.__viserMutable?.scene?.traverseVisible(child => {
+        const places = child.isMesh && child.geometry.attributes.position;
+        if (places && places.count === count) found.push(Array.from(places.array));
+    });
+    return found;
 }"""
+"""The meshes of so many vertices that are to be seen, from the scene itself: the page's own table
+of nodes loses a node that is made again."""
 
 
 def order() -> Order:
@@ -43,7 +47,7 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
     errors: list[str] = []
     requests: list[str] = []
     with running_browser() as browser:
-        page = browser.new_page(viewport={"width": 480, "height": 300})
+        page = browser.new_page(viewport={"width": 960, "height": 600})
         page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
@@ -53,28 +57,30 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         assert "Not clinically validated, not a medical device." in about.inner_text()
         assert wanted.dissection.preset.title in about.inner_text()
         assert "Forces in N, lengths in mm." in about.inner_text()
+        page.set_viewport_size({"width": 480, "height": 300})  # a small picture is drawn sooner
+        assert "Forces in N" not in about.inner_text()
+        assert "Not clinically validated, not a medical device." in about.inner_text()
         assert page.title() == wanted.dissection.preset.title
-        page.wait_for_function(f"() => ({VERTICES})('organ')")
         clock = page.locator("input").first
 
-        def shown(time: float, name: str, wanted: np.ndarray, within: float) -> np.ndarray:
-            """Scrub to a time and wait until the vertices are where they ought to be."""
-            found = np.zeros((0, 3))
+        def wait_shown(time: float, wanted: np.ndarray) -> None:
+            """Scrub to a time and wait until vertices are seen where they ought to be."""
+            furthest = np.inf
             until = monotonic() + 2.0 * PATIENCE / 1000.0
             while monotonic() < until:
                 clock.fill(f"{time:.2f}")  # again and again: the page may have been starting
                 for _ in range(20):  # each jump builds the scene anew, which takes a while
                     page.wait_for_timeout(400)
-                    found = np.array(page.evaluate(VERTICES, name) or []).reshape(-1, 3)
-                    if found.shape == wanted.shape and np.abs(found - wanted).max() <= within:
-                        return found
-            return found
+                    for flat in page.evaluate(SHOWN, len(wanted)):
+                        found = np.reshape(flat, (-1, 3))
+                        furthest = float(np.abs(found - wanted).max())
+                        if furthest <= 0.5 * GRID + 1e-5:
+                            return
+            pytest.fail(f"{len(wanted)} vertices are not seen at {time:.2f} s: {furthest} mm off")
 
         skin = organ_skin(wanted.dissection.organ, edge_length=wanted.edge_length)
         used = np.unique(skin.faces[: skin.outer_faces])
-        rounded = 0.5 * GRID + 1e-5
-        rest = skin.vertices[used]
-        assert shown(0.5 * REST_SECONDS, "organ", rest, rounded) == pytest.approx(rest, abs=rounded)
+        wait_shown(0.5 * REST_SECONDS, skin.vertices[used])
         pull = pull_motion(
             wanted.dissection,
             wanted.theory,
@@ -85,14 +91,14 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         bound = skin.bound_to(wanted.dissection.driving)
         moved = bound.deform(pull.transforms[-2], skin.vertices.copy())[used]
         time = REST_SECONDS + float(pull.times[-2]) + 0.02
-        assert shown(time, "organ", moved, rounded) == pytest.approx(moved, abs=rounded)
+        wait_shown(time, moved)
         event = wanted.break_event
         assert event is not None
         piece = wanted.dissection.torn_at(event.check, edge_length=wanted.edge_length)[0]
         outer = np.unique(piece.skin.faces[: piece.skin.outer_faces])
         lying = piece.open(2.0, piece.skin.vertices.copy())[outer]
         time = REST_SECONDS + float(pull.times[-1]) + SETTLED_SECONDS + 0.02
-        assert shown(time, "first_piece", lying, rounded) == pytest.approx(lying, abs=rounded)
+        wait_shown(time, lying)
     assert not errors, errors
     assert all(url.startswith(("file:", "data:", "blob:")) for url in requests), requests
 
