@@ -114,8 +114,16 @@ def _image_files(source: Path) -> tuple[tuple[Path, ...], bool]:
         return (source,) * _page_count(source), True
     files = [file for file in files_in(source) if file.suffix.lower() in IMAGE_SUFFIXES]
     if not files:
+        within = [
+            folder.name
+            for folder in sorted(source.iterdir())
+            if folder.is_dir()
+            and any(file.suffix.lower() in IMAGE_SUFFIXES for file in folder.iterdir())
+        ]
+        hint = f"; {' and '.join(within)} within it does" if within else ""
         raise ImageStackError(
             f"the folder {source} holds no images: PNG, JPEG, TIFF, BMP or DICOM files are read"
+            f"{hint}"
         )
     if len(files) == 1 and files[0].suffix.lower() in TIFF_SUFFIXES:
         pages = _page_count(files[0])

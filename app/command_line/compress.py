@@ -200,14 +200,10 @@ def compress(
 
 
 def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
-    from app.compression.organ_figure import check_figure_target
     from app.compression.report import report_lines
-    from app.compression.stack_job import compress_stack
-    from organ_geometry.whole_file import check_target
+    from app.compression.stack_job import check_job, compress_stack
 
-    check_target(job.output)
-    if job.figure is not None:
-        check_figure_target(job.figure)
+    check_job(job)
     with _progress("Finding edges") as bar:
         task = bar.add_task("", total=None)
         said = compress_stack(

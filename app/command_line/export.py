@@ -133,12 +133,20 @@ def export(
         print(json.dumps(facts))
         return
     if output is not None:
-        faces = f", {facts['faces']:,} faces" if facts["faces"] else ""
+        each = " each" if facts["kind"] == "pvd" else ""
+        faces = f", {facts['faces']:,} faces{each}" if facts["faces"] else ""
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
-        broke = "torn at" if torn else "pulled with"
-        print(f"preset {dissection.preset.name}, {broke} {facts['force_N']:.4g} N")
+        print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
+
+
+def _state(facts: "dict[str, object]", *, torn: bool) -> str:
+    """Say how the organ is pulled, and by which theory."""
+    force, theory = facts["force_N"], facts["theory"]
+    if torn:
+        return f"{theory} beam, torn at {force:.4g} N"
+    return f"{theory} beam, pulled with {force:.4g} N" if force else "at rest"
 
 
 def write_file(order: "Order", path: Path) -> dict[str, object]:

@@ -57,7 +57,8 @@ def info(
         ("units", read.units if read.units == "mm" else f"{read.units}, read as mm"),
         (
             "frame",
-            f"{facts['handedness']}-handed, axis from {_text(read, 0)} to {_text(read, -1)} mm",
+            f"{facts['handedness']}-handed (right, down and along the images), "
+            f"axis from {_text(read, 0)} to {_text(read, -1)} mm",
         ),
         ("promise", f"{read.tolerance_mm:.4f} mm RMS at every section it was built from"),
         (

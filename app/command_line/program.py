@@ -10,7 +10,7 @@ from app.command_line import compress, export, info, replay, solve, trainer, val
 
 __all__ = ["main", "program"]
 
-WRONG_INPUT, OUR_FAULT = 2, 1
+WRONG_INPUT, OUR_FAULT, STOPPED = 2, 1, 130
 TRACEBACK = "BLUNTDISSECT_TRACEBACK"
 """Environment variable with which an error shows where it comes from."""
 
@@ -56,7 +56,8 @@ def main() -> None:
 
 def _status() -> int:
     try:
-        return int(program(sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
+        status = int(program(sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
+        return _stopped() if status == STOPPED else status
     except typer.TyperException as error:
         return _say(f"{error.format_message().rstrip('.')}; --help says what is right", WRONG_INPUT)
     except (ValueError, OSError) as error:
@@ -64,9 +65,15 @@ def _status() -> int:
             raise
         return _say(str(error), WRONG_INPUT)
     except (KeyboardInterrupt, typer.Abort):
-        return _say("stopped", 130)
+        return _stopped()
     except Exception as error:  # the last resort: one line instead of a traceback
+        if isinstance(error.__cause__, KeyboardInterrupt):  # pressed within a compiled kernel
+            return _stopped()
         return _say(f"internal error, please report it: {type(error).__name__}: {error}", OUR_FAULT)
+
+
+def _stopped() -> int:
+    return _say("stopped; no file is left half-written", STOPPED)
 
 
 def _say(message: str, status: int) -> int:

@@ -64,8 +64,12 @@ def replay(
         _check_output(output)
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
-    with run.open("rb") as file:
-        original = read_run(file.read(MOST_BYTES + 1))
+    try:
+        with run.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise ValueError(f"cannot read {run}: {(error.strerror or str(error)).lower()}") from error
+    original = read_run(content)
     if csv is not None and not csv.parent.is_dir():
         raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
     again = Replay(original.log, organ_from(organ), vertices=300)

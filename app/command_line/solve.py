@@ -1,6 +1,7 @@
 """`bluntdissect solve`: one beam under one pull, in numbers."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,9 @@ from app.command_line.load import (
 )
 
 __all__ = ["solve"]
+
+MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
+"""mm, MPa and N: far beyond any tissue, far from where numbers run over."""
 
 
 def solve(
@@ -33,7 +37,10 @@ def solve(
     grasp: Annotated[
         float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
     ] = None,
-    force: Annotated[float | None, typer.Option(help="The grasper's whole force, N.")] = None,
+    force: Annotated[
+        float | None,
+        typer.Option(help="The grasper's whole force, N; below zero it pulls the other way."),
+    ] = None,
     deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
     theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
     q: Annotated[
@@ -61,6 +68,15 @@ def solve(
     from physics import Beam, break_event, check_rupture
     from physics.quantity import positive
 
+    for name, value, unit, most in (
+        ("--span", span, "mm", MOST_LENGTH),
+        ("--diameter", diameter, "mm", MOST_LENGTH),
+        ("--modulus", modulus, "MPa", MOST_MODULUS),
+        ("--force", force, "N", MOST_FORCE),
+        ("--deflection", deflection, "mm", MOST_LENGTH),
+    ):
+        if value is not None and most < abs(value) < math.inf:
+            raise ValueError(f"{name} can be at most {most:g} {unit}, got {value:g} {unit}")
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     options = theory_options(chosen)
     round_beam = {

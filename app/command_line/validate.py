@@ -30,8 +30,12 @@ def validate(
     from app.validation.thesis_tables import TABLES
     from organ_geometry.whole_file import write_whole
 
-    if output is not None and not output.is_dir():
-        raise ValueError(f"--output {output}: there is no such folder")
+    if output is not None:
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise ValueError(f"--output {output} cannot be a folder: {reason}") from error
     comparisons = [compared(table) for table in TABLES]
     solids = [solid_errors(table) for table in TABLES]
     if output is not None:

@@ -8,14 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from app.compression.organ_figure import draw_organ_figure
+from app.compression.organ_figure import check_figure_target, draw_organ_figure
 from app.compression.report import Facts, facts
 from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import write_organ
 from organ_geometry.recut_stack import When, recut_where_needed
+from organ_geometry.whole_file import check_target
 
-__all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
+__all__ = ["Failed", "StackJob", "check_job", "compress_all", "compress_stack", "jobs_into"]
+
+ORGAN_SUFFIX = ".organ"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,35 @@ class Failed:
         return {"stack": str(self.stack), "error": self.reason}
 
 
+def check_job(job: StackJob) -> None:
+    """Refuse files that cannot be written, or that would be taken for images of the stack.
+
+    Parameters
+    ----------
+    job
+        The stack.
+
+    Raises
+    ------
+    ValueError
+        If the organ's file has another suffix or no place to be, or if the figure cannot be drawn
+        or would stand among the images.
+    """
+    if job.output.suffix.lower() != ORGAN_SUFFIX:
+        raise ValueError(f"an organ file must end in {ORGAN_SUFFIX}, not {job.output}")
+    check_target(job.output)
+    if job.output.resolve() == job.stack.resolve():
+        raise ValueError(f"cannot write {job.output}: it is what is read")
+    if job.figure is None:
+        return
+    check_figure_target(job.figure)
+    if job.stack.resolve() in (job.figure.resolve(), job.figure.resolve().parent):
+        raise ValueError(
+            f"cannot draw {job.figure}: it would be taken for an image of {job.stack}; "
+            "draw it into another folder"
+        )
+
+
 def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = None) -> Facts:
     """Build a stack's organ and write its file, and its figure where one is wanted.
 
@@ -90,8 +122,9 @@ def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = 
     Raises
     ------
     ValueError
-        If the images cannot be read, show no organ, or a file cannot be written.
+        If the images cannot be read, show no organ, or a file cannot be written (`check_job`).
     """
+    check_job(job)
     images = read_image_stack(job.stack, **job.reading)
     building = dict(job.building)
     where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}
@@ -149,7 +182,7 @@ def jobs_into(
     return [
         StackJob(
             stack=stack,
-            output=folder / f"{name}.organ",
+            output=folder / f"{name}{ORGAN_SUFFIX}",
             figure=None if figures is None else figures / f"{name}.png",
             recut=recut,
             reading=reading,
@@ -175,13 +208,21 @@ def compress_all(jobs: Sequence[StackJob]) -> Iterator[Facts | Failed]:
     workers = min(len(jobs), _cores())
     # A process that starts anew holds no locks of threads that it does not have.
     context = multiprocessing.get_context("spawn")
+    others = multiprocessing.active_children()
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         running = {pool.submit(_outcome, job): job for job in jobs}
-        for done in as_completed(running):
-            try:
-                yield done.result()
-            except Exception as error:  # the process died, of a lack of memory perhaps
-                yield Failed(running[done].stack, f"its process ended: {error}")
+        try:
+            for done in as_completed(running):
+                try:
+                    yield done.result()
+                except Exception as error:  # the process died, of a lack of memory perhaps
+                    yield Failed(running[done].stack, f"its process ended: {error}")
+        except BaseException:  # somebody stops it: what runs would go on to its end
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                if process not in others:
+                    process.terminate()
+            raise
 
 
 def _outcome(job: StackJob) -> Facts | Failed:

@@ -116,6 +116,8 @@ class Order:
                 f"{', '.join(SUFFIXES)}"
             )
         check_frames(self.frames)
+        if self.force is not None and self.force < 0.0:
+            raise ValueError(f"the hook pulls and does not push: no force of {self.force:g} N")
         if self.painted and suffix not in PAINTED_SUFFIXES:
             raise ValueError(
                 f"cannot write {path}: {suffix} keeps no colours of stress; take one of "

@@ -12,7 +12,7 @@ __all__ = ["MeasureTaker", "Measures", "TearMeasures"]
 Place = tuple[float, float, float]
 
 
-class TearMeasures(msgspec.Struct, frozen=True):
+class TearMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What broke, when and under which load.
 
     Attributes
@@ -42,7 +42,7 @@ class TearMeasures(msgspec.Struct, frozen=True):
     threshold_MPa: float  # noqa: N815
 
 
-class Measures(msgspec.Struct, frozen=True):
+class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The measures of a run; None where a run gives none.
 
     Attributes

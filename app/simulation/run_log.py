@@ -46,7 +46,7 @@ class RunFileError(ValueError):
     """A file that is no run, or not one that can be made again here."""
 
 
-class OrganIdentity(msgspec.Struct, frozen=True):
+class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which organ a run was made on.
 
     Attributes
@@ -85,7 +85,7 @@ class OrganIdentity(msgspec.Struct, frozen=True):
         return cls(organ.name, organ.length, digest.hexdigest())
 
 
-class RunStart(msgspec.Struct, frozen=True):
+class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a run starts from.
 
     Attributes
@@ -125,7 +125,7 @@ class RunInput(msgspec.Struct, frozen=True, array_like=True):
     value: float | TheoryChoice | None
 
 
-class RunLog(msgspec.Struct, frozen=True):
+class RunLog(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A run: all that its course depends on.
 
     Attributes
@@ -161,7 +161,7 @@ class RunLog(msgspec.Struct, frozen=True):
     feedback: Feedback = Feedback.CONTINUOUS
 
 
-class RunFile(msgspec.Struct, frozen=True):
+class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A run and its result, as they are downloaded.
 
     Attributes

@@ -237,6 +237,8 @@ def test_help_of_every_command_has_an_example() -> None:
         ((*ROUND[:-4], "--modulus", -1, "--force", 1), "modulus must be above 0 MPa"),
         (("--span", 0, *ROUND[2:], "--force", 1), "span must be above 0 mm"),
         (("--nonsense",), "--nonsense"),
+        (("--preset", "thesis-bile-duct", "--force", 1e300), "--force can be at most 1e+09 N"),
+        (("--span", 1e300, *ROUND[2:], "--force", 1), "--span can be at most 1e+06 mm"),
     ],
 )
 def test_solve_refuses(arguments: tuple[object, ...], words: str) -> None:

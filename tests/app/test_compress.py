@@ -1,12 +1,14 @@
 """Stacks into organ files: many at once, their reports, their figures, and what is in a file."""
 
 import json
+import signal
+import subprocess
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from program import refused, run
+from program import command, refused, run
 
 from app.compression.stack_job import jobs_into
 from assets import BILE_DUCT_PHANTOM
@@ -178,6 +180,51 @@ def test_a_figure_that_cannot_be_drawn_is_refused_before_the_work(tmp_path: Path
     line = refused(("compress", BILE_DUCT_PHANTOM, "-o", output, "--figure", tmp_path / "a.gif"))
     assert "a figure must end in .png, .svg, .pdf" in line
     assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("-o", "SCANS/x.png"), "an organ file must end in .organ"),
+        (("-o", "o.txt"), "an organ file must end in .organ"),
+        (("-o", "o.organ", "--figure", "SCANS/s.png"), "taken for an image of"),
+    ],
+)
+def test_what_is_read_is_never_written_over(
+    tmp_path: Path, stacks: list[Path], options: tuple[str, ...], words: str
+) -> None:
+    before = {file.name: file.read_bytes() for file in stacks[0].iterdir()}
+    places = [part.replace("SCANS", str(stacks[0])) for part in options]
+    places = [str(tmp_path / part) if part.startswith("o.") else part for part in places]
+    assert words in refused(("compress", stacks[0], *places))
+    assert {file.name: file.read_bytes() for file in stacks[0].iterdir()} == before
+    assert not list(tmp_path.glob("o.*"))
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_an_interrupt_ends_the_work_in_one_line(
+    tmp_path: Path, stacks: list[Path], several: bool
+) -> None:
+    images = np.zeros((400, 256, 256), np.uint8)
+    images[:] = cv2.circle(images[0], (128, 128), 60, 255, -1)
+    long = tmp_path / "long.tif"
+    cv2.imwritemulti(str(long), list(images))
+    output = tmp_path / ("organs" if several else "long.organ")
+    work = [long, *(stacks[:1] if several else [])]
+    sizes = ("--pixel-size", 0.1, "--slice-spacing", 0.5)
+    with subprocess.Popen(
+        command("compress", *work, "-o", output, *sizes), stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(2.5)  # it is at work
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert said.splitlines() == ["bluntdissect: stopped; no file is left half-written"]
+    assert not list(tmp_path.rglob("long*.organ*"))
 
 
 def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:

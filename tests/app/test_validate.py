@@ -76,4 +76,7 @@ def test_words_say_what_is_compared() -> None:
 
 
 def test_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
-    assert "no such folder" in refused(("validate", "-o", tmp_path / "nowhere"))
+    file = tmp_path / "file"
+    file.write_text("kept")
+    assert "cannot be a folder" in refused(("validate", "-o", file))
+    assert file.read_text() == "kept"

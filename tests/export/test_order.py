@@ -238,6 +238,7 @@ def test_painted_meshes_keep_their_colours(order: Order, tmp_path: Path, suffix:
         ({"force": 4.0}, "a.glb", "past the break of thesis-bile-duct at 3.559 N"),
         ({"force": 4.0}, "a.csv", "past the break of thesis-bile-duct at 3.559 N"),
         ({"force": float("nan")}, "a.vtp", "force must be a finite number of N"),
+        ({"force": -2.0}, "a.stl", "the hook pulls and does not push"),
         ({"frames": 1}, "a.glb", "frames must be 2"),
         ({"frames": 1_000_000}, "a.pvd", "to 2,000"),
         ({"edge_length": 0.05}, "a.glb", "viewers move at most 300,000"),

@@ -169,7 +169,10 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 
 def test_a_folder_without_images_is_named(tmp_path: Path) -> None:
     (tmp_path / "read.me").write_text("nothing")
-    fails(tmp_path, r"holds no images: PNG, JPEG, TIFF, BMP or DICOM files are read")
+    fails(tmp_path, r"holds no images: PNG, JPEG, TIFF, BMP or DICOM files are read$")
+    (tmp_path / "masks").mkdir()
+    cv2.imwrite(str(tmp_path / "masks" / "slice_0.png"), np.zeros((8, 8), np.uint8))
+    fails(tmp_path, r"holds no images: .*; masks within it does$")
 
 
 def test_one_file_must_be_a_multipage_tiff(write_stack: WriteStack) -> None:
