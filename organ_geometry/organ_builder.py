@@ -467,7 +467,8 @@ def _warnings(
     wanted_mm: float,
 ) -> Iterator[str]:
     """Yield what the organ's user should know."""
-    far = [one.index for one in sections if one.max_mm > FAR_SHARE * organ.mean_radius]
+    largest = FAR_SHARE * organ.mean_radius
+    far = [one.index for one in sections if one.max_mm > largest]
     if far:
         yield (
             f"the organ is more than {FAR_SHARE:g} of its mean radius from its edge near "
