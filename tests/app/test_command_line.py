@@ -108,6 +108,16 @@ def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
     assert found["length_mm"] == pytest.approx(50.8, abs=0.05)
     assert found["rms_error_px"] == pytest.approx(found["rms_error_mm"] / 0.125)
     assert found["rms_error_mm"] < found["tolerance_mm"]
+    for way in ("normal", "algebraic"):
+        fit_mm = found[f"fit_{way}_rms_mm"]
+        assert found[f"fit_{way}_rms_px"] == pytest.approx(fit_mm / 0.125)
+        squares = [
+            section["edge_points"] * section[f"fit_{way}_rms_mm"] ** 2
+            for section in found["sections"]
+        ]
+        points = sum(section["edge_points"] for section in found["sections"])
+        assert fit_mm == pytest.approx((sum(squares) / points) ** 0.5)
+    assert found["fit_normal_rms_mm"] < found["fit_algebraic_rms_mm"]
     assert found["warnings"] == []
     organ = read_organ(path)
     assert len(organ.keys) == found["sections_kept"]

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.edges import find_edges
-from organ_geometry.half_curves import HalfCurves, closed_outlines, polygon_distances
+from organ_geometry.fit_error import algebraic_distances, normal_distances
+from organ_geometry.half_curves import (
+    HalfCurves,
+    closed_outlines,
+    fit_half_curves,
+    polygon_distances,
+)
 from organ_geometry.image_stack import ImageStackError, read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
 from organ_geometry.organ_encoder import ToleranceTooSmall
@@ -289,9 +295,37 @@ def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteSta
             expected = float(np.sqrt(np.mean(ideal.distances(circle) ** 2)))
             # A section's middle is off by up to a step of the axis.
             assert section.rms_px == pytest.approx(expected, abs=0.35)
-            assert section.fit_rms_px < CIRCLE_RMS_PX
+            assert section.fit_normal_rms_px < CIRCLE_RMS_PX
             assert section.rms_mm <= built.tolerance_mm <= 0.05
             assert section.max_mm >= section.rms_mm
+
+
+def test_the_fit_is_reported_along_the_normal_and_in_y(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    sizes = {"outer": (35.0, 30.0, 25.0), "lumen": (24.0, 20.0, 15.0)}
+    images = [ring(cover, *both) for both in zip(*sizes.values(), strict=True)]
+    built = build_organ(read_image_stack(write_stack(images, SPACING)))
+    squares, points = np.zeros(2), 0
+    for section, contour in zip(built.sections, built.contours, strict=True):
+        frame = np.stack([contour.x_dir, np.cross(contour.normal, contour.x_dir)], axis=1)
+        own = np.zeros(2)
+        for wall in (contour.outer, contour.lumen):
+            assert wall is not None
+            edge = (wall - contour.outer.mean(axis=0)) @ frame
+            curves = fit_half_curves(edge)
+            for place, away in enumerate(
+                (normal_distances(curves, edge), algebraic_distances(curves, edge))
+            ):
+                own[place] += away @ away
+        squares += own
+        points += section.edge_points
+        said = [section.fit_normal_rms_mm, section.fit_algebraic_rms_mm]
+        np.testing.assert_allclose(said, np.sqrt(own / section.edge_points), rtol=1e-6)
+        assert section.fit_normal_rms_mm < section.fit_algebraic_rms_mm
+        assert section.fit_algebraic_rms_px == pytest.approx(section.fit_algebraic_rms_mm / 0.1)
+    every = [built.fit_normal_rms_mm, built.fit_algebraic_rms_mm]
+    np.testing.assert_allclose(every, np.sqrt(squares / points), rtol=1e-6)
 
 
 def test_a_huge_tolerance_keeps_two_sections(cover: Cover, write_stack: WriteStack) -> None:

@@ -1,0 +1,80 @@
+"""What may make an organ another than the one wanted."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from organ_geometry.fitted_section import FittedSection
+from organ_geometry.found_section import OTHER_PART
+from organ_geometry.image_stack import ImageStack
+from organ_geometry.organ import Organ
+from organ_geometry.organ_tracing import slice_ranges
+from organ_geometry.section_report import SectionReport
+
+# An axis so many times longer than the stack, and errors of this share of the mean radius.
+LONG_AXIS = 1.5
+FAR_SHARE = 0.5
+
+
+def organ_warnings(
+    stack: ImageStack,
+    organ: Organ,
+    fitted: list[FittedSection],
+    sections: tuple[SectionReport, ...],
+    wanted_mm: float,
+) -> Iterator[str]:
+    """Yield what the organ's user should know.
+
+    Parameters
+    ----------
+    stack
+        The images.
+    organ
+        The organ, as its file gives it.
+    fitted
+        The sections found.
+    sections
+        One report for each image.
+    wanted_mm
+        The tolerance that was wanted, mm.
+
+    Yields
+    ------
+    str
+        Sentences.
+    """
+    largest = FAR_SHARE * organ.mean_radius
+    far = [one.index for one in sections if one.max_mm > largest]
+    if far:
+        yield (
+            f"the organ is more than {FAR_SHARE:g} of its mean radius from its edge near "
+            f"{slice_ranges(far)}: sections cross there, or are not single-valued"
+        )
+    found = len(fitted)
+    lumens = sum(section.lumen is not None for section in fitted)
+    if lumens and not organ.hollow:
+        yield (
+            f"a lumen was found in {lumens} of {found} sections and is therefore ignored: "
+            f"the organ is taken as solid"
+        )
+    beside = sum(section.other_part for section in fitted)
+    if beside:
+        yield (
+            f"{beside} of {found} sections show another part of at least {OTHER_PART:.0%} of the "
+            f"organ's area beside it, which was left out"
+        )
+    if organ.tolerance_mm > wanted_mm:
+        yield (
+            f"the tolerance was raised from {wanted_mm:.3g} to {organ.tolerance_mm:.3g} mm, which "
+            f"two degree-6 curves a boundary can keep at every section: sections are not "
+            f"single-valued, or what was found jumps from section to section"
+        )
+    planes = stack.origins[fitted[0].index : fitted[-1].index + 1]
+    path = float(np.linalg.norm(np.diff(planes, axis=0), axis=1).sum())
+    if organ.length > LONG_AXIS * path:
+        yield (
+            f"the axis is {organ.length:.1f} mm long and the stack only {path:.1f} mm: what was "
+            f"found jumps from section to section, or runs along the sections"
+        )
+    if stack.units != "mm":
+        yield f"the images' lengths are {stack.units}, not mm: one unit is taken as 1 mm"
