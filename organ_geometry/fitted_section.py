@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from organ_geometry.contour import SectionContour
 from organ_geometry.half_curves import HalfCurves, NotSingleValued, fit_half_curves
 from organ_geometry.image_stack import ImageStack
-from organ_geometry.organ_tracing import TracedSection
+from organ_geometry.traced_organ import TracedSection
 
 
 @dataclass(frozen=True, slots=True, eq=False)

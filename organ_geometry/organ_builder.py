@@ -23,6 +23,7 @@ from organ_geometry.organ_encoder import (
     ToleranceTooSmall,
     encoded_organ,
 )
+from organ_geometry.organ_seed import Seed
 from organ_geometry.organ_tracing import trace_organ
 from organ_geometry.organ_warnings import organ_warnings
 from organ_geometry.section_report import SectionReport, pooled_rms, section_reports
@@ -116,7 +117,7 @@ def build_organ(
     polarity: Polarity = "auto",
     threshold: float | None = None,
     method: EdgeMethod = "half-level",
-    seed: tuple[float, float] | None = None,
+    seed: Seed | None = None,
     tolerance_mm: float | None = None,
     tolerance_px: float | None = None,
     select: Selection = "fewest",

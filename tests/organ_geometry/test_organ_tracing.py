@@ -17,7 +17,9 @@ from organ_geometry.edge_curve import enclosed_area
 from organ_geometry.edges import EdgeMethod, find_edges
 from organ_geometry.half_curves import polygon_distances
 from organ_geometry.image_stack import ImageStack, ImageStackError, read_image_stack
-from organ_geometry.organ_tracing import TracedOrgan, slice_ranges, trace_organ
+from organ_geometry.organ_tracing import trace_organ
+from organ_geometry.slice_ranges import slice_ranges
+from organ_geometry.traced_organ import TracedOrgan
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]
@@ -210,6 +212,32 @@ def test_the_seed_picks_the_organ(cover: Cover, write_stack: WriteStack) -> None
     assert all(section.other_part for section in unseeded.sections)
 
 
+@pytest.mark.parametrize("index", [0, 3, 7])
+def test_from_a_seed_in_any_image_the_organ_is_followed_both_ways(
+    cover: Cover, write_stack: WriteStack, index: int
+) -> None:
+    # Two tubes that change places: only in its own image is a seed on the one that is meant.
+    place = [(30.5 + 7.0 * k, 30.5) for k in range(8)]
+    images = [
+        drawn(cover(SHAPE, here, (13.0, 13.0)) + cover(SHAPE, (109.0 - here[0], 70.5), (16.0,) * 2))
+        for here in place
+    ]
+    stack = stack_of(write_stack, images)
+    organ = trace_organ(stack, seed=(*place[index], index))
+    assert organ.problems == {}
+    for section, here in zip(organ.sections, place, strict=True):
+        assert rms(circle_errors(section.outer, 13.0, here)) < EDGE_PX
+    assert organ.notes[1].startswith(f"the organ is followed from slice_{index}.png, at the seed")
+
+
+def test_the_polarity_is_that_at_the_seed_s_image(cover: Cover, write_stack: WriteStack) -> None:
+    disc = cover(SHAPE, CENTRE, (14.0, 14.0))
+    empty, full = np.full(SHAPE, 60, np.uint8), drawn(disc, dark=True)
+    organ = trace_organ(stack_of(write_stack, [empty, full, full]), seed=(*CENTRE, 2))
+    assert organ.polarity == "dark"
+    assert [section.index for section in organ.sections] == [1, 2]
+
+
 def test_the_seed_decides_the_polarity(cover: Cover, write_stack: WriteStack) -> None:
     bright = cover(SHAPE, (30.5, 49.5), (14.0, 14.0))
     dark = cover(SHAPE, (78.5, 49.5), (14.0, 14.0))
@@ -396,6 +424,9 @@ def test_an_unreadable_image_is_refused(cover: Cover, write_stack: WriteStack) -
         ({"threshold": np.nan}, "threshold must be a grey level, not nan"),
         ({"workers": 0}, "workers must be 1 thread or more, not 0"),
         ({"seed": (110, 5)}, "seed must be a point x, y of the first image, from 0, 0 to 109, 99"),
+        ({"seed": (5, np.nan, 1)}, "seed must be a point x, y of image 1, from 0, 0 to 109, 99"),
+        ({"seed": (5, 5, 2)}, "the seed's image must be one of 2, from 0 to 1, not 2"),
+        ({"seed": (5, 5, -1)}, "the seed's image must be one of 2, from 0 to 1, not -1"),
     ],
 )
 def test_a_wrong_option_is_refused(
