@@ -33,6 +33,8 @@ class FittedSection:
         Half-curves of the lumen, or None.
     other_part
         Whether the image shows another part that stands out as clearly.
+    carried
+        Whether the edge is carried on from the image before, because no grey level closes it.
     """
 
     index: int
@@ -43,6 +45,7 @@ class FittedSection:
     curves: HalfCurves
     lumen_curves: HalfCurves | None
     other_part: bool
+    carried: bool
 
 
 def fitted_section(stack: ImageStack, edges: TracedSection) -> FittedSection:
@@ -83,6 +86,7 @@ def fitted_section(stack: ImageStack, edges: TracedSection) -> FittedSection:
         curves=fit_half_curves(outer),
         lumen_curves=None if lumen is None else _lumen_curves(lumen),
         other_part=edges.other_part,
+        carried=edges.carried,
     )
 
 

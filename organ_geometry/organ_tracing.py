@@ -106,7 +106,6 @@ class _Edges:
     """A traced section and what its notes are made of."""
 
     section: TracedSection
-    carried: bool
     growth: float
 
 
@@ -152,9 +151,7 @@ class _Tracing:
                 last = start
             try:
                 if last is None or last.index == index:
-                    section = first_section(
-                        index, image, rule, None if seed is None else seed.place
-                    )
+                    section = self._begun(index, image, rule, seed)
                     start = began = section
                 else:
                     name = self._stack.names[last.index]
@@ -174,6 +171,17 @@ class _Tracing:
             polarity=rule.polarity,
             notes=tuple(self._notes(rule, polarity, seed, began, sections, dropped)),
         )
+
+    def _begun(
+        self, index: int, image: GreyImage, rule: EdgeRule, seed: SeedPoint | None
+    ) -> FoundSection:
+        """Return the section that the organ begins with, if this image has it."""
+        if seed is None:
+            return first_section(index, image, rule, None)
+        if index != seed.index:
+            # In another image that point may be on another thing.
+            raise NoEdgeFound(self._problems[seed.index])
+        return first_section(index, image, rule, seed.place)
 
     def _images(self, order: Sequence[int]) -> Iterator[tuple[int, GreyImage]]:
         """Yield slices in an order, reading a few ahead."""
@@ -247,11 +255,11 @@ class _Tracing:
             )
         if rule.method == "canny":
             yield "the edge is Canny's, to a part of a pixel by a parabola across it"
-        carried = [edges.section.index for edges in sections if edges.carried]
+        carried = [edges.section.index for edges in sections if edges.section.carried]
         if carried:
             yield (
-                f"where the threshold leaks into a neighbour, the edge is carried on from the "
-                f"image before: {slice_ranges(carried)}"
+                f"where the threshold leaks into a neighbour or parts the organ, the edge is "
+                f"carried on from the image before: {slice_ranges(carried)}"
             )
         grown = [edges.section.index for edges in sections if edges.growth > LARGE_GROWTH]
         if grown:
@@ -272,8 +280,9 @@ def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
         lumen=lumen,
         other_part=not seeded and shows_other_part(section, rule),
         threshold=rule.sign * section.region.outer_level,
+        carried=section.carried is not None,
     )
-    return _Edges(traced, section.carried is not None, section.growth)
+    return _Edges(traced, section.growth)
 
 
 def _clarity(section: FoundSection) -> float:

@@ -50,6 +50,12 @@ def organ_warnings(
             f"the organ is more than {FAR_SHARE:g} of its mean radius from its edge near "
             f"{slice_ranges(far)}: sections cross there, or are not single-valued"
         )
+    carried = [section.index for section in fitted if section.carried]
+    if carried:
+        yield (
+            f"no grey level parts the organ from what is beside it in {slice_ranges(carried)}: the "
+            f"edge there is carried on from the image before, and should be looked at"
+        )
     found = len(fitted)
     lumens = sum(section.lumen is not None for section in fitted)
     if lumens and not organ.hollow:

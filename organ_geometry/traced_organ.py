@@ -26,6 +26,8 @@ class TracedSection:
         out as clearly. With a seed, other things are expected in view, and this is False.
     threshold
         Grey level of the outer boundary.
+    carried
+        Whether the edge is carried on from the slice before, because no grey level closes it.
     """
 
     index: int
@@ -33,6 +35,7 @@ class TracedSection:
     lumen: NDArray[np.float64] | None
     other_part: bool
     threshold: float
+    carried: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,5 @@
 """The organ that is followed through a stack is the one that was begun with."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,16 +28,6 @@ CENTRE = (54.5, 49.5)
 SPACING = {"pixel_spacing_mm": [0.1, 0.1], "slice_spacing_mm": 0.5}
 # On anti-aliased edges in whole grey levels.
 EDGE_PX = 0.05
-
-
-@dataclasses.dataclass(frozen=True)
-class LastFirst:
-    """The images of a stack, the last one first."""
-
-    stack: ImageStack
-
-    def image(self, index: int) -> Any:
-        return self.stack.image(len(self.stack) - 1 - index)
 
 
 def drawn(cover: NDArray[np.float64], *, dark: bool = False, depth: Any = np.uint8) -> Any:
@@ -299,6 +288,45 @@ def test_a_split_is_named_and_followed_until_it_closes(
     assert organ.problems[2].startswith("the organ splits: beside the part that continues slice_")
 
 
+def septum_scenes(cover: Cover, counts: Sequence[int]) -> list[Any]:
+    """Discs whose middle darkens to less than half level, but not to the surroundings' level."""
+    disc = cover(SHAPE, CENTRE, (24.0, 24.0))
+    parted = disc.copy()
+    parted[:, 50:60] *= 0.4
+    half = disc * 0.4
+    half[:, :50] = disc[:, :50]
+    return [drawn((disc, parted, half)[which]) for which in counts]
+
+
+def test_parts_within_one_wall_are_no_split(cover: Cover, write_stack: WriteStack) -> None:
+    organ = trace_organ(stack_of(write_stack, septum_scenes(cover, [0, 0, 0, 1, 1, 1])))
+    assert organ.problems == {}
+    for section in organ.sections:
+        assert section.carried == (section.index > 2)
+        # Where an edge is carried it may lie a pixel off.
+        assert rms(circle_errors(section.outer, 24.0)) < (1.0 if section.carried else EDGE_PX)
+    assert organ.notes[-1].endswith("the edge is carried on from the image before: 3-5")
+
+
+def test_what_a_level_closes_after_a_carried_edge_must_be_the_same_thing(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    organ = trace_organ(stack_of(write_stack, septum_scenes(cover, [0, 0, 1, 1, 2, 2, 0])))
+    for section in organ.sections:
+        assert rms(circle_errors(section.outer, 24.0)) < 1.0
+    assert {0, 1, 2, 3, 6} <= {section.index for section in organ.sections}
+
+
+def test_a_seed_means_its_own_image_only(cover: Cover, write_stack: WriteStack) -> None:
+    # At the seed's place there is something, but not in the seed's image.
+    disc = drawn(cover(SHAPE, CENTRE, (14.0, 14.0)))
+    empty = np.full(SHAPE, 60, dtype=np.uint8)
+    organ = trace_organ(stack_of(write_stack, [disc, empty, disc]), seed=(*CENTRE, 1))
+    assert organ.sections == ()
+    reason = f"nothing stands out at the seed ({CENTRE[0]:g}, {CENTRE[1]:g})"
+    assert organ.problems == dict.fromkeys(range(3), reason)
+
+
 def test_a_ring_that_opens_is_named(cover: Cover, write_stack: WriteStack) -> None:
     ring = cover(SHAPE, CENTRE, (35.0, 35.0)) - cover(SHAPE, CENTRE, (25.0, 25.0))
     horseshoe = ring.copy()
@@ -466,21 +494,35 @@ def test_the_noisy_phantom_has_the_edge_it_was_drawn_with() -> None:
     assert np.sqrt(np.mean(sizes) / np.pi) == pytest.approx(1.0, abs=0.1 / 35.0)
 
 
-def test_a_grey_aorta_and_its_masks_agree_where_a_level_parts_it(data_dir: Path) -> None:
-    # From above, blood and thrombus are brighter than what is around them; lower down the aorta
-    # fades into muscle, which must be said.
+@pytest.mark.parametrize(
+    ("seed", "least", "largest_px"),
+    [
+        # From above, blood and thrombus are brighter than what is around them, until the thrombus
+        # of the dissection is as grey as muscle: there the aorta is given up, and that is said.
+        ((62, 89, 129), 50, 3.0),
+        ((66, 100, 100), 50, 3.0),
+        # From below, half of the aorta is such thrombus; the edge follows what is brighter.
+        ((48, 76, 0), 60, 4.7),
+        ((46, 79, 20), 60, 4.7),
+    ],
+)
+def test_a_grey_aorta_is_found_where_its_masks_are_or_given_up(
+    data_dir: Path, seed: tuple[float, float, int], least: int, largest_px: float
+) -> None:
     masks = trace_organ(read_image_stack(data_dir / "aorta_ct" / "masks"))
     truth = {section.index: section.outer for section in masks.sections}
-    grey = read_image_stack(data_dir / "aorta_ct" / "images")
-    upside = dataclasses.replace(grey, names=grey.names[::-1], slices=LastFirst(grey))
-    organ = trace_organ(upside, seed=(62, 89))
+    organ = trace_organ(read_image_stack(data_dir / "aorta_ct" / "images"), seed=seed)
     errors = {
-        129 - section.index: rms(polygon_distances(section.outer, truth[129 - section.index]))
+        section.index: rms(polygon_distances(section.outer, truth[section.index]))
         for section in organ.sections
     }
     assert len(errors) + len(organ.problems) == 130
+    assert len(errors) >= least
+    assert max(errors.values()) < largest_px
     near = [errors[index] for index in range(93, 129) if index in errors]
-    assert len(near) >= 34
-    assert sum(error < 1.0 for error in near) >= 26
-    assert np.median(near) < 1.0
+    if seed[2] >= 100:
+        # There every level agrees with the masks to a pixel.
+        assert len(near) == 36
+        assert sum(error < 1.0 for error in near) >= 24
+        assert np.median(near) < 1.0
     assert all(len(reason) < 160 for reason in organ.problems.values())
