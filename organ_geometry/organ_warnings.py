@@ -14,6 +14,8 @@ from organ_geometry.slice_ranges import slice_ranges
 # An axis so many times longer than the stack, and errors of this share of the mean radius.
 LONG_AXIS = 1.5
 FAR_SHARE = 0.5
+# Sections whose error is at least this share of the largest are named where a tolerance was raised.
+HARDEST_SHARE = 0.95
 
 
 def organ_warnings(
@@ -46,9 +48,11 @@ def organ_warnings(
     largest = FAR_SHARE * organ.mean_radius
     far = [one.index for one in sections if one.max_mm > largest]
     if far:
+        worst = max(sections[index].max_mm for index in far)
         yield (
-            f"the organ is more than {FAR_SHARE:g} of its mean radius from its edge near "
-            f"{slice_ranges(far)}: sections cross there, or are not single-valued"
+            f"the organ is up to {worst:.3g} mm from its edge in {slice_ranges(far)}: sections "
+            f"there are not single-valued, differ from those beside them, or lie in a bend about "
+            f"as tight as the organ is wide"
         )
     carried = [section.index for section in fitted if section.carried]
     if carried:
@@ -70,10 +74,13 @@ def organ_warnings(
             f"organ's area beside it, which was left out"
         )
     if organ.tolerance_mm > wanted_mm:
+        limit = HARDEST_SHARE * max(one.rms_mm for one in sections if one.problem is None)
+        hardest = [one.index for one in sections if one.rms_mm >= limit]
         yield (
             f"the tolerance was raised from {wanted_mm:.3g} to {organ.tolerance_mm:.3g} mm, which "
-            f"two degree-6 curves a boundary can keep at every section: sections are not "
-            f"single-valued, or what was found jumps from section to section"
+            f"two degree-6 curves a boundary can keep at every section, with "
+            f"{slice_ranges(hardest)} the furthest off: sections are not single-valued, or what "
+            f"was found jumps from section to section"
         )
     planes = stack.origins[fitted[0].index : fitted[-1].index + 1]
     path = float(np.linalg.norm(np.diff(planes, axis=0), axis=1).sum())
