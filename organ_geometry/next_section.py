@@ -104,8 +104,6 @@ def next_section(
         if not open_sides(region.filled, corner, image.shape):
             break
         reach *= 2
-    if _opens(before, region):
-        raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
     carried = None
     trouble = None
     if region.other_part >= SPLIT_SHARE:
@@ -113,6 +111,8 @@ def next_section(
             f"the organ splits: beside the part that continues {last_name} there is one of "
             f"{region.other_part:.0%} of its area"
         )
+    elif _opens(before, region):
+        raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
     elif _leaks(bright, region, before, last, corner, rule):
         trouble = f"the organ merges with what was beside it in {last_name}"
     elif last.carried is not None and _overlap(region, before) < CARRIED_OVERLAP:
