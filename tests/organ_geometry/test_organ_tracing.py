@@ -289,12 +289,13 @@ def test_a_split_is_named_and_followed_until_it_closes(
 
 
 def septum_scenes(cover: Cover, counts: Sequence[int]) -> list[Any]:
-    """Discs whose middle darkens to less than half level, but not to the surroundings' level."""
+    """Discs, whole, parted by a band, and with one part as dark as that: below half level, but
+    brighter than the surroundings."""
     disc = cover(SHAPE, CENTRE, (24.0, 24.0))
     parted = disc.copy()
-    parted[:, 50:60] *= 0.4
-    half = disc * 0.4
-    half[:, :50] = disc[:, :50]
+    parted[:, 46:51] *= 0.25
+    half = disc * 0.25
+    half[:, 51:] = disc[:, 51:]
     return [drawn((disc, parted, half)[which]) for which in counts]
 
 
@@ -321,7 +322,9 @@ def test_a_seed_means_its_own_image_only(cover: Cover, write_stack: WriteStack) 
     # At the seed's place there is something, but not in the seed's image.
     disc = drawn(cover(SHAPE, CENTRE, (14.0, 14.0)))
     empty = np.full(SHAPE, 60, dtype=np.uint8)
-    organ = trace_organ(stack_of(write_stack, [disc, empty, disc]), seed=(*CENTRE, 1))
+    organ = trace_organ(
+        stack_of(write_stack, [disc, empty, disc]), seed=(*CENTRE, 1), polarity="bright"
+    )
     assert organ.sections == ()
     reason = f"nothing stands out at the seed ({CENTRE[0]:g}, {CENTRE[1]:g})"
     assert organ.problems == dict.fromkeys(range(3), reason)
