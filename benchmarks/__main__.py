@@ -1,11 +1,15 @@
 """Measure physics, trainer and geometry in one run: tables, and the figures in build/bench.json.
 
-Run from the root of the repository: ``make bench``, or ``python -m benchmarks``.
+Run from the root of the repository: ``make bench``, or ``python -m benchmarks``; with names of
+parts, as ``python -m benchmarks geometry``, only these.
 """
 
 import json
 import platform
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 import numba
@@ -178,16 +182,24 @@ def measure_export(console: Console) -> dict[str, float]:
     return figures
 
 
+PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
+    "physics": measure_physics,
+    "trainer": measure_trainer,
+    "geometry": measure_geometry,
+    "export": measure_export,
+}
+
+
 def main() -> None:
     """Measure, print, and write the figures."""
     console = Console()
-    figures = {
-        "machine": machine(),
-        "physics": measure_physics(console),
-        "trainer": measure_trainer(console),
-        "geometry": measure_geometry(console),
-        "export": measure_export(console),
-    }
+    wanted = sys.argv[1:] or [*PARTS]
+    unknown = [name for name in wanted if name not in PARTS]
+    if unknown:
+        sys.exit(f"python -m benchmarks measures {', '.join(PARTS)}, not {', '.join(unknown)}")
+    figures: dict[str, Any] = {"machine": machine()}
+    for name in wanted:
+        figures[name] = PARTS[name](console)
     FIGURES.parent.mkdir(exist_ok=True)
     FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     console.print("\nFigures: build/bench.json", highlight=False)

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.tube_images import LEVEL, SIDE, draw_tube_images
 from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ_builder import build_organ
+from organ_geometry.organ_tracing import trace_organ
 
 __all__ = ["BuilderRates", "builder_memory", "builder_rates"]
 
@@ -32,7 +33,9 @@ class BuilderRates:
     Attributes
     ----------
     ours
-        Of the organ builder, 1/s.
+        Of the organ builder, from the images to the organ of its file, 1/s.
+    edges
+        Of its first part, from the images to their edges, 1/s.
     peer
         Of scikit-image's marching cubes and fast-simplification, 1/s; None if they are missing.
     note
@@ -40,6 +43,7 @@ class BuilderRates:
     """
 
     ours: float
+    edges: float
     peer: float | None
     note: str = ""
 
@@ -59,7 +63,7 @@ def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
     BuilderRates
         Both rates.
     """
-    times: dict[str, list[float]] = {"ours": [], "peer": []}
+    times: dict[str, list[float]] = {"ours": [], "edges": [], "peer": []}
     note = ""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "tube"
@@ -68,6 +72,9 @@ def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
             start = time.perf_counter()
             build_organ(read_image_stack(folder))
             times["ours"].append(time.perf_counter() - start)
+            start = time.perf_counter()
+            trace_organ(read_image_stack(folder))
+            times["edges"].append(time.perf_counter() - start)
             if note:
                 continue
             start = time.perf_counter()
@@ -77,8 +84,8 @@ def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
                 note = f"{missing.name} is not installed: pip install .[bench]"
                 continue
             times["peer"].append(time.perf_counter() - start)
-    rates = {key: slices / min(values) if values else None for key, values in times.items()}
-    return BuilderRates(rates["ours"] or 0.0, rates["peer"], note)
+    fastest = {key: slices / min(values) for key, values in times.items() if values}
+    return BuilderRates(fastest["ours"], fastest["edges"], fastest.get("peer"), note)
 
 
 def cubes_of_images(folder: Path) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.builder_speed import builder_memory, builder_rates
+from benchmarks.builder_speed import BuilderRates, builder_memory, builder_rates
 from benchmarks.draco_peer import DracoMesh, DracoSearch
 from benchmarks.organ_bytes import CHECK_POINTS, OrganBytes, OrganSearch, file_times, organ_mesh
 from benchmarks.organ_sets import DATA, SETS, OrganSet, missing_sets
@@ -204,14 +204,11 @@ def measure_geometry(console: Console) -> dict[str, Any]:
         notes.append(rates.note)
 
     console.print()
+    console.print(rates_table(rates))
     if sets:
         console.print(bytes_table(sets))
         console.print(surface_table(sets))
-    peer = "-" if rates.peer is None else f"{rates.peer:.0f}"
-    ratio = "" if rates.peer is None else f", {rates.ours / rates.peer:.2f} times as fast"
     lines = [
-        f"Builder: {rates.ours:.0f} images of 512 x 512 a second from PNG, "
-        f"marching cubes and decimation {peer}{ratio}",
         f"Memory: {memory['slices']:.0f} images grow it by {memory['growth_mib']:.1f} MiB, their "
         f"volume is {memory['volume_mib']:.0f} MiB: "
         f"{memory['growth_mib'] / memory['volume_mib']:.3f} of it, in {memory['seconds']:.1f} s",
@@ -222,12 +219,43 @@ def measure_geometry(console: Console) -> dict[str, Any]:
         "sets": sets,
         "builder": {
             "images_per_s": rates.ours,
+            "edges_images_per_s": rates.edges,
             "marching_cubes_images_per_s": rates.peer,
             "ratio": None if rates.peer is None else rates.ours / rates.peer,
         },
         "memory": memory,
         "notes": notes,
     }
+
+
+def rates_table(rates: BuilderRates) -> Table:
+    """Return images a second as a table.
+
+    Parameters
+    ----------
+    rates
+        The rates.
+
+    Returns
+    -------
+    Table
+        A row for the builder, its first part, and the peer.
+    """
+    table = _table("Images of 512 x 512 a second, from PNG files, and ours over the peer's")
+    for heading in ("", "images/s", "ratio"):
+        table.add_column(heading, justify="right" if heading else "left")
+    peer = rates.peer
+    for name, rate in (
+        ("organ builder", rates.ours),
+        ("  its edges alone", rates.edges),
+        ("marching cubes and decimation", peer),
+    ):
+        table.add_row(
+            name,
+            "-" if rate is None else f"{rate:.0f}",
+            "" if rate is None or peer is None else f"{rate / peer:.2f}",
+        )
+    return table
 
 
 def bytes_table(sets: dict[str, dict[str, Any]]) -> Table:

@@ -12,8 +12,8 @@ from scipy.spatial import KDTree
 
 from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
-from organ_geometry.edges import NoEdgeFound, find_edges
 from organ_geometry.image_stack import ImageStack, read_image_stack
+from organ_geometry.organ_tracing import trace_organ
 
 __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 
@@ -50,18 +50,15 @@ class OrganSet:
 
     @cached_property
     def contours(self) -> list[NDArray[np.float64]]:
-        """(N, 3) edge points of each section in which there are any, mm."""
+        """(N, 3) edge points of each section in which the builder finds the organ, mm."""
         stack = self.stack
         rows, columns = stack.shape
         middle = 0.5 * np.array([columns - 1.0, rows - 1.0])
         found: list[NDArray[np.float64]] = []
-        for place, image in enumerate(stack.images()):
-            try:
-                edge = find_edges(image, "bright").outer
-            except NoEdgeFound:
-                continue
-            plane = (edge - middle) * stack.pixel_size
-            found.append(stack.origins[place] + plane @ stack.frames[place][:, :2].T)
+        for section in trace_organ(stack, polarity="bright").sections:
+            plane = (section.outer - middle) * stack.pixel_size
+            frame = stack.frames[section.index]
+            found.append(stack.origins[section.index] + plane @ frame[:, :2].T)
         return found
 
     @cached_property

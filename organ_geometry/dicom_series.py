@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 from organ_geometry.grey_image import GreyImage, ImageStackError, list_text, size_text
 from organ_geometry.grey_levels import GreyLevels, Window, grey_levels
 from organ_geometry.image_files import files_in
-from organ_geometry.image_planes import ImagePlanes, check_spacing, plane_frame
+from organ_geometry.image_planes import (
+    ImagePlanes,
+    check_pixel_size,
+    check_spacing,
+    plane_frame,
+)
 from organ_geometry.medical_file import MedicalHeader, is_dicom_file, read_header, read_values
 
 SERIES_UID = "0020|000e"
@@ -204,8 +209,7 @@ def _placed(images: list[_Image], folder: Path, window: Window | None) -> DicomS
     first = images[0]
     x_dir, y_dir = first.orientation[:3], first.orientation[3:]
     frame = plane_frame(x_dir, y_dir, np.cross(x_dir, y_dir), first.file)
-    for value in first.pixel_size:
-        check_spacing("pixel size", float(value), first.file)
+    check_pixel_size((float(first.pixel_size[0]), float(first.pixel_size[1])), first.file)
     heights = np.array([float(image.position @ frame[:, 2]) for image in images])
     order = [int(index) for index in np.argsort(heights, kind="stable")]
     ordered = [images[index] for index in order]

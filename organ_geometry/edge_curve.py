@@ -3,6 +3,7 @@
 import math
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,12 +78,7 @@ def level_curve(
     """
     slope_x, slope_y = _slopes(smoothed)
     points = start.astype(np.float64)
-    for _ in range(_NEWTON_STEPS):
-        value, gx, gy = _sampled(points, smoothed, slope_x, slope_y)
-        step = (level - value) / np.maximum(gx * gx + gy * gy, 1e-12)
-        move = np.stack([step * gx, step * gy], axis=1)
-        length = np.sqrt((move * move).sum(axis=1, keepdims=True))
-        points += move / np.maximum(length, 1.0)
+    _move_to_level(points, smoothed, slope_x, slope_y, level)
     return _corrected(points, start, sigma, scale)
 
 
@@ -177,20 +173,64 @@ def _corrected(
     return _unshrunk(points * scale, sigma) / scale
 
 
+@numba.njit(cache=True, nogil=True)
+def _move_to_level(
+    points: NDArray[np.float64], smoothed: Image, slope_x: Image, slope_y: Image, level: float
+) -> None:
+    """Move points x, y onto a level by Newton's method along the gradient, in place."""
+    rows, columns = smoothed.shape
+    for i in range(len(points)):
+        for _ in range(_NEWTON_STEPS):
+            x = min(max(points[i, 0], 0.0), columns - 1.001)
+            y = min(max(points[i, 1], 0.0), rows - 1.001)
+            c, r = int(x), int(y)
+            right, down = x - c, y - r
+            a, b = (1.0 - right) * (1.0 - down), right * (1.0 - down)
+            d, e = (1.0 - right) * down, right * down
+            value = (
+                a * smoothed[r, c]
+                + b * smoothed[r, c + 1]
+                + d * smoothed[r + 1, c]
+                + e * smoothed[r + 1, c + 1]
+            )
+            gx = (
+                a * slope_x[r, c]
+                + b * slope_x[r, c + 1]
+                + d * slope_x[r + 1, c]
+                + e * slope_x[r + 1, c + 1]
+            )
+            gy = (
+                a * slope_y[r, c]
+                + b * slope_y[r, c + 1]
+                + d * slope_y[r + 1, c]
+                + e * slope_y[r + 1, c + 1]
+            )
+            step = (level - value) / max(gx * gx + gy * gy, 1e-12)
+            step /= max(math.hypot(step * gx, step * gy), 1.0)
+            points[i, 0] += step * gx
+            points[i, 1] += step * gy
+
+
+@numba.njit(cache=True, nogil=True)
 def _unshrunk(points: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Return a contour moved away from its centres of curvature by sigma^2 / (2 R)."""
     # Blur moves the half level and the steepest place of an edge of radius R by that much towards
     # the centre. Curvature is the turn between chords to points a few pixels off, which noise of
     # single points hardly moves.
-    reach = min(round(2.0 * sigma) + 2, len(points) // 4)
+    count = len(points)
+    reach = min(round(2.0 * sigma) + 2, count // 4)
     if reach < 1:
         return points
-    back = points - np.roll(points, reach, axis=0)
-    ahead = np.roll(points, -reach, axis=0) - points
-    along = back + ahead
-    cross = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    turn = np.arctan2(cross, (back * ahead).sum(axis=1))
-    length = 0.5 * (np.hypot(back[:, 0], back[:, 1]) + np.hypot(ahead[:, 0], ahead[:, 1]))
-    curvature = np.clip(turn / np.maximum(length, 1e-6), -0.5 / sigma, 0.5 / sigma)
-    step = 0.5 * sigma**2 * curvature / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)
-    return points + np.stack([step * along[:, 1], -step * along[:, 0]], axis=1)
+    moved = np.empty_like(points)
+    for i in range(count):
+        last, after = (i - reach) % count, (i + reach) % count
+        back_x, back_y = points[i, 0] - points[last, 0], points[i, 1] - points[last, 1]
+        ahead_x, ahead_y = points[after, 0] - points[i, 0], points[after, 1] - points[i, 1]
+        along_x, along_y = back_x + ahead_x, back_y + ahead_y
+        turn = math.atan2(back_x * ahead_y - back_y * ahead_x, back_x * ahead_x + back_y * ahead_y)
+        length = 0.5 * (math.hypot(back_x, back_y) + math.hypot(ahead_x, ahead_y))
+        curvature = min(max(turn / max(length, 1e-6), -0.5 / sigma), 0.5 / sigma)
+        step = 0.5 * sigma**2 * curvature / max(math.hypot(along_x, along_y), 1e-12)
+        moved[i, 0] = points[i, 0] + step * along_y
+        moved[i, 1] = points[i, 1] - step * along_x
+    return moved

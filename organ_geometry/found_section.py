@@ -123,21 +123,27 @@ def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
     image, region = section.image, section.region
     # A coarser image shows all parts of that size, and is quicker to search.
     area = section.areas[-1]
-    coarse = max(1, min(4, math.floor(math.sqrt(OTHER_PART * area / 4.0))))
-    sign = rule.sign
-    above = image > region.outer_level if sign > 0 else image < -region.outer_level
-    mask = mask_of(above)
+    halvings = math.floor(0.5 * math.log2(max(1.0, OTHER_PART * area / 4.0)))
+    halvings = min(2, halvings, math.floor(math.log2(min(image.shape))))
+    # Levels are whole numbers, and comparing them with one is ten times as quick.
+    mask = (
+        mask_of(image > math.floor(region.outer_level))
+        if rule.sign > 0
+        else mask_of(image < math.ceil(-region.outer_level))
+    )
     x, y = section.corner
     filled = grown(region.filled, 2)[MARGIN:-MARGIN, MARGIN:-MARGIN]
     rows, columns = filled.shape
     part = mask[y : y + rows, x : x + columns]
     part[filled[: part.shape[0], : part.shape[1]] > 0] = 0
-    rows, columns = mask.shape
-    size = (math.ceil(columns / coarse), math.ceil(rows / coarse))
-    if coarse > 1:
-        mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    else:
+    if halvings == 0:
         mask = np.asarray(cv2.blur(mask, (3, 3)), dtype=np.uint8)
+    for _ in range(halvings):
+        rows, columns = mask.shape[0] // 2, mask.shape[1] // 2
+        even = mask[: 2 * rows, : 2 * columns]
+        halved = cv2.resize(even, (columns, rows), interpolation=cv2.INTER_AREA)
+        mask = np.asarray(halved, dtype=np.uint8)
+    coarse = 2**halvings
     mask = mask_of(mask > 127)
     if cv2.countNonZero(mask) * coarse**2 < max(OTHER_PART * area, SMALLEST_ORGAN_PX):
         return False

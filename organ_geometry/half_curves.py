@@ -8,6 +8,7 @@ the top half-curve (smaller y) and seven of the bottom one.
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
@@ -271,14 +272,34 @@ def polygon_distances(
     NDArray[np.float64]
         (N,) distances, mm, not signed.
     """
-    sides = np.roll(corners, -1, axis=0) - corners
-    squared = np.maximum(np.einsum("ij,ij->i", sides, sides), np.finfo(np.float64).tiny)
-    to_x = points[:, :1] - corners[:, 0]
-    to_y = points[:, 1:] - corners[:, 1]
-    share = np.clip((to_x * sides[:, 0] + to_y * sides[:, 1]) / squared, 0.0, 1.0)
-    to_x -= share * sides[:, 0]
-    to_y -= share * sides[:, 1]
-    return np.sqrt((to_x * to_x + to_y * to_y).min(axis=1))
+    return _polygon_distances(
+        np.ascontiguousarray(points, dtype=np.float64),
+        np.ascontiguousarray(corners, dtype=np.float64),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _polygon_distances(
+    points: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    distances = np.empty(len(points))
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        best = np.inf
+        x0, y0 = corners[-1, 0], corners[-1, 1]
+        for c in range(len(corners)):
+            x1, y1 = corners[c, 0], corners[c, 1]
+            sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
+            squared = sx * sx + sy * sy
+            share = 0.0
+            if squared > 0.0:
+                share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+            tx -= share * sx
+            ty -= share * sy
+            best = min(best, tx * tx + ty * ty)
+            x0, y0 = x1, y1
+        distances[i] = np.sqrt(best)
+    return distances
 
 
 def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:

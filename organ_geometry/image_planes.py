@@ -28,6 +28,8 @@ DIRECTION_TOLERANCE = 1e-3
 # Outside of these, a pixel size or slice spacing is a slip of its unit.
 SMALLEST_SPACING_MM = 1e-6
 LARGEST_SPACING_MM = 1000.0
+# And so is a pixel of which one side is so many times the other.
+LARGEST_ASPECT = 1000.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,8 +86,7 @@ class ImagePlanes:
         """
         planes = self
         if pixel_size is not None:
-            for value in pixel_size:
-                check_spacing("pixel size", value, where)
+            check_pixel_size(pixel_size, where)
             planes = dataclasses.replace(planes, pixel_size=np.array(pixel_size, dtype=np.float64))
         if slice_spacing is not None:
             check_spacing("slice spacing", slice_spacing, where)
@@ -182,6 +183,20 @@ def check_spacing(what: str, value: float, where: Path) -> None:
         )
 
 
+def check_pixel_size(sides: tuple[float, float], where: Path) -> None:
+    """Raise an ImageStackError if the width and the height of a pixel cannot be these, in mm."""
+    for value in sides:
+        check_spacing("pixel size", value, where)
+    aspect = max(sides) / min(sides)
+    # Three decimals written in a file are not exactly a thousandth.
+    if aspect > LARGEST_ASPECT * (1.0 + DIRECTION_TOLERANCE):
+        raise ImageStackError(
+            f"the pixel size of {where} must have sides of which one is up to {LARGEST_ASPECT:g} "
+            f"times the other, not {sides[0]:g} x {sides[1]:g} mm, which looks like a slip of the "
+            f"unit"
+        )
+
+
 def _pixel_size(
     source: Path,
     where: Path,
@@ -197,8 +212,7 @@ def _pixel_size(
         if recorded is None:
             raise ImageStackError(_missing("pixel size", source))
         pixels = (recorded[1], recorded[0])
-    for value in pixels:
-        check_spacing("pixel size", value, where)
+    check_pixel_size(pixels, where)
     return np.array(pixels, dtype=np.float64)
 
 

@@ -20,7 +20,7 @@ from organ_geometry.grey_levels import (
     grey_levels,
 )
 from organ_geometry.image_files import IMAGE_SUFFIXES, TIFF_SUFFIXES, file_slices, files_in
-from organ_geometry.image_planes import ImagePlanes, planes_of_files
+from organ_geometry.image_planes import ImagePlanes, check_pixel_size, planes_of_files
 from organ_geometry.image_region import CroppedSlices, Region, cropped_planes, image_region
 from organ_geometry.image_volume import (
     INDEX_AXES,
@@ -371,6 +371,7 @@ def _across(stack: ImageStack, axis: Axis) -> ImageStack:
         else np.stack(list(stack.images()))
     )
     voxels, planes = along_axis(voxels, stack.planes, number, stack.source)
+    check_pixel_size((float(planes.pixel_size[0]), float(planes.pixel_size[1])), stack.source)
     turned = dataclasses.replace(
         stack,
         names=_plane_names(stack.source, INDEX_AXES[number], len(voxels)),

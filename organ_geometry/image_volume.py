@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from organ_geometry.grey_image import GreyImage, ImageStackError, list_text
 from organ_geometry.grey_levels import GreyLevels, Window, grey_levels, label_mask
-from organ_geometry.image_planes import DIRECTION_TOLERANCE, ImagePlanes, check_spacing, plane_frame
+from organ_geometry.image_planes import (
+    DIRECTION_TOLERANCE,
+    ImagePlanes,
+    check_pixel_size,
+    check_spacing,
+    plane_frame,
+)
 from organ_geometry.medical_file import check_whole_nifti, read_header, read_values
 
 Axis = str | int
@@ -114,8 +120,7 @@ def _planes(
     """Return the planes across the third axis; axes beyond it have one voxel each."""
     side = len(size)
     axes = np.array(direction, dtype=np.float64).reshape(side, side)[:3, :3]
-    for value in spacing[:2]:
-        check_spacing("pixel size", value, path)
+    check_pixel_size((spacing[0], spacing[1]), path)
     check_spacing("slice spacing", spacing[2], path)
     steps = axes * np.array(spacing[:3])
     middle = np.array(origin[:3]) + steps[:, :2] @ (0.5 * (np.array(size[:2]) - 1.0))

@@ -21,6 +21,7 @@ from organ_geometry.found_section import (
     trimmed,
 )
 from organ_geometry.image_stack import GreyImage
+from organ_geometry.masked_levels import median_where
 from organ_geometry.section_region import (
     MARGIN,
     SMALLEST_ORGAN_PX,
@@ -51,11 +52,16 @@ SUDDEN_GROWTH = 2.0
 STEADY = 1.5
 # A second part of at least this share of the first splits the organ.
 SPLIT_SHARE = 0.35
+# But not where what parts it is brighter than what is around, by more than this share of the
+# contrast: the flap of a dissection, a thrombus.
+SEPTUM_SHARE = 0.2
 # A wall is open where a section lost its lumen and more than this share of its area with it.
 OPEN_SHARE = 0.25
 # After a longer gap, an organ is the same one only if both share this much of their joint area.
 LONGEST_GAP = 3
 GAP_OVERLAP = 0.5
+# And where its edge was carried on, a grey level is trusted again only if it closes the same thing.
+CARRIED_OVERLAP = 0.7
 _AREAS = 5
 
 
@@ -98,30 +104,33 @@ def next_section(
         if not open_sides(region.filled, corner, image.shape):
             break
         reach *= 2
+    carried = None
+    trouble = None
     if region.other_part >= SPLIT_SHARE:
-        raise NoEdgeFound(
+        trouble = (
             f"the organ splits: beside the part that continues {last_name} there is one of "
             f"{region.other_part:.0%} of its area"
         )
-    if _opens(before, region):
+    elif _opens(before, region):
         raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
-    carried = None
-    if _leaks(bright, region, before, last, corner, rule):
+    elif _leaks(bright, region, before, last, corner, rule):
+        trouble = f"the organ merges with what was beside it in {last_name}"
+    elif last.carried is not None and _overlap(region, before) < CARRIED_OVERLAP:
+        trouble = f"a grey level closes something else than the organ carried on to {last_name}"
+    if trouble is not None:
         if abs(index - last.index) == 1 and rule.method == "half-level":
             carried = _carried(bright, corner, region, last, rule)
         if carried is None:
-            raise NoEdgeFound(f"the organ merges with what was beside it in {last_name}")
-        outline = np.round(carried).astype(np.int32)
-        region = replace(
-            region, filled=fill(outline, bright.shape), lumen=None, lumen_level=math.nan
-        )
+            raise NoEdgeFound(trouble)
+        filled = fill(np.round(carried).astype(np.int32), bright.shape)
+        if region.other_part >= SPLIT_SHARE and not _is_septum(bright, filled, region, rule):
+            raise NoEdgeFound(trouble)
+        region = replace(region, filled=filled, lumen=None, lumen_level=math.nan)
     if touches_border(region.filled):
         raise NoEdgeFound("the organ touches the image's border")
     area = cv2.countNonZero(region.filled)
-    if abs(index - last.index) > LONGEST_GAP:
-        both = cv2.countNonZero(cv2.bitwise_and(region.filled, before.filled))
-        if both < GAP_OVERLAP * cv2.countNonZero(cv2.bitwise_or(region.filled, before.filled)):
-            raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
+    if abs(index - last.index) > LONGEST_GAP and _overlap(region, before) < GAP_OVERLAP:
+        raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")
     areas = (*last.areas, area)[-_AREAS:]
     return trimmed(
         FoundSection(
@@ -232,6 +241,12 @@ def _overlaps(
     return over
 
 
+def _overlap(region: Region, other: Region) -> float:
+    """Return the area that two regions share over their joint area."""
+    both = cv2.countNonZero(cv2.bitwise_and(region.filled, other.filled))
+    return both / max(1, cv2.countNonZero(cv2.bitwise_or(region.filled, other.filled)))
+
+
 def _opens(before: Region, region: Region) -> bool:
     """Return whether a ring has become an open one, whose edge runs along both of its sides."""
     if before.lumen is None or region.lumen is not None:
@@ -261,6 +276,15 @@ def _leaks(
     now, then = _blurred_pair(bright, last, corner, rule)
     same = mask_of(np.abs(now - then) < UNCHANGED * last.region.contrast)
     return cv2.countNonZero(cv2.bitwise_and(moved, same)) > largest
+
+
+def _is_septum(bright: Image, filled: Mask, parts: Region, rule: EdgeRule) -> bool:
+    """Return whether what lies between the parts of a region is not what lies around it."""
+    above = mask_of(blurred(bright, parts.sigma, rule.scale) > parts.outer_level)
+    between, count = median_where(bright, without(grown(filled, -1), grown(above, 1)))
+    if count == 0:
+        return True
+    return between - level_around(bright, filled) > SEPTUM_SHARE * parts.contrast
 
 
 def _blurred_pair(

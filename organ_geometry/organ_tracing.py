@@ -9,72 +9,24 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from organ_geometry.edge_curve import NoEdgeFound
-from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity, find_polarity, pixel_scale
+from organ_geometry.edges import EdgeMethod, Polarity, find_polarity, pixel_scale
 from organ_geometry.first_section import first_section, seed_polarity
 from organ_geometry.found_section import EdgeRule, FoundSection, section_edges, shows_other_part
 from organ_geometry.image_stack import GreyImage, ImageStack
+from organ_geometry.lasting_lumens import with_lasting_lumens
 from organ_geometry.next_section import next_section
+from organ_geometry.organ_seed import Seed, SeedPoint, seed_point
+from organ_geometry.slice_ranges import slice_ranges
+from organ_geometry.traced_organ import TracedOrgan, TracedSection
 
 Progress = Callable[[int, int], None]
 
 SAMPLES = 9
 # Growth from one slice to the next that is worth a word.
 LARGE_GROWTH = 2.5
-# A lumen is one only if another section, at most this many away, shows it too.
-LUMEN_REACH = 2
 _LARGEST_POOL = 8
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TracedSection:
-    """The edges of the organ in one slice.
-
-    Attributes
-    ----------
-    index
-        Number of the slice, from 0.
-    outer
-        (N, 2) points x = column, y = row of the outer boundary, px; pixel centres are integers and
-        the last point joins the first.
-    lumen
-        (M, 2) points of the lumen's boundary, px, or None.
-    other_part
-        Whether the image shows another part of at least a twentieth of the organ's area that stands
-        out as clearly. With a seed, other things are expected in view, and this is False.
-    threshold
-        Grey level of the outer boundary.
-    """
-
-    index: int
-    outer: NDArray[np.float64]
-    lumen: NDArray[np.float64] | None
-    other_part: bool
-    threshold: float
-
-
-@dataclass(frozen=True, slots=True)
-class TracedOrgan:
-    """The edges of an organ in a stack of images.
-
-    Attributes
-    ----------
-    sections
-        The sections found, in order.
-    problems
-        For each other slice, why nothing was found.
-    polarity
-        Whether the organ is brighter or darker than its surroundings.
-    notes
-        How it was found: sentences for whoever wants to know.
-    """
-
-    sections: tuple[TracedSection, ...]
-    problems: dict[int, str]
-    polarity: FoundPolarity
-    notes: tuple[str, ...]
 
 
 def trace_organ(
@@ -83,15 +35,15 @@ def trace_organ(
     polarity: Polarity = "auto",
     threshold: float | None = None,
     method: EdgeMethod = "half-level",
-    seed: tuple[float, float] | None = None,
+    seed: Seed | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
 ) -> TracedOrgan:
     """Return the edges of the organ in every slice of a stack.
 
-    The organ begins at the seed in the first image. Without one it begins in the clearest of a few
-    images over the stack, as the largest thing near the middle, and is followed both ways from
-    there. In each next image it is the part that covers most of the last section found.
+    The organ begins at the seed, and without one in the clearest of a few images over the stack, as
+    the largest thing near the middle. From there it is followed both ways. In each next image it is
+    the part that covers most of the last section found.
 
     Images are read ahead in threads, a few at a time; what comes out does not depend on how many
     threads there are.
@@ -109,7 +61,7 @@ def trace_organ(
     method
         "half-level" or "canny".
     seed
-        A point x, y of the organ in the first image, px.
+        A point x, y of the organ, px, in the first image; or x, y and the number of the image.
     progress
         Called after each slice with the number done and the number of slices.
     workers
@@ -125,26 +77,20 @@ def trace_organ(
     ValueError
         If an image cannot be read, an option is unknown or the seed is outside of the image.
     """
-    _check(stack, polarity, threshold, method, seed, workers)
+    _check(polarity, threshold, method, workers)
+    point = None if seed is None else seed_point(seed, stack)
     size = min(os.cpu_count() or 1, _LARGEST_POOL) if workers is None else workers
     with ThreadPoolExecutor(size, thread_name_prefix="edges") as pool:
         try:
             return _Tracing(stack, pool, 2 * size + 1).run(
-                polarity, threshold, method, seed, progress
+                polarity, threshold, method, point, progress
             )
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 
 
-def _check(
-    stack: ImageStack,
-    polarity: str,
-    threshold: float | None,
-    method: str,
-    seed: tuple[float, float] | None,
-    workers: int | None,
-) -> None:
+def _check(polarity: str, threshold: float | None, method: str, workers: int | None) -> None:
     if polarity not in {"auto", "bright", "dark"}:
         raise ValueError(f"polarity must be auto, bright or dark, not {polarity!r}")
     if method not in {"half-level", "canny"}:
@@ -153,12 +99,6 @@ def _check(
         raise ValueError(f"threshold must be a grey level, not {threshold}")
     if workers is not None and workers < 1:
         raise ValueError(f"workers must be 1 thread or more, not {workers}")
-    rows, columns = stack.shape
-    if seed is not None and not (0 <= seed[0] <= columns - 1 and 0 <= seed[1] <= rows - 1):
-        raise ValueError(
-            f"seed must be a point x, y of the first image, from 0, 0 to {columns - 1}, "
-            f"{rows - 1}, not {seed[0]:g}, {seed[1]:g}"
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,7 +106,6 @@ class _Edges:
     """A traced section and what its notes are made of."""
 
     section: TracedSection
-    carried: bool
     growth: float
 
 
@@ -186,7 +125,7 @@ class _Tracing:
         polarity: Polarity,
         threshold: float | None,
         method: EdgeMethod,
-        seed: tuple[float, float] | None,
+        seed: SeedPoint | None,
         progress: Progress | None,
     ) -> TracedOrgan:
         """Return the organ."""
@@ -197,11 +136,14 @@ class _Tracing:
         if seed is None:
             rule, start = self._survey(rule, polarity)
         elif polarity == "auto":
-            rule = replace(rule, polarity=seed_polarity(self._stack.image(0), seed))
+            image = self._stack.image(seed.index)
+            rule = replace(rule, polarity=seed_polarity(image, seed.place))
         else:
             rule = replace(rule, polarity=polarity)
 
         first = 0 if start is None else start.index
+        if seed is not None:
+            first = seed.index
         order = [*range(first, total), *range(first - 1, -1, -1)]
         last = began = start
         for done, (index, image) in enumerate(self._images(order), start=1):
@@ -209,7 +151,7 @@ class _Tracing:
                 last = start
             try:
                 if last is None or last.index == index:
-                    section = first_section(index, image, rule, seed)
+                    section = self._begun(index, image, rule, seed)
                     start = began = section
                 else:
                     name = self._stack.names[last.index]
@@ -222,13 +164,24 @@ class _Tracing:
                 progress(done, total)
         self._collect(0)
         sections = sorted(self._found, key=lambda edges: edges.section.index)
-        traced, dropped = _with_lasting_lumens([edges.section for edges in sections])
+        traced, dropped = with_lasting_lumens([edges.section for edges in sections])
         return TracedOrgan(
             sections=traced,
             problems=dict(sorted(self._problems.items())),
             polarity=rule.polarity,
             notes=tuple(self._notes(rule, polarity, seed, began, sections, dropped)),
         )
+
+    def _begun(
+        self, index: int, image: GreyImage, rule: EdgeRule, seed: SeedPoint | None
+    ) -> FoundSection:
+        """Return the section that the organ begins with, if this image has it."""
+        if seed is None:
+            return first_section(index, image, rule, None)
+        if index != seed.index:
+            # In another image that point may be on another thing.
+            raise NoEdgeFound(self._problems[seed.index])
+        return first_section(index, image, rule, seed.place)
 
     def _images(self, order: Sequence[int]) -> Iterator[tuple[int, GreyImage]]:
         """Yield slices in an order, reading a few ahead."""
@@ -277,7 +230,7 @@ class _Tracing:
         self,
         rule: EdgeRule,
         polarity: Polarity,
-        seed: tuple[float, float] | None,
+        seed: SeedPoint | None,
         began: FoundSection | None,
         sections: list[_Edges],
         dropped: list[int],
@@ -302,11 +255,11 @@ class _Tracing:
             )
         if rule.method == "canny":
             yield "the edge is Canny's, to a part of a pixel by a parabola across it"
-        carried = [edges.section.index for edges in sections if edges.carried]
+        carried = [edges.section.index for edges in sections if edges.section.carried]
         if carried:
             yield (
-                f"where the threshold leaks into a neighbour, the edge is carried on from the "
-                f"image before: {slice_ranges(carried)}"
+                f"where the threshold leaks into a neighbour or parts the organ, the edge is "
+                f"carried on from the image before: {slice_ranges(carried)}"
             )
         grown = [edges.section.index for edges in sections if edges.growth > LARGE_GROWTH]
         if grown:
@@ -318,33 +271,6 @@ class _Tracing:
             yield f"a hole that no image nearby shows is no lumen: {slice_ranges(dropped)}"
 
 
-def slice_ranges(indices: Sequence[int]) -> str:
-    """Return numbers of slices with neighbours put together.
-
-    Parameters
-    ----------
-    indices
-        Numbers of slices, ascending.
-
-    Returns
-    -------
-    str
-        The numbers, as "3, 5-8".
-
-    Examples
-    --------
-    >>> slice_ranges([3, 5, 6, 7, 8])
-    '3, 5-8'
-    """
-    runs: list[list[int]] = []
-    for index in indices:
-        if runs and index == runs[-1][-1] + 1:
-            runs[-1].append(index)
-        else:
-            runs.append([index])
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
-
-
 def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
     """Return the edges of a section found to a pixel."""
     outer, lumen = section_edges(section, rule)
@@ -354,8 +280,9 @@ def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
         lumen=lumen,
         other_part=not seeded and shows_other_part(section, rule),
         threshold=rule.sign * section.region.outer_level,
+        carried=section.carried is not None,
     )
-    return _Edges(traced, section.carried is not None, section.growth)
+    return _Edges(traced, section.growth)
 
 
 def _clarity(section: FoundSection) -> float:
@@ -366,28 +293,3 @@ def _clarity(section: FoundSection) -> float:
     area = float(section.areas[-1])
     roundness = area / (math.pi * max(radius, 1.0) ** 2)
     return math.sqrt(area) * roundness**2 * section.region.contrast
-
-
-def _with_lasting_lumens(
-    sections: list[TracedSection],
-) -> tuple[tuple[TracedSection, ...], list[int]]:
-    """Return sections without the lumens that no section near them shows, and which those are."""
-    boxes = [
-        None if lumen is None else (lumen.min(axis=0), lumen.max(axis=0))
-        for lumen in (section.lumen for section in sections)
-    ]
-    dropped: list[int] = []
-    result: list[TracedSection] = []
-    for place, section in enumerate(sections):
-        box = boxes[place]
-        near = boxes[max(0, place - LUMEN_REACH) : place] + boxes[place + 1 :][:LUMEN_REACH]
-        lasting = box is None or any(
-            other is not None and bool((box[0] <= other[1]).all() and (other[0] <= box[1]).all())
-            for other in near
-        )
-        if not lasting and len(sections) > 1:
-            dropped.append(section.index)
-            result.append(replace(section, lumen=None))
-        else:
-            result.append(section)
-    return tuple(result), dropped

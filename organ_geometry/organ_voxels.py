@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.grey_image import GreyImage, ImageStackError
 from organ_geometry.image_stack import ImageStack
+from organ_geometry.organ_seed import Seed, seed_point
 
 _SAMPLES = 48
 
@@ -93,7 +94,7 @@ def is_bright(images: Sequence[GreyImage], threshold: float) -> bool:
 
 
 def organ_voxels(
-    stack: ImageStack, *, threshold: float, bright: bool, seed: tuple[float, float] | None = None
+    stack: ImageStack, *, threshold: float, bright: bool, seed: Seed | None = None
 ) -> OrganVoxels:
     """Return the voxels of one organ; images are read one at a time, twice.
 
@@ -106,8 +107,8 @@ def organ_voxels(
     bright
         Whether the organ is brighter than that.
     seed
-        (2,) column and row in the first image of a point of the organ, px; without it the organ is
-        what has most voxels.
+        A point x, y of the organ in the first image, px, or x, y and the number of the image;
+        without it the organ is what has most voxels.
 
     Returns
     -------
@@ -125,10 +126,13 @@ def organ_voxels(
     if seed is None:
         wanted = max(sizes, key=lambda root: sizes[root])
     else:
-        wanted = roots[0].get(_label_at(stack, threshold, bright, seed), -1)
+        point = seed_point(seed, stack)
+        labels, _ = _parts_of(stack.image(point.index), threshold, bright)
+        label = int(labels[round(point.y), round(point.x)])
+        wanted = roots[point.index].get(label, -1)
         if wanted < 0:
             raise ImageStackError(
-                f"the seed {seed[0]:g},{seed[1]:g} is not on an organ in {stack.names[0]}"
+                f"the seed {point.x:g},{point.y:g} is not on an organ in {stack.names[point.index]}"
             )
     rows, columns = stack.shape
     x0, y0, x1, y1, first, last = boxes[wanted]
@@ -223,17 +227,6 @@ def _parts_of(
     mask = ((image > threshold) if bright else (image < threshold)).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     return np.asarray(labels, dtype=np.int32), np.asarray(stats, dtype=np.int32)
-
-
-def _label_at(stack: ImageStack, threshold: float, bright: bool, seed: tuple[float, float]) -> int:
-    column, row = round(seed[0]), round(seed[1])
-    rows, columns = stack.shape
-    if not (0 <= column < columns and 0 <= row < rows):
-        raise ImageStackError(
-            f"the seed {seed[0]:g},{seed[1]:g} is outside of the images, {columns} x {rows} pixels"
-        )
-    labels, _ = _parts_of(stack.image(0), threshold, bright)
-    return int(labels[row, column])
 
 
 def _filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

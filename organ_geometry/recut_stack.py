@@ -21,6 +21,7 @@ from organ_geometry.curve_frames import (
 from organ_geometry.grey_image import GreyImage, ImageStackError
 from organ_geometry.image_stack import ImageStack
 from organ_geometry.image_volume import even_step
+from organ_geometry.organ_seed import Seed
 from organ_geometry.organ_voxels import (
     OrganVoxels,
     half_level,
@@ -79,7 +80,7 @@ class RecutSlices:
 def recut(
     stack: ImageStack,
     *,
-    seed: tuple[float, float] | None = None,
+    seed: Seed | None = None,
     threshold: float | None = None,
     polarity: str = "auto",
     spacing: float | None = None,
@@ -95,7 +96,7 @@ def recut(
     stack
         Parallel images, evenly spaced and straight above each other.
     seed
-        (2,) column and row of a point of the organ in the first image, px.
+        A point x, y of the organ in the first image, px; or x, y and the number of the image.
     threshold
         Level of the organ's edge. Default: half way between the two sides of Otsu's threshold.
     polarity
@@ -126,7 +127,7 @@ def recut_where_needed(
     stack: ImageStack,
     when: When,
     *,
-    seed: tuple[float, float] | None = None,
+    seed: Seed | None = None,
     threshold: float | None = None,
     polarity: str = "auto",
 ) -> ImageStack:
@@ -173,7 +174,7 @@ def recut_where_needed(
 
 def _organ(
     stack: ImageStack,
-    seed: tuple[float, float] | None,
+    seed: Seed | None,
     threshold: float | None,
     polarity: str,
 ) -> tuple[OrganVoxels, Tube]:

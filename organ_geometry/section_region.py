@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.edge_curve import SQUARE, Image, NoEdgeFound, Scale, blurred
+from organ_geometry.masked_levels import level_exceeded, median_change, median_where
 
 Mask: TypeAlias = NDArray[np.uint8]
 Outline: TypeAlias = NDArray[np.int32]
@@ -30,8 +31,6 @@ LUMEN_CONTRAST = 0.3
 
 # Pixels of background around an image, so that blur and contours meet no border.
 MARGIN = 8
-# A median of so many pixels is as good as one of all.
-_MANY_PIXELS = 4096
 _RING_GAP = 3
 _RING_WIDTH = 5
 # Standard deviation of normal noise over its median absolute deviation.
@@ -137,7 +136,7 @@ def _region(
     filled = fill(outline, bright.shape)
     outside = level_around(bright, filled)
 
-    wall_top = float(np.quantile(_some(smoothed[filled > 0]), 0.9))
+    wall_top = level_exceeded(smoothed, filled, 0.1)
     below = threshold
     if below is None:
         below = wall_top - LUMEN_CONTRAST * (wall_top - outside)
@@ -277,15 +276,26 @@ def otsu(values: Image) -> float:
 
 def level_around(bright: Image, filled: Mask) -> float:
     """Return the background's level in a ring around a region, clear of its blurred rim."""
-    near = grown(filled, _RING_GAP)
-    ring = bright[without(grown(near, _RING_WIDTH), near) > 0]
-    return _median(ring) if len(ring) else float(bright[0, 0])
+    box = _box_around(filled, _RING_GAP + _RING_WIDTH)
+    near = grown(filled[box], _RING_GAP)
+    level, count = median_where(bright[box], without(grown(near, _RING_WIDTH), near))
+    return level if count else float(bright[0, 0])
 
 
 def inner_level(bright: Image, region: Mask) -> float:
     """Return the level inside a region, away from its blurred rim where it is wide enough."""
-    core = bright[grown(region, -1) > 0]
-    return _median(core if len(core) >= SMALLEST_ORGAN_PX else bright[region > 0])
+    box = _box_around(region, 1)
+    level, count = median_where(bright[box], grown(region[box], -1))
+    return level if count >= SMALLEST_ORGAN_PX else median_where(bright[box], region[box])[0]
+
+
+def _box_around(mask: Mask, reach: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask's bounding box, widened by a number of pixels."""
+    x, y, width, height = cv2.boundingRect(mask)
+    return (
+        slice(max(0, y - reach), y + height + reach),
+        slice(max(0, x - reach), x + width + reach),
+    )
 
 
 def _pixels(outline: object) -> Outline:
@@ -295,16 +305,7 @@ def _pixels(outline: object) -> Outline:
 def _noise(bright: Image, smoothed: Image) -> float:
     """Return the standard deviation of the noise of single pixels, outside of the margin."""
     inner = slice(MARGIN, -MARGIN)
-    rest = np.abs(bright[inner, inner] - smoothed[inner, inner])
-    return _MAD_TO_DEVIATION * _median(rest.ravel())
-
-
-def _median(values: Image) -> float:
-    return float(np.median(_some(values)))
-
-
-def _some(values: Image) -> Image:
-    return values[:: 1 + 2 * (len(values) // (2 * _MANY_PIXELS))]
+    return _MAD_TO_DEVIATION * median_change(bright[inner, inner], smoothed[inner, inner])
 
 
 def _hole(smoothed: Image, filled: Mask, level: float) -> Mask | None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from app.compression.stack_job import StackJob
     from organ_geometry.image_region import Region
+    from organ_geometry.organ_seed import Seed
 
 __all__ = ["compress"]
 
@@ -93,7 +94,8 @@ def compress(
     seed: Annotated[
         str | None,
         typer.Option(
-            help="X,Y: a pixel of the organ in the first image, where other things are in view.",
+            help="X,Y[,IMAGE]: a pixel of the organ where other things are in view, in the first "
+            "image or the one of that number, from 0.",
             show_default="the largest thing in view",
             rich_help_panel=_ORGAN,
         ),
@@ -252,11 +254,14 @@ def _compress_many(
         )
 
 
-def _within(area: "Region | None", seed: tuple[float, float] | None) -> tuple[float, float] | None:
+def _within(area: "Region | None", seed: "Seed | None") -> "Seed | None":
     """Return a seed as counted in the images that are kept."""
     if area is None or seed is None:
         return seed
-    return seed[0] - area[0], seed[1] - area[1]
+    x, y = seed[0] - area[0], seed[1] - area[1]
+    if len(seed) == 2:
+        return x, y
+    return x, y, seed[2] - (area[4] if len(area) == 6 else 0)
 
 
 def _make_folder(place: Path) -> None:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from organ_geometry.image_region import Region
+    from organ_geometry.organ_seed import Seed
 
 __all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
 
@@ -91,33 +92,36 @@ def window_levels(text: str | None) -> tuple[float, float] | None:
     return levels[0], levels[1]
 
 
-def seed_point(text: str | None) -> tuple[float, float] | None:
-    """Return "120,95" as (120, 95).
+def seed_point(text: str | None) -> "Seed | None":
+    """Return "120,95" as (120, 95), and "120,95,30" likewise.
 
     Parameters
     ----------
     text
-        Column and row of a pixel of the organ, from 0, in the first image.
+        Column and row of a pixel of the organ, from 0, in the first image; or these and the number
+        of the image, from 0.
 
     Returns
     -------
-    tuple[float, float] | None
-        The two, px; None for no text.
+    Seed | None
+        The two, px, or three; None for no text.
 
     Raises
     ------
     ValueError
-        If it is not two numbers.
+        If it is not two numbers, or three of which the last is whole.
     """
     if text is None:
         return None
     point = _numbers(text)
-    if len(point) != 2:
-        raise ValueError(
-            f"--seed must be a pixel of the organ in the first image, column,row as 120,95, "
-            f"not {text}"
-        )
-    return point[0], point[1]
+    if len(point) == 2:
+        return point[0], point[1]
+    if len(point) == 3 and point[2].is_integer():
+        return point[0], point[1], int(point[2])
+    raise ValueError(
+        f"--seed must be a pixel of the organ, column,row as 120,95 in the first image or "
+        f"column,row,image as 120,95,30, not {text}"
+    )
 
 
 def region(text: str | None) -> "Region | None":

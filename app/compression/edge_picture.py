@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.image_stack import GreyImage
-from organ_geometry.organ_tracing import TracedSection
+from organ_geometry.traced_organ import TracedSection
 
 __all__ = ["LUMEN_COLOR", "OUTER_COLOR", "edge_picture"]
 

@@ -108,6 +108,16 @@ def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
     assert found["length_mm"] == pytest.approx(50.8, abs=0.05)
     assert found["rms_error_px"] == pytest.approx(found["rms_error_mm"] / 0.125)
     assert found["rms_error_mm"] < found["tolerance_mm"]
+    for way in ("normal", "algebraic"):
+        fit_mm = found[f"fit_{way}_rms_mm"]
+        assert found[f"fit_{way}_rms_px"] == pytest.approx(fit_mm / 0.125)
+        squares = [
+            section["edge_points"] * section[f"fit_{way}_rms_mm"] ** 2
+            for section in found["sections"]
+        ]
+        points = sum(section["edge_points"] for section in found["sections"])
+        assert fit_mm == pytest.approx((sum(squares) / points) ** 0.5)
+    assert found["fit_normal_rms_mm"] < found["fit_algebraic_rms_mm"]
     assert found["warnings"] == []
     organ = read_organ(path)
     assert len(organ.keys) == found["sections_kept"]
@@ -298,7 +308,7 @@ def test_compress_names_a_slip_of_the_unit(tmp_path: Path, key: str, value: floa
     assert "from 1e-06 to 1000 mm" in line
 
 
-@pytest.mark.parametrize("pixel_size", ["1e-6", "1000", "1e-3,1", "1000,1"])
+@pytest.mark.parametrize("pixel_size", ["1e-6", "1000", "1e-6,1e-3", "1000,1"])
 @pytest.mark.parametrize("slice_spacing", ["1e-6", "1000"])
 def test_compress_says_nothing_else_at_the_limits_of_spacing(
     tmp_path: Path, pixel_size: str, slice_spacing: str
@@ -307,6 +317,14 @@ def test_compress_says_nothing_else_at_the_limits_of_spacing(
     options = ("--pixel-size", pixel_size, "--slice-spacing", slice_spacing)
     done = run("compress", folder, "-o", tmp_path / "duct.organ", *options)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("pixel_size", ["1e-6,1000", "1000,1e-6", "1.01,1e-3"])
+def test_compress_says_which_pixels_are_too_long(tmp_path: Path, pixel_size: str) -> None:
+    folder = stack(tmp_path / "stack", disc(), disc())
+    options = ("--pixel-size", pixel_size, "--slice-spacing", "1")
+    line = refused(("compress", folder, "-o", tmp_path / "duct.organ", *options))
+    assert "one is up to 1000 times the other" in line
 
 
 def test_compress_does_not_take_the_background_for_the_organ(tmp_path: Path) -> None:

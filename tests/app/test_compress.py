@@ -234,11 +234,20 @@ def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:
         assert shown is not None
         cv2.imwrite(str(image), cv2.circle(shown, (56, 8), 5, 255, -1))
     radii = []
-    for options in (("--seed", "56,8"), ("--seed", "56,8", "--roi", "40,0,63,20")):
+    for options in (
+        ("--seed", "56,8"),
+        ("--seed", "56,8", "--roi", "40,0,63,20"),
+        ("--seed", "56,8,2", "--roi", "40,0,63,20,1,2"),
+    ):
         done = run("compress", folder, "-o", tmp_path / "duct.organ", *options, "--json")
         assert done.returncode == 0, done.stderr
         radii.append(json.loads(done.stdout)["mean_radius_mm"])
-    assert radii == pytest.approx([0.5, 0.5], abs=0.06)
+    assert radii == pytest.approx([0.5, 0.5, 0.5], abs=0.06)
+    for wrong in ("56", "56,8,1.5", "56,8,1,2", "56,x"):
+        line = refused(("compress", folder, "-o", tmp_path / "duct.organ", "--seed", wrong))
+        assert line.endswith(f"or column,row,image as 120,95,30, not {wrong}")
+    line = refused(("compress", folder, "-o", tmp_path / "duct.organ", "--seed", "56,8,3"))
+    assert "the seed's image must be one of 3, from 0 to 2, not 3" in line
 
 
 def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:

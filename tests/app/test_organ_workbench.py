@@ -18,7 +18,7 @@ from app.compression.organ_workbench import Abandoned, OrganWorkbench, PromiseRe
 from app.compression.stack_job import StackJob, compress_stack
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.image_stack import read_image_stack
-from organ_geometry.organ_tracing import TracedSection
+from organ_geometry.traced_organ import TracedSection
 
 BOUNDS = UploadBounds()
 FEW = 12

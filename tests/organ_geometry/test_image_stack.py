@@ -260,6 +260,32 @@ def test_the_limits_of_spacing_are_allowed(write_stack: WriteStack, value: float
     assert stack.slice_spacing == value
 
 
+@pytest.mark.parametrize("pair", [(1e-3, 1.0), (1000.0, 1.0), (1e-6, 1e-3), (0.0003, 0.3)])
+def test_a_pixel_a_thousand_times_as_long_as_wide_is_allowed(
+    write_stack: WriteStack, pair: tuple[float, float]
+) -> None:
+    stack = read_image_stack(write_stack([grey(0)] * 2), pixel_size=pair, slice_spacing=1.0)
+    assert tuple(stack.pixel_size) == pair
+
+
+@pytest.mark.parametrize("pair", [(1e-6, 1000.0), (1000.0, 1e-6), (0.01, 10.1)])
+def test_a_longer_pixel_is_refused_wherever_it_comes_from(
+    write_stack: WriteStack, pair: tuple[float, float]
+) -> None:
+    right = r"must have sides of which one is up to 1000 times the other, not .* x .* mm"
+    folder = write_stack([grey(0)] * 2, PARALLEL)
+    fails(folder, rf"the pixel size of {folder} {right}", pixel_size=pair)
+    fails(folder, rf"the pixel size of {folder} {right}", pixel_size=pair, slice_spacing=1.0)
+    spacing = folder / "spacing.json"
+    spacing.write_text(json.dumps(PARALLEL | {"pixel_spacing_mm": pair}))
+    fails(folder, rf"the pixel size of {spacing} {right}")
+    # Across another axis, pixels are as wide as slices are apart.
+    spacing.write_text(
+        json.dumps(PARALLEL | {"pixel_spacing_mm": pair[0], "slice_spacing_mm": pair[1]})
+    )
+    fails(folder, rf"the pixel size of {folder} {right}", axis="i")
+
+
 @pytest.mark.parametrize("key", ["pixel_spacing_mm", "pixel_spacing"])
 def test_one_number_makes_square_pixels(write_stack: WriteStack, key: str) -> None:
     folder = write_stack([grey(0)] * 2, {key: 0.25, "slice_spacing_mm": 1})

@@ -1,6 +1,5 @@
 """The organ that is followed through a stack is the one that was begun with."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,9 @@ from organ_geometry.edge_curve import enclosed_area
 from organ_geometry.edges import EdgeMethod, find_edges
 from organ_geometry.half_curves import polygon_distances
 from organ_geometry.image_stack import ImageStack, ImageStackError, read_image_stack
-from organ_geometry.organ_tracing import TracedOrgan, slice_ranges, trace_organ
+from organ_geometry.organ_tracing import trace_organ
+from organ_geometry.slice_ranges import slice_ranges
+from organ_geometry.traced_organ import TracedOrgan
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]
@@ -27,16 +28,6 @@ CENTRE = (54.5, 49.5)
 SPACING = {"pixel_spacing_mm": [0.1, 0.1], "slice_spacing_mm": 0.5}
 # On anti-aliased edges in whole grey levels.
 EDGE_PX = 0.05
-
-
-@dataclasses.dataclass(frozen=True)
-class LastFirst:
-    """The images of a stack, the last one first."""
-
-    stack: ImageStack
-
-    def image(self, index: int) -> Any:
-        return self.stack.image(len(self.stack) - 1 - index)
 
 
 def drawn(cover: NDArray[np.float64], *, dark: bool = False, depth: Any = np.uint8) -> Any:
@@ -210,6 +201,32 @@ def test_the_seed_picks_the_organ(cover: Cover, write_stack: WriteStack) -> None
     assert all(section.other_part for section in unseeded.sections)
 
 
+@pytest.mark.parametrize("index", [0, 3, 7])
+def test_from_a_seed_in_any_image_the_organ_is_followed_both_ways(
+    cover: Cover, write_stack: WriteStack, index: int
+) -> None:
+    # Two tubes that change places: only in its own image is a seed on the one that is meant.
+    place = [(30.5 + 7.0 * k, 30.5) for k in range(8)]
+    images = [
+        drawn(cover(SHAPE, here, (13.0, 13.0)) + cover(SHAPE, (109.0 - here[0], 70.5), (16.0,) * 2))
+        for here in place
+    ]
+    stack = stack_of(write_stack, images)
+    organ = trace_organ(stack, seed=(*place[index], index))
+    assert organ.problems == {}
+    for section, here in zip(organ.sections, place, strict=True):
+        assert rms(circle_errors(section.outer, 13.0, here)) < EDGE_PX
+    assert organ.notes[1].startswith(f"the organ is followed from slice_{index}.png, at the seed")
+
+
+def test_the_polarity_is_that_at_the_seed_s_image(cover: Cover, write_stack: WriteStack) -> None:
+    disc = cover(SHAPE, CENTRE, (14.0, 14.0))
+    empty, full = np.full(SHAPE, 60, np.uint8), drawn(disc, dark=True)
+    organ = trace_organ(stack_of(write_stack, [empty, full, full]), seed=(*CENTRE, 2))
+    assert organ.polarity == "dark"
+    assert [section.index for section in organ.sections] == [1, 2]
+
+
 def test_the_seed_decides_the_polarity(cover: Cover, write_stack: WriteStack) -> None:
     bright = cover(SHAPE, (30.5, 49.5), (14.0, 14.0))
     dark = cover(SHAPE, (78.5, 49.5), (14.0, 14.0))
@@ -269,6 +286,48 @@ def test_a_split_is_named_and_followed_until_it_closes(
     organ = trace_organ(stack_of(write_stack, images))
     assert organ.problems.keys() == {2}
     assert organ.problems[2].startswith("the organ splits: beside the part that continues slice_")
+
+
+def septum_scenes(cover: Cover, counts: Sequence[int]) -> list[Any]:
+    """Discs, whole, parted by a band, and with one part as dark as that: below half level, but
+    brighter than the surroundings."""
+    disc = cover(SHAPE, CENTRE, (24.0, 24.0))
+    parted = disc.copy()
+    parted[:, 46:51] *= 0.25
+    half = disc * 0.25
+    half[:, 51:] = disc[:, 51:]
+    return [drawn((disc, parted, half)[which]) for which in counts]
+
+
+def test_parts_within_one_wall_are_no_split(cover: Cover, write_stack: WriteStack) -> None:
+    organ = trace_organ(stack_of(write_stack, septum_scenes(cover, [0, 0, 0, 1, 1, 1])))
+    assert organ.problems == {}
+    for section in organ.sections:
+        assert section.carried == (section.index > 2)
+        # Where an edge is carried it may lie a pixel off.
+        assert rms(circle_errors(section.outer, 24.0)) < (1.0 if section.carried else EDGE_PX)
+    assert organ.notes[-1].endswith("the edge is carried on from the image before: 3-5")
+
+
+def test_what_a_level_closes_after_a_carried_edge_must_be_the_same_thing(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    organ = trace_organ(stack_of(write_stack, septum_scenes(cover, [0, 0, 1, 1, 2, 2, 0])))
+    for section in organ.sections:
+        assert rms(circle_errors(section.outer, 24.0)) < 1.0
+    assert {0, 1, 2, 3, 6} <= {section.index for section in organ.sections}
+
+
+def test_a_seed_means_its_own_image_only(cover: Cover, write_stack: WriteStack) -> None:
+    # At the seed's place there is something, but not in the seed's image.
+    disc = drawn(cover(SHAPE, CENTRE, (14.0, 14.0)))
+    empty = np.full(SHAPE, 60, dtype=np.uint8)
+    organ = trace_organ(
+        stack_of(write_stack, [disc, empty, disc]), seed=(*CENTRE, 1), polarity="bright"
+    )
+    assert organ.sections == ()
+    reason = f"nothing stands out at the seed ({CENTRE[0]:g}, {CENTRE[1]:g})"
+    assert organ.problems == dict.fromkeys(range(3), reason)
 
 
 def test_a_ring_that_opens_is_named(cover: Cover, write_stack: WriteStack) -> None:
@@ -396,6 +455,9 @@ def test_an_unreadable_image_is_refused(cover: Cover, write_stack: WriteStack) -
         ({"threshold": np.nan}, "threshold must be a grey level, not nan"),
         ({"workers": 0}, "workers must be 1 thread or more, not 0"),
         ({"seed": (110, 5)}, "seed must be a point x, y of the first image, from 0, 0 to 109, 99"),
+        ({"seed": (5, np.nan, 1)}, "seed must be a point x, y of image 1, from 0, 0 to 109, 99"),
+        ({"seed": (5, 5, 2)}, "the seed's image must be one of 2, from 0 to 1, not 2"),
+        ({"seed": (5, 5, -1)}, "the seed's image must be one of 2, from 0 to 1, not -1"),
     ],
 )
 def test_a_wrong_option_is_refused(
@@ -435,21 +497,35 @@ def test_the_noisy_phantom_has_the_edge_it_was_drawn_with() -> None:
     assert np.sqrt(np.mean(sizes) / np.pi) == pytest.approx(1.0, abs=0.1 / 35.0)
 
 
-def test_a_grey_aorta_and_its_masks_agree_where_a_level_parts_it(data_dir: Path) -> None:
-    # From above, blood and thrombus are brighter than what is around them; lower down the aorta
-    # fades into muscle, which must be said.
+@pytest.mark.parametrize(
+    ("seed", "least", "largest_px"),
+    [
+        # From above, blood and thrombus are brighter than what is around them, until the thrombus
+        # of the dissection is as grey as muscle: there the aorta is given up, and that is said.
+        ((62, 89, 129), 50, 3.0),
+        ((66, 100, 100), 50, 3.0),
+        # From below, half of the aorta is such thrombus; the edge follows what is brighter.
+        ((48, 76, 0), 60, 4.7),
+        ((46, 79, 20), 60, 4.7),
+    ],
+)
+def test_a_grey_aorta_is_found_where_its_masks_are_or_given_up(
+    data_dir: Path, seed: tuple[float, float, int], least: int, largest_px: float
+) -> None:
     masks = trace_organ(read_image_stack(data_dir / "aorta_ct" / "masks"))
     truth = {section.index: section.outer for section in masks.sections}
-    grey = read_image_stack(data_dir / "aorta_ct" / "images")
-    upside = dataclasses.replace(grey, names=grey.names[::-1], slices=LastFirst(grey))
-    organ = trace_organ(upside, seed=(62, 89))
+    organ = trace_organ(read_image_stack(data_dir / "aorta_ct" / "images"), seed=seed)
     errors = {
-        129 - section.index: rms(polygon_distances(section.outer, truth[129 - section.index]))
+        section.index: rms(polygon_distances(section.outer, truth[section.index]))
         for section in organ.sections
     }
     assert len(errors) + len(organ.problems) == 130
+    assert len(errors) >= least
+    assert max(errors.values()) < largest_px
     near = [errors[index] for index in range(93, 129) if index in errors]
-    assert len(near) >= 34
-    assert sum(error < 1.0 for error in near) >= 26
-    assert np.median(near) < 1.0
+    if seed[2] >= 100:
+        # There every level agrees with the masks to a pixel.
+        assert len(near) == 36
+        assert sum(error < 1.0 for error in near) >= 24
+        assert np.median(near) < 1.0
     assert all(len(reason) < 160 for reason in organ.problems.values())

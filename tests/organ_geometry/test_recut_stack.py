@@ -169,10 +169,15 @@ def test_the_seed_says_which_organ() -> None:
     rows, columns = stack.shape
     seed = (12 / PIXEL[0] + (columns - 1) / 2, -10 / PIXEL[1] + (rows - 1) / 2)
     assert own_axes(recut(stack, seed=seed).origins)[:, 0].min() > 0.0
+    half_way = (13.5 / PIXEL[0] + (columns - 1) / 2, (rows - 1) / 2, len(stack) // 2)
+    assert own_axes(recut(stack, seed=half_way).origins)[:, 0].min() > 0.0
+    with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 1"):
+        recut(stack, seed=(2.0, 3.0, 1))
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 0"):
         recut(stack, seed=(2.0, 3.0))
     with pytest.raises(
-        ImageStackError, match=r"the seed 2,300 is outside of the images, 130 x 110"
+        ImageStackError,
+        match=r"seed must be a point x, y of the first image, from 0, 0 to 129, 109",
     ):
         recut(stack, seed=(2.0, 300.0))
 
