@@ -38,6 +38,15 @@ class ClientView:
         Does what nobody waits for.
     builder
         Does what takes seconds.
+
+    Attributes
+    ----------
+    client, session
+        As given.
+    workplace
+        What the page's parts share.
+    frames
+        How often the duct was drawn.
     """
 
     def __init__(
@@ -56,6 +65,7 @@ class ClientView:
         self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
         self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
+        self.frames = 0
         self._panel_due = 0.0
         self._panel_stale = True
         self._told: Run | None = session.run if session.run.over else None
@@ -102,6 +112,7 @@ class ClientView:
             self._tell(reading)
 
     def _draw(self) -> None:
+        self.frames += 1
         workplace = self.workplace
         shown, figures = workplace.shown, workplace.figures_visible
         reading = shown.reading()

@@ -13,11 +13,13 @@ import numpy as np
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
+from app.simulation.clock import TICK_SECONDS
 from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
 from app.trainer.client_view import ClientView
+from app.trainer.metronome import Metronome
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
@@ -26,9 +28,8 @@ from app.trainer.stage.warming import warm_drawing
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
-__all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
+__all__ = ["AddressTakenError", "Trainer"]
 
-TICKS_PER_SECOND = 30.0
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
 
@@ -63,6 +64,11 @@ class Trainer:
     most_clients
         How many can train at once.
 
+    Attributes
+    ----------
+    metronome
+        Counts the ticks that ran and those that the machine had no time for.
+
     Raises
     ------
     AddressTakenError
@@ -86,6 +92,7 @@ class Trainer:
         self._kept = Sessions(lambda: Session(organ), most=most_clients)
         self._background, self._builder = Background(), Background()
         self._stopping = threading.Event()
+        self.metronome = Metronome(TICK_SECONDS)
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         _warm(organ)
@@ -120,6 +127,12 @@ class Trainer:
         """The sessions by client number."""
         with self._views_lock:
             return {number: view.session for number, view in self._views.items()}
+
+    @property
+    def frames(self) -> dict[int, int]:
+        """How often each client's duct was drawn, by client number."""
+        with self._views_lock:
+            return {number: view.frames for number, view in self._views.items()}
 
     def stop(self) -> None:
         """Stop the clock and the server."""
@@ -174,18 +187,13 @@ class Trainer:
         )  # fmt: skip
 
     def _run(self) -> None:
-        period = 1.0 / TICKS_PER_SECOND
-        due = last = time.monotonic()
-        expiry = due + EXPIRY_SECONDS
-        while not self._stopping.wait(max(0.0, due - time.monotonic())):
-            now = time.monotonic()
-            seconds, last = min(now - last, LONGEST_TICK), now
-            due = max(due + period, now)
+        expiry = time.monotonic() + EXPIRY_SECONDS
+        while (seconds := self.metronome.wait(self._stopping)) is not None:
             with self._views_lock:
                 views = list(self._views.items())
             for number, view in views:
                 try:
-                    view.tick(seconds)
+                    view.tick(min(seconds, LONGEST_TICK))
                 except Exception:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
@@ -193,7 +201,7 @@ class Trainer:
                     view.close()
                     if there and number in self._server.get_clients():
                         self._fault(view.client)
-            if now > expiry:
+            if (now := time.monotonic()) > expiry:
                 expiry = now + EXPIRY_SECONDS
                 self._kept.expire()
 
