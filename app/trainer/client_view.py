@@ -66,6 +66,7 @@ class ClientView:
         self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
         self.frames = 0
+        self._undrawn = False
         self._panel_due = 0.0
         self._panel_stale = True
         self._told: Run | None = session.run if session.run.over else None
@@ -79,13 +80,15 @@ class ClientView:
         self.workplace.let_go()
         self._panel.close()
 
-    def tick(self, seconds: float) -> None:
+    def tick(self, seconds: float, *, draws: bool = True) -> None:
         """Advance the session, or its replay, and show what has changed.
 
         Parameters
         ----------
         seconds
             Time since the last tick, s.
+        draws
+            Whether there is time to show it; what is not shown now is shown the next time.
         """
         workplace = self.workplace
         workplace.take_organ()
@@ -102,7 +105,11 @@ class ClientView:
         # A hold changes nothing, but its time passes and comes to an end.
         timed = run.going and run.exercise is not None
         self._panel_stale |= changed | timed | (run.over and run is not self._told)
-        if changed:
+        self._undrawn |= changed
+        if not draws:
+            return
+        if self._undrawn:
+            self._undrawn = False
             self._draw()
         if self._panel_stale and self._panel_due <= 0.0:
             reading = workplace.shown.reading()

@@ -24,6 +24,8 @@ class Metronome:
     ----------
     beats, missed
         How many there were, and how many were due and did not come.
+    late
+        By how much the last one came after it was due, in periods.
 
     Raises
     ------
@@ -31,7 +33,7 @@ class Metronome:
         If the period is not positive.
     """
 
-    __slots__ = ("_clock", "_due", "_last", "_period", "beats", "missed")
+    __slots__ = ("_clock", "_due", "_last", "_period", "beats", "late", "missed")
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.monotonic) -> None:
         if not period > 0.0:
@@ -39,6 +41,7 @@ class Metronome:
         self._period, self._clock = period, clock
         self._due = self._last = -1.0
         self.beats = self.missed = 0
+        self.late = 0.0
 
     def wait(self, stop: threading.Event) -> float | None:
         """Wait for the next beat.
@@ -58,9 +61,10 @@ class Metronome:
         if stop.wait(max(0.0, self._due - self._clock())):
             return None
         now = self._clock()
-        late = max(0, int((now - self._due) / self._period))
+        self.late = max(0.0, (now - self._due) / self._period)
+        passed = int(self.late)
         seconds, self._last = now - self._last, now
-        self._due += (late + 1) * self._period
-        self.missed += late
+        self._due += (passed + 1) * self._period
+        self.missed += passed
         self.beats += 1
         return seconds

@@ -25,6 +25,7 @@ from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.warming import warm_drawing
+from app.trainer.turns import Turns
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
@@ -33,6 +34,8 @@ __all__ = ["AddressTakenError", "Trainer"]
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
 
+LATE = 0.5
+"""How late a tick comes, in ticks, when the machine has no time to draw every duct in each."""
 EXPIRY_SECONDS = 10.0
 """How often sessions that were left are looked through."""
 TOKENS = "sessions"
@@ -92,7 +95,7 @@ class Trainer:
         self._kept = Sessions(lambda: Session(organ), most=most_clients)
         self._background, self._builder = Background(), Background()
         self._stopping = threading.Event()
-        self.metronome = Metronome(TICK_SECONDS)
+        self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         _warm(organ)
@@ -191,9 +194,10 @@ class Trainer:
         while (seconds := self.metronome.wait(self._stopping)) is not None:
             with self._views_lock:
                 views = list(self._views.items())
-            for number, view in views:
+            self._turns.take(late=self.metronome.late > LATE)
+            for place, (number, view) in enumerate(views):
                 try:
-                    view.tick(min(seconds, LONGEST_TICK))
+                    view.tick(min(seconds, LONGEST_TICK), draws=self._turns.draws(place))
                 except Exception:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:

@@ -100,7 +100,7 @@ class Stage:
             receive_shadow=False,
         )
         self._hook_point: NDArray[np.float64] | None = None
-        self._hook_wxyz = hook_wxyz((0.0, 0.0, 1.0))
+        self._hook_direction = np.array((0.0, 0.0, 1.0))  # as the instrument is made
         self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))
 
     def place_hook(
@@ -122,7 +122,9 @@ class Stage:
         ValueError
             If a number is not finite, or the pull runs along x.
         """
-        wxyz = hook_wxyz(direction)
+        turn = None
+        if not np.array_equal(direction, self._hook_direction):
+            turn = hook_wxyz(direction)
         place = np.array(point, np.float64)
         if place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
@@ -132,9 +134,9 @@ class Stage:
         if self._hook_point is None or not np.array_equal(place, self._hook_point):
             self._hook.position = place
             self._hook_point = place
-        if not np.allclose(wxyz, self._hook_wxyz):
-            self._hook.wxyz = wxyz
-            self._hook_wxyz = wxyz
+        if turn is not None:
+            self._hook.wxyz = turn
+            self._hook_direction = np.array(direction, np.float64)
 
     def cast_shadow(self, axis: NDArray[np.floating[Any]]) -> None:
         """Lay the duct's shadow on the bed; the plain look has none.
