@@ -24,8 +24,8 @@ class Metronome:
     ----------
     beats, missed
         How many there were, and how many were due and did not come.
-    late
-        By how much the last one came after it was due, in periods.
+    work
+        From the last beat to the wait for the next, in periods.
 
     Raises
     ------
@@ -33,7 +33,7 @@ class Metronome:
         If the period is not positive.
     """
 
-    __slots__ = ("_clock", "_due", "_last", "_period", "beats", "late", "missed")
+    __slots__ = ("_clock", "_due", "_last", "_period", "beats", "missed", "work")
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.monotonic) -> None:
         if not period > 0.0:
@@ -41,7 +41,7 @@ class Metronome:
         self._period, self._clock = period, clock
         self._due = self._last = -1.0
         self.beats = self.missed = 0
-        self.late = 0.0
+        self.work = 0.0
 
     def wait(self, stop: threading.Event) -> float | None:
         """Wait for the next beat.
@@ -56,13 +56,14 @@ class Metronome:
         float | None
             Time since the last beat, s, 0 at the first; None if it was stopped.
         """
+        now = self._clock()
         if not self.beats:
-            self._due = self._last = self._clock()
-        if stop.wait(max(0.0, self._due - self._clock())):
+            self._due = self._last = now
+        self.work = (now - self._last) / self._period
+        if stop.wait(max(0.0, self._due - now)):
             return None
         now = self._clock()
-        self.late = max(0.0, (now - self._due) / self._period)
-        passed = int(self.late)
+        passed = max(0, int((now - self._due) / self._period))
         seconds, self._last = now - self._last, now
         self._due += (passed + 1) * self._period
         self.missed += passed

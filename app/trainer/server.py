@@ -9,23 +9,20 @@ import time
 import warnings
 
 import msgspec
-import numpy as np
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
 from app.trainer.client_view import ClientView
 from app.trainer.metronome import Metronome
-from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
-from app.trainer.stage.warming import warm_drawing
 from app.trainer.turns import Turns
+from app.trainer.warming import TheoryWarming, warm_session
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
@@ -34,8 +31,6 @@ __all__ = ["AddressTakenError", "Trainer"]
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
 
-LATE = 0.5
-"""How late a tick comes, in ticks, when the machine has no time to draw every duct in each."""
 EXPIRY_SECONDS = 10.0
 """How often sessions that were left are looked through."""
 TOKENS = "sessions"
@@ -71,6 +66,8 @@ class Trainer:
     ----------
     metronome
         Counts the ticks that ran and those that the machine had no time for.
+    warming
+        Compiles the theories on a first start.
 
     Raises
     ------
@@ -98,7 +95,7 @@ class Trainer:
         self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
-        _warm(organ)
+        warm_session(organ)
         self._server = _serve(host, port)
         # Where "reset view" leads; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)
@@ -111,8 +108,7 @@ class Trainer:
         self._server.on_client_disconnect(self._disconnect)
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        # The other theories take their time to compile on a first start: nobody waits for them.
-        threading.Thread(target=_warm_theories, name="warming", daemon=True).start()
+        self.warming = TheoryWarming()
 
     @property
     def port(self) -> int:
@@ -140,6 +136,7 @@ class Trainer:
     def stop(self) -> None:
         """Stop the clock and the server."""
         self._stopping.set()
+        self.warming.stop()
         self._clock.join(timeout=5.0)
         self._background.stop()
         self._builder.stop()
@@ -194,7 +191,7 @@ class Trainer:
         while (seconds := self.metronome.wait(self._stopping)) is not None:
             with self._views_lock:
                 views = list(self._views.items())
-            self._turns.take(late=self.metronome.late > LATE)
+            self._turns.take(self.metronome.work)
             for place, (number, view) in enumerate(views):
                 try:
                     view.tick(min(seconds, LONGEST_TICK), draws=self._turns.draws(place))
@@ -262,22 +259,3 @@ def _taken(host: str, port: int, why: str) -> AddressTakenError:
     return AddressTakenError(
         f"cannot serve {host} port {port}: {why}; choose another with --port, or 0 for a free one"
     )
-
-
-def _warm_theories() -> None:
-    """Compile or load the theories that the panel offers."""
-    beam = preset_named(DEFAULT_PRESET).round_beam()
-    middle = 0.5 * beam.span
-    for theory in OFFERED_THEORIES.values():
-        for grasp in (middle, 0.8 * middle):
-            theory.under_force(beam, grasp, 1.0, np.array([grasp]))
-
-
-def _warm(organ: Organ) -> None:
-    """Compile or load what a first pull needs, so that no client waits for it."""
-    session = Session(organ)
-    session.set_force(session.force_limit)
-    for _ in range(100):
-        session.step(LONGEST_TICK)
-    session.reading()
-    warm_drawing(Session(organ))

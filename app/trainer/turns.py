@@ -1,18 +1,20 @@
-"""Whose duct is drawn in which tick: every duct in each, fewer while the machine is behind."""
+"""Whose duct is drawn in which tick: every duct in each, fewer while that takes too long."""
 
 __all__ = ["Turns"]
 
 MOST_TICKS = 4
 """Longest time from one picture of a duct to the next, ticks: 7.5 pictures a second."""
-EVEN_TICKS = 90
-"""Ticks on time after which more is drawn again."""
+FULL, ROOMY = 0.8, 0.6
+"""Parts of a tick that its work may take, and below which more pictures are drawn again."""
+WEIGHT = 0.1
+"""Of the newest tick in the mean: a tick that something else held up says little."""
 
 
 class Turns:
     """Who draws in a tick, when there may be no time for all.
 
-    Steps of the sessions are never left out, pictures may be: a tick that comes late lets each
-    duct be drawn less often, and some seconds of even ticks more often again.
+    Steps of the sessions are never left out, pictures may be. The mean work of a tick decides how
+    often each duct is drawn.
 
     Attributes
     ----------
@@ -20,27 +22,29 @@ class Turns:
         From one picture of a duct to the next.
     """
 
-    __slots__ = ("_even", "_tick", "ticks")
+    __slots__ = ("_mean", "_tick", "ticks")
 
     def __init__(self) -> None:
         self.ticks = 1
-        self._tick = self._even = 0
+        self._tick, self._mean = 0, 0.0
 
-    def take(self, *, late: bool) -> None:
+    def take(self, work: float) -> None:
         """Take the next tick.
 
         Parameters
         ----------
-        late
-            Whether it came too late, or the one before it took too long.
+        work
+            How long the work of the last one took, in ticks.
         """
         self._tick += 1
-        self._even = 0 if late else self._even + 1
-        if late:
-            self.ticks = min(self.ticks + 1, MOST_TICKS)
-        elif self._even >= EVEN_TICKS and self.ticks > 1:
-            self._even = 0
-            self.ticks -= 1
+        self._mean += WEIGHT * (min(work, 1.0 / WEIGHT) - self._mean)
+        ticks = self.ticks
+        if self._mean > FULL and ticks < MOST_TICKS:
+            self.ticks = ticks + 1
+        elif ticks > 1 and self._mean * ticks / (ticks - 1) < ROOMY:
+            self.ticks = ticks - 1
+        # What it will take now; drawing is nearly all of the work.
+        self._mean *= ticks / self.ticks
 
     def draws(self, number: int) -> bool:
         """Return whether somebody draws in this tick.
