@@ -25,8 +25,9 @@ class Turns:
     __slots__ = ("_mean", "_tick", "ticks")
 
     def __init__(self) -> None:
-        self.ticks = 1
-        self._tick, self._mean = 0, 0.0
+        self.ticks: int = 1
+        self._tick = 0
+        self._mean = 0.0
 
     def take(self, work: float) -> None:
         """Take the next tick.
@@ -38,13 +39,13 @@ class Turns:
         """
         self._tick += 1
         self._mean += WEIGHT * (min(work, 1.0 / WEIGHT) - self._mean)
-        ticks = self.ticks
-        if self._mean > FULL and ticks < MOST_TICKS:
-            self.ticks = ticks + 1
-        elif ticks > 1 and self._mean * ticks / (ticks - 1) < ROOMY:
-            self.ticks = ticks - 1
+        before = self.ticks
+        if self._mean > FULL and before < MOST_TICKS:
+            self.ticks = before + 1
+        elif before > 1 and self._mean * before / (before - 1) < ROOMY:
+            self.ticks = before - 1
         # What it will take now; drawing is nearly all of the work.
-        self._mean *= ticks / self.ticks
+        self._mean *= before / self.ticks
 
     def draws(self, number: int) -> bool:
         """Return whether somebody draws in this tick.
