@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.compression.build_process import BuildProcess
 from app.simulation.clock import Clock
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
@@ -38,6 +39,8 @@ class ClientView:
         Does what nobody waits for.
     builder
         Does what takes seconds.
+    build_process
+        Where organs are built; in this process when None.
 
     Attributes
     ----------
@@ -56,9 +59,10 @@ class ClientView:
         look: Look,
         background: Background,
         builder: Background,
+        build_process: BuildProcess | None = None,
     ) -> None:
         self.client, self.session = client, session
-        self.workplace = Workplace(client, session, background, builder)
+        self.workplace = Workplace(client, session, background, builder, build_process)
         self._scene = Scene(client, session, look)
         self._aids = Aids(client)
         self._panel = Panel(self.workplace)

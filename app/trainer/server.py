@@ -12,6 +12,7 @@ import msgspec
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
+from app.compression.build_process import BuildProcess
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
@@ -91,6 +92,7 @@ class Trainer:
         self._views_lock = threading.Lock()
         self._kept = Sessions(lambda: Session(organ), most=most_clients)
         self._background, self._builder = Background(), Background()
+        self._build_process = BuildProcess()
         self._stopping = threading.Event()
         self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
@@ -139,6 +141,7 @@ class Trainer:
         self.warming.stop()
         self._clock.join(timeout=5.0)
         self._background.stop()
+        self._build_process.stop()
         self._builder.stop()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -151,7 +154,10 @@ class Trainer:
                 back = next((each for each in stored if self._kept.waiting(each)), None)
                 token, session = self._kept.claim(back)
                 _store_tokens(client, stored, token)
-                view = ClientView(client, session, self._look, self._background, self._builder)
+                view = ClientView(
+                    client, session, self._look, self._background, self._builder,
+                    self._build_process,
+                )  # fmt: skip
                 if back is None and not _seen(client):
                     show_first_minute(client)
         except SessionsFullError as full:
