@@ -57,17 +57,19 @@ class Page:
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
-        self._slider = ""
+        self._slider = self._reset = ""
         self._unpack = zstandard.ZstdDecompressor()
 
     async def open(self) -> None:
-        """Say that a page is there, and wait for its force slider."""
+        """Say that a page is there, and wait for its force slider and its reset button."""
         await self._send(CAMERA)
-        while not self._slider:
+        while not (self._slider and self._reset):
             for message in await self.messages():
                 kind = message["type"]
                 if kind == "GuiSliderMessage" and message["props"]["label"].startswith("Force"):
                     self._slider = message["uuid"]
+                if kind == "GuiButtonMessage" and message["props"]["label"].startswith("Reset"):
+                    self._reset = message["uuid"]
                 if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
                     answer = {
                         "type": "LocalStorageGetItemResponseMessage",
@@ -85,8 +87,11 @@ class Page:
         force
             Where to, N.
         """
-        update = {"type": "GuiUpdateMessage", "uuid": self._slider, "updates": {"value": force}}
-        await self._send(update)
+        await self._update(self._slider, force)
+
+    async def reset(self) -> None:
+        """Press the reset button."""
+        await self._update(self._reset, True)
 
     async def messages(self) -> list[dict[str, Any]]:
         """Return the messages of the next websocket frame, without their arrays.
@@ -114,6 +119,10 @@ class Page:
             message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
             for message in await self.messages()
         )
+
+    async def _update(self, widget: str, value: float) -> None:
+        update = {"type": "GuiUpdateMessage", "uuid": widget, "updates": {"value": value}}
+        await self._send(update)
 
     async def _send(self, message: dict[str, Any]) -> None:
         await self._connection.send(msgspec.msgpack.encode(message))
