@@ -23,7 +23,7 @@ from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from app.trainer.turns import Turns
-from app.trainer.warming import TheoryWarming, warm_session
+from app.trainer.warming import Warming, warm_session
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
@@ -68,7 +68,7 @@ class Trainer:
     metronome
         Counts the ticks that ran and those that the machine had no time for.
     warming
-        Compiles the theories on a first start.
+        Prepares what no page waits for.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class Trainer:
         self._server.on_client_disconnect(self._disconnect)
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        self.warming = TheoryWarming()
+        self.warming = Warming(organ.mean_radius, look)
 
     @property
     def port(self) -> int:

@@ -1,20 +1,26 @@
-"""Compilation done ahead: nothing is compiled in a tick, and little while somebody waits.
+"""What is done ahead: nothing is compiled in a tick, and little while somebody waits.
 
-What any page can ask for without choosing another theory is ready before the first page is served.
-The other theories take half a minute on a first start; they follow in a thread of their own, and
-who chooses one meanwhile is told to wait. Later starts load all of it from numba's cache.
+What any session can do without another theory is compiled before the first page is served. What
+stands still in the pictures and the other theories follow in a thread of their own: the theories
+take half a minute on a first start, and who chooses one meanwhile is told to wait. Later starts
+load them from numba's cache.
 """
 
 import threading
 
 import numpy as np
+import viser
+from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.preset import DEFAULT_PRESET, preset_named
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.bed_shadow import BANDS, lay_shadow
-from app.trainer.stage.contact import Contact, HookPlace
+from app.trainer.stage.contact import BITE, Contact, HookPlace
 from app.trainer.stage.heat_map import heat_colors
+from app.trainer.stage.lighting import Look
+from app.trainer.stage.plain_tissue import TISSUE
+from app.trainer.stage.stage import stage_files
 from app.trainer.stage.tissue import raise_wall
 from app.trainer.stage.tissue_bed import bed_surface
 from app.trainer.stage.underlay import sink_wall
@@ -23,7 +29,25 @@ from app.trainer.stage.wall import Wall, wall_normals
 from organ_geometry.organ import Organ
 from physics import Cubic
 
-__all__ = ["TheoryWarming", "warm_session"]
+__all__ = ["ICONS", "Warming", "warm_session"]
+
+ICONS = (
+    viser.Icon.ARROW_BACK_UP,
+    viser.Icon.DOWNLOAD,
+    viser.Icon.HAND_GRAB,
+    viser.Icon.HAND_MOVE,
+    viser.Icon.HELP,
+    viser.Icon.PLAYER_PAUSE,
+    viser.Icon.PLAYER_PLAY,
+    viser.Icon.PLAYER_STOP,
+    viser.Icon.REFRESH,
+    viser.Icon.REPORT_ANALYTICS,
+    viser.Icon.STACK_2,
+    viser.Icon.TABLE_EXPORT,
+    viser.Icon.UPLOAD,
+    viser.Icon.X,
+)
+"""Those of the panel: viser reads the list of some six thousand for each that it does not know."""
 
 
 def warm_session(organ: Organ) -> None:
@@ -51,17 +75,26 @@ def warm_session(organ: Organ) -> None:
     session.reading()
 
 
-class TheoryWarming:
-    """A thread that compiles or loads the theories that the panel offers, and then ends.
+class Warming:
+    """A thread that draws what stands still and compiles the theories, and then ends.
+
+    Parameters
+    ----------
+    radius
+        Of the duct that is trained on, mm.
+    look
+        How it is drawn.
 
     Attributes
     ----------
     done
-        Set when all of them are ready.
+        Set when all is ready.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, radius: float, look: Look) -> None:
         self.done = threading.Event()
+        self._radius = radius
+        self._look: Look = look
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="warming", daemon=True)
         self._thread.start()
@@ -71,6 +104,9 @@ class TheoryWarming:
         self._stopping = True
 
     def _run(self) -> None:
+        stage_files(radius=self._radius, look=self._look, bite=BITE, tissue=TISSUE)
+        for icon in ICONS:
+            svg_from_icon(icon)
         beam = preset_named(DEFAULT_PRESET).round_beam()
         middle = 0.5 * beam.span
         for theory in OFFERED_THEORIES.values():

@@ -13,7 +13,7 @@ from app.trainer.stage.bed_shadow import BedShadow
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.heat_map import HeatMap
 from app.trainer.stage.tissue import Tissue
-from app.trainer.warming import TheoryWarming, warm_session
+from app.trainer.warming import Warming, warm_session
 from physics import Exact
 
 
@@ -94,7 +94,7 @@ def main() -> None:
     session = Session(organ)
     train(server.scene, session)
     report(before, "before the other theories")
-    TheoryWarming().done.wait()
+    Warming(organ.mean_radius, "full").done.wait()
     before = signatures()
     for theory in OFFERED_THEORIES.values():
         session = Session(organ)
