@@ -20,6 +20,7 @@ from app.trainer.background import Background
 from app.trainer.client_view import ClientView
 from app.trainer.metronome import Metronome
 from app.trainer.panel.help import SEEN, show_first_minute
+from app.trainer.silent_sockets import close_silent
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from app.trainer.turns import Turns
@@ -108,6 +109,7 @@ class Trainer:
         camera.fov = overview.fov
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
+        self._silent: set[int] = set()
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
         self.warming = Warming(organ.mean_radius, look)
@@ -211,6 +213,7 @@ class Trainer:
             if (now := time.monotonic()) > expiry:
                 expiry = now + EXPIRY_SECONDS
                 self._kept.expire()
+                self._silent = close_silent(self._server, self._silent)
 
 
 def _stored_tokens(client: viser.ClientHandle) -> list[str]:
