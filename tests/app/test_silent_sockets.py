@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import pytest
@@ -38,4 +39,6 @@ def test_who_says_nothing_is_closed_the_second_time_and_who_speaks_is_not(
             while close_silent(server, set()):  # until the server has seen that it is closed
                 await asyncio.sleep(0.01)
 
-    asyncio.run(asyncio.wait_for(both(), 60.0))
+    # In a thread of its own: playwright's loop may be running in this one.
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), 60.0))).result()

@@ -2,13 +2,12 @@
 
 import io
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import trimesh
 import viser
-from browser import running_browser, trainer_page
+from browser import trainer_page
 from playwright.sync_api import Browser
 from simulated import phantom, pull, tear
 
@@ -27,19 +26,6 @@ SPAN, RADIUS = 50.8, 4.4453
 def middle(height: float) -> np.ndarray:
     """The axis in the middle, raised, mm."""
     return np.array([0.5 * SPAN, 0.0, height])
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture
-def scene() -> Iterator[viser.SceneApi]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.scene
-    server.stop()
 
 
 def contact_of(session: Session) -> Contact:
