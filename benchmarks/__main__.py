@@ -144,7 +144,11 @@ def measure_trainer(console: Console) -> dict[str, float]:
     ]
     lines += [
         f"{clients} client{'s' if clients > 1 else ''}: "
-        f"{figures[f'frames_per_second_{clients}']:.1f} frames a second each, "
+        f"{figures[f'steps_per_second_{clients}']:.1f} steps a second, "
+        f"{figures[f'missed_percent_{clients}']:.1f} % missed; "
+        f"{figures[f'drawn_per_second_{clients}']:.1f} frames a second drawn and "
+        f"{figures[f'frames_per_second_{clients}']:.1f} received, "
+        f"{figures[f'longest_gap_ms_{clients}']:.0f} ms between two at most; "
         f"{figures[f'processor_percent_{clients}']:.0f} % of one core"
         for clients in CLIENTS
     ]

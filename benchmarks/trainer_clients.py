@@ -1,191 +1,132 @@
-"""Frames a second that the trainer's clients receive, how late they are, and what that takes.
+"""Steps a second that the trainer runs for its clients, their frames, and what that takes.
 
-Clients are websocket connections that speak viser's protocol, without a picture: they move the
-force slider as a trainee would and count the frames of the duct that come back. One more client
-waits for the duct's answer to each of its moves. The trainer runs as a process of its own, whose
-processor time is read from outside.
+Clients are pages without a picture (`page_protocol`): they move the force slider as a trainee
+would and count the frames of the duct that come back. One more client waits for the duct's answer
+to each of its moves. The trainer runs as a process of its own, which counts its ticks.
 """
 
 import asyncio
-import subprocess
-import sys
 import time
-from typing import Any
 
-import msgspec
 import numpy as np
-import psutil
-import viser
-import websockets.asyncio.client
-import zstandard
 
-__all__ = ["client_figures"]
+from benchmarks.page_protocol import Page, connected, hand_forces
+from benchmarks.served_trainer import Served, served_trainer
+
+__all__ = ["CLIENTS", "client_figures", "pulling"]
 
 CLIENTS = (1, 8, 16)
 SECONDS = 10.0
-FIRST_SECONDS, MOST_FIRST, COMPILING = 2.0, 30, 50.0
-"""A first client pulls for so long, again and again, until the trainer takes less than so many % of
-a core: then nothing is being compiled any more."""
+SETTLING = 2.0
+"""Time for the pages to be sent before anything is counted, s."""
 SLIDER_SECONDS = 0.1
 """A hand moves a slider this often."""
 LATENCY_MOVES = 60
 """Moves of the slider whose answers are waited for."""
 STILL_SECONDS = 0.15
 """A duct that sends nothing for so long has come to rest."""
-CAMERA: dict[str, Any] = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (25.0, -70.0, 52.0),
-    "fov": 0.6,
-    "near": 0.1,
-    "far": 1000.0,
-    "image_height": 800,
-    "image_width": 1280,
-    "look_at": (25.0, 3.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
-async def frames_per_second(address: str, clients: int, seconds: float) -> list[float]:
-    """Return the frames of the duct that each of some clients receives in a time, 1/s."""
-    return await asyncio.gather(*(_one_client(address, seconds) for _ in range(clients)))
+async def pulling(address: str, start: asyncio.Event, stop: asyncio.Event) -> tuple[int, float]:
+    """Pull as one client does.
 
+    Parameters
+    ----------
+    address
+        The trainer's address.
+    start, stop
+        Between which frames are counted.
 
-def _connected(address: str) -> websockets.asyncio.client.connect:
-    return websockets.asyncio.client.connect(
-        address.replace("http", "ws", 1),
-        subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
-        max_size=None,
-        compression=None,
-    )
-
-
-async def _slider(connection: websockets.asyncio.client.ClientConnection) -> str:
-    """Say that a page is there, and return the force slider that it is sent."""
-    await connection.send(msgspec.msgpack.encode(CAMERA))
-    while True:
-        for message in _messages(await connection.recv()):
-            kind = message["type"]
-            if kind == "GuiSliderMessage" and message["props"]["label"].startswith("Force"):
-                return message["uuid"]
-            if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
-                answer = {
-                    "type": "LocalStorageGetItemResponseMessage",
-                    "request_uuid": message["request_uuid"],
-                    "value": None,
-                    "error": None,
-                }
-                await connection.send(msgspec.msgpack.encode(answer))
-
-
-def _move(slider: str, force: float) -> bytes:
-    update = {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": force}}
-    return msgspec.msgpack.encode(update)
-
-
-def _frames(raw: str | bytes) -> int:
-    """Return how often the duct's vertices are in one websocket frame."""
-    return sum(
-        message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
-        for message in _messages(raw)
-    )
-
-
-async def _one_client(address: str, seconds: float) -> float:
-    async with _connected(address) as connection:
-        slider = await _slider(connection)
+    Returns
+    -------
+    tuple[int, float]
+        Frames of the duct that came, and the longest time between two of them, s.
+    """
+    async with connected(address) as connection:
+        page = Page(connection)
+        await page.open()
 
         async def pull() -> None:
-            force = 0.0
-            while True:
-                force = 3.2 - force
-                await connection.send(_move(slider, force))
+            for force in hand_forces():
+                await page.pull_with(force)
                 await asyncio.sleep(SLIDER_SECONDS)
 
         hand = asyncio.create_task(pull())
-        frames, start = 0, time.perf_counter()
-        while time.perf_counter() - start < seconds:
-            frames += _frames(await connection.recv())
+        frames, longest, last = 0, 0.0, time.perf_counter()
+        while not stop.is_set():
+            came, now = await page.frames(), time.perf_counter()
+            if came and start.is_set():
+                frames += came
+                longest = max(longest, now - last)
+            last = now if came else last
         hand.cancel()
-        return frames / (time.perf_counter() - start)
+        return frames, longest
+
+
+async def _counted(served: Served, clients: int, seconds: float) -> dict[str, float]:
+    """Return the figures of some clients that pull at once."""
+    start, stop = asyncio.Event(), asyncio.Event()
+    pages = [asyncio.create_task(pulling(served.address, start, stop)) for _ in range(clients)]
+    while len((await asyncio.to_thread(served.takings)).frames) < clients:
+        await asyncio.sleep(0.1)
+    await asyncio.sleep(SETTLING)
+    before = await asyncio.to_thread(served.takings)
+    start.set()
+    began = time.perf_counter()
+    await asyncio.sleep(seconds)
+    after = await asyncio.to_thread(served.takings)
+    elapsed = time.perf_counter() - began
+    stop.set()
+    came = await asyncio.gather(*pages)
+    beats, missed = after.beats - before.beats, after.missed - before.missed
+    drawn = min(after.frames[each] - before.frames[each] for each in before.frames)
+    return {
+        f"steps_per_second_{clients}": beats / elapsed,
+        f"missed_percent_{clients}": 100.0 * missed / max(beats + missed, 1),
+        f"drawn_per_second_{clients}": drawn / elapsed,
+        f"frames_per_second_{clients}": min(frames for frames, _ in came) / elapsed,
+        f"longest_gap_ms_{clients}": 1e3 * max(gap for _, gap in came),
+        f"processor_percent_{clients}": 100.0 * (after.processor_s - before.processor_s) / elapsed,
+    }
 
 
 async def answer_seconds(address: str, moves: int) -> list[float]:
     """Return how long after each move of the slider the duct's next vertices come, s."""
-    async with _connected(address) as connection:
-        slider = await _slider(connection)
+    async with connected(address) as connection:
+        page = Page(connection)
+        await page.open()
         seconds: list[float] = []
         for move in range(moves):
             try:
                 while True:  # until it is at rest
-                    await asyncio.wait_for(connection.recv(), STILL_SECONDS)
+                    await asyncio.wait_for(page.messages(), STILL_SECONDS)
             except TimeoutError:
                 pass
             start = time.perf_counter()
-            await connection.send(_move(slider, 0.5 + 0.1 * (move % 2)))
-            while not _frames(await connection.recv()):
+            await page.pull_with(0.5 + 0.1 * (move % 2))
+            while not await page.frames():
                 pass
             seconds.append(time.perf_counter() - start)
         return seconds
 
 
-def _messages(raw: str | bytes) -> list[dict[str, Any]]:
-    """Return the messages of one websocket frame, without their arrays."""
-    assert isinstance(raw, bytes)
-    packed = int.from_bytes(raw[8:16], "little")
-    content = zstandard.ZstdDecompressor().decompress(raw[16 : 16 + packed])
-    return msgspec.msgpack.decode(content)["messages"]
-
-
 def client_figures() -> dict[str, float]:
-    """Return the frames a second of each number of clients, and the share of a core they take.
+    """Return what each number of clients gets, and the share of a core they take.
 
     Returns
     -------
     dict[str, float]
-        `frames_per_second_<n>`, of the client that has fewest, 1/s, and
-        `processor_percent_<n>`, % of one core, for n clients; `answer_ms_95`, ms from a move of
-        the slider to the duct's vertices, at the 95th percentile.
-
-    Raises
-    ------
-    RuntimeError
-        If the trainer does not start.
+        For n clients `steps_per_second_<n>` of every session, 1/s, and `missed_percent_<n>`, % of
+        its ticks that came later than the next was due; `drawn_per_second_<n>` and
+        `frames_per_second_<n>`, 1/s, of the client for whom the trainer drew and who received
+        fewest, `longest_gap_ms_<n>`, ms between two frames of any client, and
+        `processor_percent_<n>`, % of one core; `answer_ms_95`, ms from a move of the slider to the
+        duct's vertices, at the 95th percentile.
     """
     figures: dict[str, float] = {}
-    # A client that leaves while it is being drawn is a warning of viser's, here by intent.
-    program = "from app.command_line import main; main()"
-    command = [sys.executable, "-W", "ignore::UserWarning", "-c", program]
-    with subprocess.Popen(
-        [*command, "trainer", "--port", "0"], stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            words = process.stdout.readline().split() if process.stdout else []
-            if not words:
-                raise RuntimeError("the trainer did not start")
-            server = psutil.Process(process.pid)
-            for _ in range(MOST_FIRST):
-                if _served(server, words[-1], 1, FIRST_SECONDS)[1] < COMPILING:
-                    break
-            answers = asyncio.run(answer_seconds(words[-1], LATENCY_MOVES))
-            figures["answer_ms_95"] = 1e3 * float(np.percentile(answers, 95))
-            for clients in CLIENTS:
-                rate, percent = _served(server, words[-1], clients, SECONDS)
-                figures[f"frames_per_second_{clients}"] = rate
-                figures[f"processor_percent_{clients}"] = percent
-        finally:
-            process.terminate()
+    with served_trainer() as served:
+        answers = asyncio.run(answer_seconds(served.address, LATENCY_MOVES))
+        figures["answer_ms_95"] = 1e3 * float(np.percentile(answers, 95))
+        for clients in CLIENTS:
+            figures |= asyncio.run(_counted(served, clients, SECONDS))
     return figures
-
-
-def _served(
-    server: psutil.Process, address: str, clients: int, seconds: float
-) -> tuple[float, float]:
-    """Return the frames a second of the client that has fewest, and the % of a core they take."""
-    before = server.cpu_times()
-    start = time.perf_counter()
-    rates = asyncio.run(frames_per_second(address, clients, seconds))
-    elapsed = time.perf_counter() - start
-    after = server.cpu_times()
-    busy = after.user + after.system - before.user - before.system
-    return min(rates), 100.0 * busy / elapsed

@@ -1,7 +1,7 @@
 """An organ: an axis with frames along it and half-curves at its key sections."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -79,6 +79,8 @@ class Organ:
     tolerance_mm: float = 0.0
     name: str = ""
     encoded: bytes = b""
+    # Of the circle; found when it is first asked for: an encoder makes many organs.
+    _mean_radius: float | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         sections = len(self.axis)
@@ -100,9 +102,9 @@ class Organ:
         self._lock("outer", (len(keys), ROW_SIZE))
         if self.lumen is not None:
             self._lock("lumen", (len(keys), ROW_SIZE))
-        for field, rows in (("outer", self.outer), ("lumen", self.lumen)):
+        for wall, rows in (("outer", self.outer), ("lumen", self.lumen)):
             if rows is not None and not (rows[:, HALF_WIDTH] > 0.0).all():
-                raise ValueError(f"every half width in {field} must be above 0 mm")
+                raise ValueError(f"every half width in {wall} must be above 0 mm")
         if not (np.linalg.norm(np.diff(self.axis, axis=0), axis=1) > 0.0).all():
             raise ValueError("neighbouring points of axis must be apart, above 0 mm")
         products = np.einsum("sij,sik->sjk", self.frames, self.frames)
@@ -156,10 +158,14 @@ class Organ:
     @property
     def mean_radius(self) -> float:
         """Radius of the circle of the outer boundary's area, averaged over the length, mm."""
-        stations = self.stations
-        outlines = closed_outlines(self.rows_at(stations))
-        radii = np.sqrt(_moments(outlines).area / np.pi)
-        return float(np.trapezoid(radii, stations) / stations[-1])
+        found = self._mean_radius
+        if found is None:
+            stations = self.stations
+            outlines = closed_outlines(self.rows_at(stations))
+            radii = np.sqrt(_moments(outlines).area / np.pi)
+            found = float(np.trapezoid(radii, stations) / stations[-1])
+            object.__setattr__(self, "_mean_radius", found)
+        return found
 
     def axis_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the axis, straight between sections.

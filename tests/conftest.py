@@ -1,6 +1,8 @@
 """What tests of several packages share."""
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,3 +16,11 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real sections are not here: no folder {folder}; set BLUNTDISSECT_DATA")
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _browser_ends() -> Iterator[None]:
+    """The browser is shared by all tests that need one."""
+    yield
+    if (shared := sys.modules.get("browser")) is not None:
+        shared.close_browser()

@@ -5,10 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.compression.build_process import Abandoned, BuildProcess, Progress
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
 from organ_geometry.image_stack import ImageStack, ImageStackError, read_image_stack
@@ -20,11 +22,7 @@ from organ_geometry.traced_organ import TracedOrgan, TracedSection
 
 __all__ = ["Abandoned", "OpenedStack", "OrganWorkbench", "PromiseRefusedError"]
 
-Progress = Callable[[int, int], None]
-
-
-class Abandoned(Exception):  # noqa: N818
-    """The workbench was closed while something was made on it."""
+Made = TypeVar("Made")
 
 
 class PromiseRefusedError(ValueError):
@@ -96,6 +94,13 @@ class OpenedStack:
         return self.traced.problems.get(index)
 
 
+@dataclass(frozen=True, slots=True)
+class _TooSmall:
+    """The smallest tolerance that can be kept is not the one that was asked for, mm."""
+
+    smallest_mm: float
+
+
 class OrganWorkbench:
     """One trainee's images, and the organ built of them. Nothing is done before it is asked for.
 
@@ -105,6 +110,8 @@ class OrganWorkbench:
     ----------
     bounds
         The most that may be sent.
+    process
+        Where edges are found and organs are built; this process when None.
 
     Attributes
     ----------
@@ -114,7 +121,10 @@ class OrganWorkbench:
         The organ at the threshold asked for last, or None.
     """
 
-    def __init__(self, bounds: UploadBounds | None = None) -> None:
+    def __init__(
+        self, bounds: UploadBounds | None = None, process: BuildProcess | None = None
+    ) -> None:
+        self._process = process
         self.opened: OpenedStack | None = None
         self.built: BuiltOrgan | None = None
         self._bounds = UploadBounds() if bounds is None else bounds
@@ -226,16 +236,12 @@ class OrganWorkbench:
         if opened is None:
             raise ValueError("there are no images: choose the phantom or send some")
         try:
-            built = build_organ(
-                opened.stack, tolerance_px=tolerance_px, progress=self._watched(progress)
-            )
-        except ToleranceTooSmall as error:
-            pixel = opened.stack.mean_pixel
-            raise PromiseRefusedError(
-                tolerance_px or 0.0, error.smallest_mm / pixel, pixel
-            ) from error
+            built = self._made(progress, _built, opened.stack, tolerance_px)
         except ValueError as error:
             raise ValueError(_without(opened.source.parent, error)) from error
+        if isinstance(built, _TooSmall):
+            pixel = opened.stack.mean_pixel
+            raise PromiseRefusedError(tolerance_px or 0.0, built.smallest_mm / pixel, pixel)
         # The images have not been changed under it.
         if self.opened is opened:
             self.built = built
@@ -257,13 +263,7 @@ class OrganWorkbench:
         slice_mm: float | None,
         progress: Progress | None,
     ) -> OpenedStack:
-        pixel = None if pixel_mm is None else (pixel_mm, pixel_mm)
-        stack = read_image_stack(source, pixel_size=pixel, slice_spacing=slice_mm)
-        stack = recut_where_needed(stack, "auto")
-        traced = trace_organ(stack, progress=self._watched(progress))
-        return OpenedStack(
-            source, stack, traced, {section.index: section for section in traced.sections}
-        )
+        return self._made(progress, _opened, source, pixel_mm, slice_mm)
 
     def _take(self, opened: OpenedStack, folder: TemporaryDirectory[str] | None) -> None:
         with self._lock:
@@ -274,8 +274,8 @@ class OrganWorkbench:
         if before is not None:
             before.cleanup()
 
-    def _watched(self, progress: Progress | None) -> Progress:
-        """Return a progress that ends the work when the workbench is closed."""
+    def _made(self, progress: Progress | None, work: Callable[..., Made], *args: object) -> Made:
+        """Have something made, until the workbench is closed."""
 
         def watched(done: int, total: int) -> None:
             if self._closed:
@@ -283,7 +283,31 @@ class OrganWorkbench:
             if progress is not None:
                 progress(done, total)
 
-        return watched
+        if self._process is None:
+            return work(*args, watched)
+        return self._process.make(work, *args, progress=watched, wanted=lambda: not self._closed)
+
+
+def _opened(
+    source: Path, pixel_mm: float | None, slice_mm: float | None, progress: Progress
+) -> OpenedStack:
+    """Read images and find their edges."""
+    pixel = None if pixel_mm is None else (pixel_mm, pixel_mm)
+    stack = read_image_stack(source, pixel_size=pixel, slice_spacing=slice_mm)
+    stack = recut_where_needed(stack, "auto")
+    traced = trace_organ(stack, progress=progress)
+    sections = {section.index: section for section in traced.sections}
+    return OpenedStack(source, stack, traced, sections)
+
+
+def _built(
+    stack: ImageStack, tolerance_px: float | None, progress: Progress
+) -> BuiltOrgan | _TooSmall:
+    """Build an organ, or return what can be kept instead."""
+    try:
+        return build_organ(stack, tolerance_px=tolerance_px, progress=progress)
+    except ToleranceTooSmall as error:
+        return _TooSmall(error.smallest_mm)
 
 
 def _without(folder: Path, error: ValueError) -> str:

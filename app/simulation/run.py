@@ -105,6 +105,11 @@ class Run:
         return self._taker.ticks
 
     @property
+    def inputs(self) -> int:
+        """How many inputs are kept; `MOST_INPUTS` at most."""
+        return len(self._ticks)
+
+    @property
     def seconds(self) -> float:
         """Time so far, s."""
         return self._taker.seconds

@@ -18,6 +18,7 @@ class Background:
         self._lock = threading.Lock()
         self._due: queue.SimpleQueue[Hashable | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
+        self._at: Hashable | None = None
 
     def do(self, kind: Hashable, work: Callable[[], None]) -> None:
         """Have something done soon.
@@ -38,6 +39,22 @@ class Background:
                 self._thread = threading.Thread(target=self._run, name="background", daemon=True)
                 self._thread.start()
 
+    def others_before(self, kind: Hashable) -> int:
+        """Return how many works of other kinds come before one that is asked for now.
+
+        Parameters
+        ----------
+        kind
+            The kind of the one.
+
+        Returns
+        -------
+        int
+            Their number, with the one that is being done.
+        """
+        with self._lock:
+            return sum(each not in (kind, None) for each in (self._at, *self._newest))
+
     def stop(self) -> None:
         """End the thread after the work that it is at."""
         self._due.put(None)
@@ -47,8 +64,11 @@ class Background:
     def _run(self) -> None:
         while (kind := self._due.get()) is not None:
             with self._lock:
-                work = self._newest.pop(kind)
+                work, self._at = self._newest.pop(kind), kind
             try:
                 work()
             except Exception:
                 log.exception("work in the background has failed")
+            finally:
+                with self._lock:
+                    self._at = None

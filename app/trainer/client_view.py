@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.compression.build_process import BuildProcess
 from app.simulation.clock import Clock
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
@@ -38,6 +39,17 @@ class ClientView:
         Does what nobody waits for.
     builder
         Does what takes seconds.
+    build_process
+        Where organs are built; in this process when None.
+
+    Attributes
+    ----------
+    client, session
+        As given.
+    workplace
+        What the page's parts share.
+    frames
+        How often the duct was drawn.
     """
 
     def __init__(
@@ -47,15 +59,18 @@ class ClientView:
         look: Look,
         background: Background,
         builder: Background,
+        build_process: BuildProcess | None = None,
     ) -> None:
         self.client, self.session = client, session
-        self.workplace = Workplace(client, session, background, builder)
+        self.workplace = Workplace(client, session, background, builder, build_process)
         self._scene = Scene(client, session, look)
         self._aids = Aids(client)
         self._panel = Panel(self.workplace)
         self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
         self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
+        self.frames = 0
+        self._undrawn = False
         self._panel_due = 0.0
         self._panel_stale = True
         self._told: Run | None = session.run if session.run.over else None
@@ -69,13 +84,15 @@ class ClientView:
         self.workplace.let_go()
         self._panel.close()
 
-    def tick(self, seconds: float) -> None:
+    def tick(self, seconds: float, *, draws: bool = True) -> None:
         """Advance the session, or its replay, and show what has changed.
 
         Parameters
         ----------
         seconds
             Time since the last tick, s.
+        draws
+            Whether there is time to show it; what is not shown now is shown the next time.
         """
         workplace = self.workplace
         workplace.take_organ()
@@ -92,7 +109,11 @@ class ClientView:
         # A hold changes nothing, but its time passes and comes to an end.
         timed = run.going and run.exercise is not None
         self._panel_stale |= changed | timed | (run.over and run is not self._told)
-        if changed:
+        self._undrawn |= changed
+        if not draws:
+            return
+        if self._undrawn:
+            self._undrawn = False
             self._draw()
         if self._panel_stale and self._panel_due <= 0.0:
             reading = workplace.shown.reading()
@@ -102,6 +123,7 @@ class ClientView:
             self._tell(reading)
 
     def _draw(self) -> None:
+        self.frames += 1
         workplace = self.workplace
         shown, figures = workplace.shown, workplace.figures_visible
         reading = shown.reading()

@@ -20,6 +20,8 @@ from organ_geometry.skin import Skin
 __all__ = ["DragProxy", "Hold"]
 
 RINGS, SIDES = 25, 8
+SLACK = 1.0
+"""How far the duct moves before the tube is sent after it, mm: less than anybody aims."""
 SHRUNK = 0.9
 """The tube's radius by the duct's: inside it, the tube hides nothing, but can be picked."""
 
@@ -78,6 +80,7 @@ class DragProxy:
         self._hook: viser.MeshHandle | None = None
         self._hold: Hold | None = None
         self._frame, self._origin = np.eye(3), np.zeros(3)
+        self._sent = np.zeros((0, 3), np.float32)
 
     def set_duct(self, skin: Skin, frame: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
         """Let a duct and the hook be dragged.
@@ -98,9 +101,10 @@ class DragProxy:
         self._stations = wall.stations[rings].mean(axis=1)
         self._frame, self._origin = frame, origin
         self._remove_tube()
+        self._sent = self._places(skin.vertices)
         self._tube = self._client.scene.add_mesh_simple(
             "/organ/grip",
-            self._places(skin.vertices),
+            self._sent,
             grid_faces(len(rings), SIDES, closed=True).astype(np.uint32),
             **_UNSEEN,
         )
@@ -132,7 +136,9 @@ class DragProxy:
             (V, 3) the deformed skin's, mm.
         """
         if self._tube is not None:
-            self._tube.vertices = self._places(vertices)
+            places = self._places(vertices)
+            if np.abs(places - self._sent).max() > SLACK:
+                self._tube.vertices = self._sent = places
 
     def let_go(self) -> None:
         """Let nothing be dragged, as when the duct is torn."""

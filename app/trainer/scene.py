@@ -21,6 +21,7 @@ from app.trainer.stage.stage import Stage
 from app.trainer.stage.streamed_mesh import keep_finish
 from app.trainer.stage.tissue import WET, Tissue, TornEnd
 from app.trainer.stage.wall import Wall
+from organ_geometry.organ import Organ
 
 __all__ = ["Scene"]
 
@@ -61,6 +62,8 @@ class Scene:
         self._drawn: list[_Drawn] = []
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
+        self._organ: Organ | None = None
+        self._first = np.zeros(3)  # the organ's axis at the first clamp
         self._arch = 0.0
         self._hand: DragProxy | None = None
         self._heat_wanted = False
@@ -187,8 +190,7 @@ class Scene:
             return
         hand.let_go()
         if len(self._drawn) == 1:
-            first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
-            hand.set_duct(self._drawn[0].surface.skin, dissection.frame, first)
+            hand.set_duct(self._drawn[0].surface.skin, dissection.frame, self._first)
             hand.set_hook(dissection.organ.mean_radius)
             hand.follow(self._drawn[0].contact.vertices)
 
@@ -198,10 +200,8 @@ class Scene:
 
     def _axis(self) -> NDArray[np.float64]:
         """Return points of the duct's axis as it is drawn, in the stage's coordinates, mm."""
-        dissection = self._session.dissection
-        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
         parts = [drawn.contact.vertices[drawn.ring_ends].mean(axis=1) for drawn in self._drawn]
-        return (np.concatenate(parts) - first) @ dissection.frame
+        return (np.concatenate(parts) - self._first) @ self._session.dissection.frame
 
     def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
         """Put the hook where it pulls, sunk into the wall, and return where that is."""
@@ -213,8 +213,8 @@ class Scene:
         share = 1.0 - reading.check.distance_to_break
         center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
         stage.place_hook(center, (0.0, 0.0, 1.0))
-        first = dissection.organ.axis_at(np.array(dissection.clamps[:1]))[0]
-        return HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
+        place = self._first + dissection.frame @ center
+        return HookPlace(place, dissection.frame, stage.radius)
 
     def _lift(self, stage: Stage, reading: Reading) -> float:
         """Return how high the picture must show the duct: its arch at rest and the break above."""
@@ -227,10 +227,12 @@ class Scene:
     def _set_stage(self) -> Stage:
         """Return the stage for the session's clamps, setting it anew when they have moved."""
         dissection = self._session.dissection
-        if self._stage is not None and self._clamps == dissection.clamps:
+        organ, clamps = dissection.organ, dissection.clamps
+        if self._stage is not None and self._clamps == clamps and self._organ is organ:
             return self._stage
-        self._clamps = dissection.clamps
+        self._organ, self._clamps = organ, clamps
         first, last = dissection.organ.axis_at(np.array(dissection.clamps))
+        self._first = first
         span = float(np.linalg.norm(last - first))
         axis = dissection.organ.axis_at(np.linspace(*dissection.clamps, 41)) - first
         self._arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))

@@ -9,26 +9,27 @@ import time
 import warnings
 
 import msgspec
-import numpy as np
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
-from app.simulation.preset import DEFAULT_PRESET, preset_named
+from app.compression.build_process import BuildProcess
+from app.simulation.clock import TICK_SECONDS
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
 from app.trainer.client_view import ClientView
-from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.metronome import Metronome
 from app.trainer.panel.help import SEEN, show_first_minute
+from app.trainer.silent_sockets import close_silent
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
-from app.trainer.stage.warming import warm_drawing
+from app.trainer.turns import Turns
+from app.trainer.warming import Warming, warm_session
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
-__all__ = ["TICKS_PER_SECOND", "AddressTakenError", "Trainer"]
+__all__ = ["AddressTakenError", "Trainer"]
 
-TICKS_PER_SECOND = 30.0
 LONGEST_TICK = 0.1
 """Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
 
@@ -63,6 +64,13 @@ class Trainer:
     most_clients
         How many can train at once.
 
+    Attributes
+    ----------
+    metronome
+        Counts the ticks that ran and those that the machine had no time for.
+    warming
+        Prepares what no page waits for.
+
     Raises
     ------
     AddressTakenError
@@ -85,10 +93,12 @@ class Trainer:
         self._views_lock = threading.Lock()
         self._kept = Sessions(lambda: Session(organ), most=most_clients)
         self._background, self._builder = Background(), Background()
+        self._build_process = BuildProcess()
         self._stopping = threading.Event()
+        self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
-        _warm(organ)
+        warm_session(organ)
         self._server = _serve(host, port)
         # Where "reset view" leads; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)
@@ -99,10 +109,10 @@ class Trainer:
         camera.fov = overview.fov
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
+        self._silent: set[int] = set()
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        # The other theories take their time to compile on a first start: nobody waits for them.
-        threading.Thread(target=_warm_theories, name="warming", daemon=True).start()
+        self.warming = Warming(organ.mean_radius, look)
 
     @property
     def port(self) -> int:
@@ -121,11 +131,19 @@ class Trainer:
         with self._views_lock:
             return {number: view.session for number, view in self._views.items()}
 
+    @property
+    def frames(self) -> dict[int, int]:
+        """How often each client's duct was drawn, by client number."""
+        with self._views_lock:
+            return {number: view.frames for number, view in self._views.items()}
+
     def stop(self) -> None:
         """Stop the clock and the server."""
         self._stopping.set()
+        self.warming.stop()
         self._clock.join(timeout=5.0)
         self._background.stop()
+        self._build_process.stop()
         self._builder.stop()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -138,7 +156,10 @@ class Trainer:
                 back = next((each for each in stored if self._kept.waiting(each)), None)
                 token, session = self._kept.claim(back)
                 _store_tokens(client, stored, token)
-                view = ClientView(client, session, self._look, self._background, self._builder)
+                view = ClientView(
+                    client, session, self._look, self._background, self._builder,
+                    self._build_process,
+                )  # fmt: skip
                 if back is None and not _seen(client):
                     show_first_minute(client)
         except SessionsFullError as full:
@@ -174,18 +195,14 @@ class Trainer:
         )  # fmt: skip
 
     def _run(self) -> None:
-        period = 1.0 / TICKS_PER_SECOND
-        due = last = time.monotonic()
-        expiry = due + EXPIRY_SECONDS
-        while not self._stopping.wait(max(0.0, due - time.monotonic())):
-            now = time.monotonic()
-            seconds, last = min(now - last, LONGEST_TICK), now
-            due = max(due + period, now)
+        expiry = time.monotonic() + EXPIRY_SECONDS
+        while (seconds := self.metronome.wait(self._stopping)) is not None:
             with self._views_lock:
                 views = list(self._views.items())
-            for number, view in views:
+            self._turns.take(self.metronome.work)
+            for place, (number, view) in enumerate(views):
                 try:
-                    view.tick(seconds)
+                    view.tick(min(seconds, LONGEST_TICK), draws=self._turns.draws(place))
                 except Exception:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
@@ -193,9 +210,10 @@ class Trainer:
                     view.close()
                     if there and number in self._server.get_clients():
                         self._fault(view.client)
-            if now > expiry:
+            if (now := time.monotonic()) > expiry:
                 expiry = now + EXPIRY_SECONDS
                 self._kept.expire()
+                self._silent = close_silent(self._server, self._silent)
 
 
 def _stored_tokens(client: viser.ClientHandle) -> list[str]:
@@ -250,22 +268,3 @@ def _taken(host: str, port: int, why: str) -> AddressTakenError:
     return AddressTakenError(
         f"cannot serve {host} port {port}: {why}; choose another with --port, or 0 for a free one"
     )
-
-
-def _warm_theories() -> None:
-    """Compile or load the theories that the panel offers."""
-    beam = preset_named(DEFAULT_PRESET).round_beam()
-    middle = 0.5 * beam.span
-    for theory in OFFERED_THEORIES.values():
-        for grasp in (middle, 0.8 * middle):
-            theory.under_force(beam, grasp, 1.0, np.array([grasp]))
-
-
-def _warm(organ: Organ) -> None:
-    """Compile or load what a first pull needs, so that no client waits for it."""
-    session = Session(organ)
-    session.set_force(session.force_limit)
-    for _ in range(100):
-        session.step(LONGEST_TICK)
-    session.reading()
-    warm_drawing(Session(organ))

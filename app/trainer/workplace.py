@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 
 import viser
 
+from app.compression.build_process import BuildProcess
 from app.simulation.exercise import Exercise
 from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
@@ -37,10 +38,12 @@ class Workplace:
         Does what nobody waits for.
     builder
         Does what takes seconds, for one client after the other.
+    build_process
+        Where it is done; in the trainer's own process when None.
 
     Attributes
     ----------
-    client, session, background, builder
+    client, session, background, builder, build_process
         As given.
     heat, overlay
         Whether the client wants to see the stress on the surface, and the points of the model.
@@ -56,9 +59,11 @@ class Workplace:
         session: Session,
         background: Background,
         builder: Background,
+        build_process: BuildProcess | None = None,
     ) -> None:
         self.client, self.session = client, session
         self.background, self.builder = background, builder
+        self.build_process = build_process
         self.heat = self.overlay = False
         self.pulls = 0
         self.last_run: RunFile | None = None

@@ -2,14 +2,17 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
+from app.trainer.client_view import ClientView
+from app.trainer.server import Trainer
 from app.trainer.stage.camera import viewpoint
 
 SWITCHES = [
@@ -43,18 +46,39 @@ def chromium() -> Path:
     pytest.skip(reason)
 
 
+class _Shared:
+    """The one browser of this process, from its first use until `close_browser`."""
+
+    playwright: Playwright | None = None
+    browser: Browser | None = None
+
+
 @contextmanager
 def running_browser() -> Iterator[Browser]:
-    """A headless Chromium for as long as the context lasts."""
-    executable = chromium()
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
+    """A headless Chromium; what is opened in it is closed at the end, and it runs on."""
+    if _Shared.browser is None:
+        executable = chromium()
+        _Shared.playwright = sync_playwright().start()
+        _Shared.browser = _Shared.playwright.chromium.launch(
             executable_path=executable, headless=True, args=SWITCHES
         )
-        try:
-            yield browser
-        finally:
-            browser.close()
+    running = _Shared.browser
+    before = list(running.contexts)
+    try:
+        yield running
+    finally:
+        for context in running.contexts:
+            if context not in before:
+                context.close()
+
+
+def close_browser() -> None:
+    """End the browser, if there is one."""
+    if _Shared.browser is not None:
+        _Shared.browser.close()
+    if _Shared.playwright is not None:
+        _Shared.playwright.stop()
+    _Shared.browser = _Shared.playwright = None
 
 
 @contextmanager
@@ -108,6 +132,13 @@ class TrainerPage:
         lines.wait_for()
         self.page.get_by_role("dialog").get_by_role("button", name="Start").click()
         lines.wait_for(state="detached")
+
+    def wait_until(self, condition: Callable[[], object], seconds: float = PATIENCE / 1000) -> None:
+        """Wait until something comes true, while the page goes on."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, "it has not come true in time"
+            self.page.wait_for_timeout(50)
 
     def open(self, tab: str) -> None:
         """Open a tab of the panel."""
@@ -188,6 +219,11 @@ class TrainerPage:
     def wait_for_force(self, force: float) -> None:
         """Wait until the read-out shows a force, N."""
         self.page.locator(f"[data-testid=readout][data-force-n='{force:.6g}']").wait_for()
+
+
+def newest(trainer: Trainer) -> ClientView:
+    """The view of the client that came last."""
+    return trainer._views[max(trainer._views)]
 
 
 def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:

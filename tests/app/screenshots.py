@@ -4,7 +4,7 @@ import sys
 import time
 from pathlib import Path
 
-from browser import TrainerPage, running_browser, trainer_page
+from browser import TrainerPage, close_browser, running_browser, trainer_page
 from playwright.sync_api import expect
 from simulated import phantom
 
@@ -91,6 +91,7 @@ def main(folder: Path) -> None:
                         tab.wait_for_phase("torn")
                         take(tab, folder / "trainer-torn.jpg")
     finally:
+        close_browser()
         trainer.stop()
 
 

@@ -4,47 +4,19 @@ import io
 import re
 import time
 import zipfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import PATIENCE, TrainerPage, running_browser, trainer_page
+from browser import PATIENCE, TrainerPage, newest, trainer_page
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
 from app.simulation.reading import Phase
-from app.trainer.client_view import ClientView
 from app.trainer.server import Trainer
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ_builder import build_organ
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def trainer() -> Iterator[Trainer]:
-    running = Trainer(phantom(), port=0, look="plain")
-    yield running
-    running.stop()
-
-
-def newest(trainer: Trainer) -> ClientView:
-    """The view of the client that came last."""
-    return trainer._views[max(trainer._views)]
-
-
-def wait_until(tab: TrainerPage, condition: Callable[[], object], seconds: float = 60.0) -> None:
-    """Wait until something comes true, while the page goes on."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it has not come true in time"
-        tab.page.wait_for_timeout(50)
 
 
 def downloaded(tab: TrainerPage) -> tuple[str, bytes]:
@@ -87,7 +59,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         session.set_force(2.0)
         before = session.shape
         tab.press("Practise on it")
-        wait_until(tab, lambda: session.dissection.organ.encoded == coarse)
+        tab.wait_until(lambda: session.dissection.organ.encoded == coarse)
         assert session.shape > before
         assert not session.run.started
         assert session.force_wanted == 0.0
@@ -96,7 +68,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         tab.wait_for_force(3.0)
         skin = session.surfaces[0].skin
         wall = np.unique(skin.faces[: skin.outer_faces]).size
-        wait_until(tab, lambda: tab.vertices("skin").shape == (wall, 3))
+        tab.wait_until(lambda: tab.vertices("skin").shape == (wall, 3))
         tab.page.keyboard.press("Escape")
         view.workplace.ramp_to_tear()
         tab.wait_for_phase("torn")
@@ -139,9 +111,9 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         assert place.is_dir()
         tab.press("Practise on it")
         session = view.session
-        wait_until(tab, lambda: session.dissection.organ.length == pytest.approx(7.6, abs=0.1))
+        tab.wait_until(lambda: session.dissection.organ.length == pytest.approx(7.6, abs=0.1))
         tab.open("Model")
-        wait_until(tab, lambda: view._panel._model._preset.value == "Porcine common bile duct")
+        tab.wait_until(lambda: view._panel._model._preset.value == "Porcine common bile duct")
         titles = tuple(preset.title for preset in session.presets_offered())
         assert view._panel._model._preset.options == titles
         tab.open("Train")

@@ -1,31 +1,15 @@
 """A real mouse drags duct and hook: places in order, under the mouse, with the camera still."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
-from browser import RADIUS, running_browser, stage_pixel, trainer_page
+from browser import RADIUS, stage_pixel, trainer_page
 from playwright.sync_api import Browser
-from simulated import phantom
 
 from app.trainer.drag_proxy import Hold
 from app.trainer.server import Trainer
 
 PIXELS = 3.0
 """How far the hand may be from the mouse in the picture: its last move and the page's rounding."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def trainer() -> Iterator[Trainer]:
-    running = Trainer(phantom(), port=0, look="plain")
-    yield running
-    running.stop()
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,12 @@
 
 import re
 import time
-from collections.abc import Iterator
 from threading import Thread
 
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, running_browser, trainer_page
+from browser import TrainerPage, trainer_page
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import Browser
@@ -26,12 +25,6 @@ EXACT = 232
 SCREEN = 5
 """Of 255: what is lost between the key and a picture of the page, where the wall faces the viewer
 to some degrees."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
 
 
 def test_colours_are_cividis_as_far_as_the_page_has_them() -> None:

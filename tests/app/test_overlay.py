@@ -1,9 +1,6 @@
 """What is drawn over the duct follows it, and is hidden until it is wanted."""
 
-from collections.abc import Iterator
-
 import numpy as np
-import pytest
 import viser
 from simulated import phantom
 
@@ -15,13 +12,6 @@ from app.trainer.overlay import CLEAR, KEY_POINTS_OF_A_SECTION, Overlay
 SINGLE = 1e-4
 """mm: what float32 leaves of some 50 mm."""
 PULL = np.array([0.0, 0.0, 1.0])
-
-
-@pytest.fixture
-def scene() -> Iterator[viser.SceneApi]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.scene
-    server.stop()
 
 
 def node(scene: viser.SceneApi, name: str) -> viser.SceneNodeHandle:

@@ -1,13 +1,11 @@
 """The trainer's page in a real browser: pull by hand, see, compare, learn, replay, first minute."""
 
 import re
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import RADIUS, TrainerPage, running_browser, stage_pixel, trainer_page
+from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
 from playwright.sync_api import Browser, Download, expect
 from simulated import phantom
 
@@ -16,7 +14,6 @@ from app.simulation.reading import Phase
 from app.simulation.replay import Replay, series_csv
 from app.simulation.run_log import run_json
 from app.simulation.session import Session
-from app.trainer.client_view import ClientView
 from app.trainer.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server import Trainer
@@ -24,32 +21,6 @@ from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from physics import Beam, Cubic, Exact
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264, poisson_ratio=0.3)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def trainer() -> Iterator[Trainer]:
-    running = Trainer(phantom(), port=0, look="plain")
-    yield running
-    running.stop()
-
-
-def newest(trainer: Trainer) -> ClientView:
-    """The view of the client that came last."""
-    return trainer._views[max(trainer._views)]
-
-
-def wait_until(tab: TrainerPage, condition: Callable[[], object], seconds: float = 30.0) -> None:
-    """Wait until something comes true, while the page goes on."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it has not come true in time"
-        tab.page.wait_for_timeout(50)
 
 
 def charts(tab: TrainerPage) -> list[list[list[float | None]]]:
@@ -83,7 +54,7 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         for step in range(1, 7):
             mouse.move(start[0], start[1] - 14.0 * step)
             tab.page.wait_for_timeout(80)
-        wait_until(tab, lambda: session.reading().by_hand and not session.step(0.0))
+        tab.wait_until(lambda: session.reading().by_hand and not session.step(0.0))
         tab.page.wait_for_timeout(700)
         reading = session.reading()
         assert reading.deflection > 2.0
@@ -97,8 +68,8 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         expect(tab.page.get_by_text(f"{force:.2f} N", exact=True)).to_be_visible()
         mouse.up()
         tab.wait_for_force(0.0)
-        wait_until(tab, lambda: session.reading().deflection == 0.0)
-        wait_until(tab, lambda: tab.slider("Force F (N)") == 0.0)
+        tab.wait_until(lambda: session.reading().deflection == 0.0)
+        tab.wait_until(lambda: tab.slider("Force F (N)") == 0.0)
         assert not seen(tab, "force")
 
 
@@ -111,13 +82,13 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         keyboard.press("h")
         expect(legend).to_be_visible()
         expect(legend).to_contain_text("breaks at 211 kPa")
-        wait_until(tab, lambda: seen(tab, "skin_stress") and not seen(tab, "skin"))
+        tab.wait_until(lambda: seen(tab, "skin_stress") and not seen(tab, "skin"))
 
         tab.slide("Force F (N)", 3.0)
         tab.wait_for_force(3.0)
         tab.open("Train")  # out of the number field, where keys are figures
         keyboard.press("p")
-        wait_until(tab, lambda: view.workplace.paused)
+        tab.wait_until(lambda: view.workplace.paused)
         expect(tab.readout).to_contain_text("Paused")
         tab.slide("Force F (N)", 1.0)
         held = session.reading()
@@ -139,12 +110,12 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         tab.page.locator("[data-testid=readout][data-threshold-kpa='250']").wait_for()
         keyboard.press("t")  # to the tear that is farther off now
         tab.wait_for_phase("torn")
-        wait_until(tab, lambda: seen(tab, "first_piece_stress"))
+        tab.wait_until(lambda: seen(tab, "first_piece_stress"))
         keyboard.press("r")
         tab.wait_for_phase("intact")
         keyboard.press("h")
         expect(legend).to_have_count(0)
-        wait_until(tab, lambda: seen(tab, "skin"))
+        tab.wait_until(lambda: seen(tab, "skin"))
 
 
 def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
@@ -162,11 +133,11 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
     with trainer_page(browser, trainer.address) as tab:
         tab.open("Compare")
         tab.choose("Theory", "Finite elements (the thesis's reference)")
-        wait_until(tab, lambda: newest(trainer).session.theory.name == "fem")
+        tab.wait_until(lambda: newest(trainer).session.theory.name == "fem")
         tab.open("Train")
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("exact beam")
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
-        wait_until(tab, lambda: any(charts(tab)[0][6]))
+        tab.wait_until(lambda: any(charts(tab)[0][6]))
         x, _, _, _, cubic, exact, ansys = charts(tab)[0]
         shown = {a: b for a, b in zip(x, ansys, strict=True) if b is not None}
         assert shown == pytest.approx(
@@ -191,24 +162,24 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         found = float(ghost.get_attribute("data-deflection-difference-mm") or "nan")
         assert found == pytest.approx(exact - cubic, rel=1e-4)
         assert float(ghost.get_attribute("data-force-difference-n") or "nan") == 0.0
-        wait_until(tab, lambda: seen(tab, "ghost"))
+        tab.wait_until(lambda: seen(tab, "ghost"))
 
         tab.choose("Theory", "Exact beam")
-        wait_until(tab, lambda: session.theory == Exact())
-        wait_until(tab, lambda: tab.figure("deflection-mm") == pytest.approx(exact, rel=1e-5))
+        tab.wait_until(lambda: session.theory == Exact())
+        tab.wait_until(lambda: tab.figure("deflection-mm") == pytest.approx(exact, rel=1e-5))
         tab.choose("Ghost", "None")
         expect(ghost).to_have_count(0)
-        wait_until(tab, lambda: not seen(tab, "ghost"))
+        tab.wait_until(lambda: not seen(tab, "ghost"))
 
         tab.tick("Chain")
-        wait_until(tab, lambda: session.chain is not None and seen(tab, "chain/nodes"))
+        tab.wait_until(lambda: session.chain is not None and seen(tab, "chain/nodes"))
         expect(tab.page.get_by_test_id("chain")).to_contain_text("N at")
         tab.tick("Chain")
-        wait_until(tab, lambda: session.chain is None and not seen(tab, "chain/nodes"))
+        tab.wait_until(lambda: session.chain is None and not seen(tab, "chain/nodes"))
 
         tab.open("Model")
         tab.tick("Points")
-        wait_until(tab, lambda: seen(tab, "overlay/driving_points"))
+        tab.wait_until(lambda: seen(tab, "overlay/driving_points"))
 
         # What is on the screen, by the code that the command line exports with.
         tab.choose("Export as", SUFFIXES[".stl"])
@@ -248,7 +219,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         again = Replay(run.log, phantom(), vertices=300)
         assert downloaded(tab, "Download CSV") == series_csv(again.series()).encode()
         tab.page.get_by_role("tab", name="Over time").click()
-        wait_until(tab, lambda: len(charts(tab)) >= 2)
+        tab.wait_until(lambda: len(charts(tab)) >= 2)
         time_of, force_of = next(rows[:2] for rows in charts(tab) if len(rows) == 3)
         assert time_of[-1] == run.log.ticks / 30.0
         assert force_of[-1] == again.session.reading().force
@@ -256,22 +227,22 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
         tab.press("Watch it again")
         tab.open("Replay")
-        wait_until(tab, lambda: view.workplace.player is not None)
+        tab.wait_until(lambda: view.workplace.player is not None)
         live = session.reading()
         player = view.workplace.player
         assert player is not None
         tab.slide("Time (s)", 0.0)
-        wait_until(tab, lambda: player.time < 0.02)
-        wait_until(tab, lambda: np.abs(tab.vertices("skin") - rest).max() < 0.01)
+        tab.wait_until(lambda: player.time < 0.02)
+        tab.wait_until(lambda: np.abs(tab.vertices("skin") - rest).max() < 0.01)
         tab.slide("Time (s)", round(0.5 * run.log.ticks / 30.0, 2))
-        wait_until(tab, lambda: abs(player.time - 0.5 * run.log.ticks / 30.0) < 0.02)
+        tab.wait_until(lambda: abs(player.time - 0.5 * run.log.ticks / 30.0) < 0.02)
         tab.slide("Time (s)", 100.0)
-        wait_until(tab, lambda: player.at_end)
+        tab.wait_until(lambda: player.at_end)
         last = again.session.reading()
-        wait_until(tab, lambda: tab.figure("force-n") == pytest.approx(last.force, rel=1e-5))
+        tab.wait_until(lambda: tab.figure("force-n") == pytest.approx(last.force, rel=1e-5))
         assert tab.figure("deflection-mm") == pytest.approx(last.deflection, rel=1e-5)
         assert player.session.measures() == run.measures
-        wait_until(tab, lambda: np.abs(tab.vertices("skin") - rest).max() > 0.5)
+        tab.wait_until(lambda: np.abs(tab.vertices("skin") - rest).max() > 0.5)
         tab.press("Leave the replay")
         tab.wait_for_force(live.force)
         assert session.reading() == live
@@ -280,12 +251,12 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         file = tmp_path / "run.json"
         file.write_bytes(run_json(run))
         tab.page.locator("input[type=file]").set_input_files(file)
-        wait_until(tab, lambda: view.workplace.player is not None)
+        tab.wait_until(lambda: view.workplace.player is not None)
         assert view.workplace.player is not None
         assert run_json(view.workplace.player.run) == file.read_bytes()
         tab.press("Leave the replay")
         file.write_text("{}")
-        wait_until(tab, lambda: tab.page.locator("input[type=file]").count() > 0)
+        tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)
         tab.page.locator("input[type=file]").set_input_files(file)
         expect(tab.page.get_by_text(re.compile("not a run of bluntdissect"))).to_be_visible()
 
@@ -319,7 +290,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         )
         tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
-        wait_until(tab, lambda: session.threshold == pytest.approx(0.3))
+        tab.wait_until(lambda: session.threshold == pytest.approx(0.3))
         tab.open("Learn")
         tab.page.keyboard.press("h")
         tab.page.get_by_test_id("heat-legend").wait_for()
@@ -334,9 +305,9 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         expect(tab.page.get_by_test_id("plot-key")).to_have_count(0)
         session.grab(25.4)
         session.hand_to(6.0)
-        wait_until(tab, lambda: session.reading().deflection > 5.9)
+        tab.wait_until(lambda: session.reading().deflection > 5.9)
         tab.page.wait_for_timeout(300)
-        wait_until(tab, lambda: seen(tab, "skin"))
+        tab.wait_until(lambda: seen(tab, "skin"))
         assert not seen(tab, "skin_stress")
         assert not seen(tab, "force")
         assert tab.readout.get_attribute("data-force-n") is None
@@ -358,7 +329,54 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         outcome.wait_for()
         assert outcome.get_attribute("data-outcome") == "Not judged"
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
-        wait_until(tab, lambda: tab.figure("distance-to-break") == 1.0)
+        tab.wait_until(lambda: tab.figure("distance-to-break") == 1.0)
+
+
+WATCH = """() => {
+    window.__hidden = [];
+    const look = () => {
+        const readout = document.querySelector('[data-testid=readout]');
+        const hidden = readout?.dataset.hidden === '1';
+        if (readout && window.__hidden.at(-1) !== hidden) window.__hidden.push(hidden);
+    };
+    new MutationObserver(look).observe(document.body,
+        {subtree: true, childList: true, attributes: true});
+    look();
+}"""
+
+
+def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=900, height=600) as tab:
+        session = newest(trainer).session
+        hidden = tab.page.locator("[data-testid=readout][data-hidden='1']")
+        tab.open("Learn")
+        tab.choose("Feedback", "Fading, gone after 30 s")
+        tab.press("Start")
+        tab.page.get_by_test_id("exercise-state").wait_for()
+        assert session.run.feedback is Feedback.FADING
+        expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
+        tab.page.evaluate(WATCH)
+        session.grab(25.4)
+        session.hand_to(2.0)
+        # From 12 s to 18 s the figures are shown for 1.8 s and 1.5 s, and hidden after each.
+        session.advance(12 * 30)
+        tab.wait_until(lambda: len(tab.page.evaluate("() => window.__hidden")) >= 4)
+        assert session.run.seconds < 30.0
+        assert tab.page.evaluate("() => window.__hidden")[:4] == [False, True, False, True]
+        session.advance(30 * 30 - session.run.ticks)
+        tab.wait_until(hidden.is_visible)
+        tab.page.evaluate(WATCH)
+        for _ in range(6):  # half of each period to come
+            session.advance(45)
+        tab.page.wait_for_timeout(300)  # nothing is to happen
+        assert tab.page.evaluate("() => window.__hidden") == [True]
+        tab.press("Stop")
+        outcome = tab.page.get_by_test_id("outcome")
+        outcome.wait_for()
+        tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        expect(hidden).to_have_count(0)
 
 
 def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer) -> None:
@@ -374,9 +392,9 @@ def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer
         tab.page.reload()
         tab.wait_for_node("skin")
         tab.wait_for_force(1.5)
-        wait_until(tab, lambda: newest(trainer) is not view)
+        tab.wait_until(lambda: newest(trainer) is not view)
         assert newest(trainer).session is view.session
-        assert len(trainer._kept) == sessions
+        assert len(trainer._kept) <= sessions  # those left long ago may have expired
         assert view.session.run.ticks >= ticks
         assert tab.slider("Force F (N)") == 1.5
         expect(lines).to_have_count(0)  # it has been read

@@ -2,7 +2,6 @@
 
 import io
 import math
-from collections.abc import Iterator
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -46,14 +45,6 @@ def full_files(radius: float) -> dict[str, bytes]:
         "second": clamp_glb("second", radius=radius, bite=0.8, tissue=TISSUE),
         "hook": hook_glb(radius),
     }
-
-
-@pytest.fixture
-def scene() -> Iterator[viser.SceneApi]:
-    """A scene without a browser."""
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.scene
-    server.stop()
 
 
 @pytest.mark.parametrize("radius", RADII)

@@ -2,13 +2,12 @@
 
 import io
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import trimesh
 import viser
-from browser import running_browser, trainer_page
+from browser import trainer_page
 from playwright.sync_api import Browser
 from simulated import phantom, pull, tear
 
@@ -18,7 +17,7 @@ from app.trainer.stage.bed_shadow import BANDS, BedShadow
 from app.trainer.stage.contact import BITE, Contact, HookPlace, _press
 from app.trainer.stage.hook import bend_radius, wire_radius
 from app.trainer.stage.tissue import Tissue
-from app.trainer.stage.tissue_bed import bed_height
+from app.trainer.stage.tissue_bed import bed_surface, height_at
 from app.trainer.stage.wall import Wall, wall_normals
 
 SPAN, RADIUS = 50.8, 4.4453
@@ -27,19 +26,6 @@ SPAN, RADIUS = 50.8, 4.4453
 def middle(height: float) -> np.ndarray:
     """The axis in the middle, raised, mm."""
     return np.array([0.5 * SPAN, 0.0, height])
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture
-def scene() -> Iterator[viser.SceneApi]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.scene
-    server.stop()
 
 
 def contact_of(session: Session) -> Contact:
@@ -157,15 +143,17 @@ def test_shadow_lies_on_the_bed_and_follows_the_duct(scene: viser.SceneApi) -> N
     for height in (0.0, 15.0):
         x = np.linspace(0.0, SPAN, 60)
         shadow.show(np.stack([x, 0.0 * x, height * np.sin(math.pi * x / SPAN) ** 2], axis=-1))
-        places = np.empty((0, 3))
-        for number in range(len(BANDS)):
-            band = scene.get_handle_by_name(f"/stage/bed_shadow/{number}")
-            assert isinstance(band, viser.MeshHandle)
-            places = np.asarray(band.vertices, np.float64) - floor
-            above = places[:, 2] - bed_height(places[:, 0], places[:, 1])
+        shown = scene.get_handle_by_name("/stage/bed_shadow")
+        assert isinstance(shown, viser.MeshHandle)
+        bands = np.asarray(shown.vertices, np.float64).reshape(len(BANDS), -1, 3) - floor
+        for band in bands:
+            bed = [height_at(x, y, *bed_surface()) for x, y, _ in band]
+            above = band[:, 2] - bed
             assert above.min() > 0.2
             assert above.max() < 0.7
-        middles.append(places[len(places) // 2])
+        # Each lies above the one before it, which is drawn first.
+        assert np.diff(bands[:, 0, 2]).min() > 0.0
+        middles.append(bands[-1, bands.shape[1] // 2])
     # The lamp is up to the left and in front: what rises throws its shadow to the right, behind.
     assert middles[1][0] > middles[0][0] + 1.0
     assert middles[1][1] > middles[0][1] + 1.0

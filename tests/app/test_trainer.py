@@ -4,9 +4,8 @@ import re
 import signal
 import socket
 import subprocess
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +14,7 @@ from typing import cast
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, running_browser, trainer_page
+from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
 from program import command, refused
 from simulated import phantom
@@ -30,19 +29,6 @@ from physics import Beam, Cubic, TautString
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 SINGLE_PRECISION = 2e-5
 """mm: what vertices of some 50 mm lose on their way to the page."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with running_browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def trainer() -> Iterator[Trainer]:
-    running = Trainer(phantom(), port=0, look="plain")
-    yield running
-    running.stop()
 
 
 def newest(trainer: Trainer) -> Session:
@@ -94,10 +80,10 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         assert tab.figure("breaks-at-n") == pytest.approx(3.55858, rel=1e-5)
         expect(tab.page.get_by_role("button", name="Reset")).to_be_enabled()
         expect(tab.page.get_by_role("textbox").filter(visible=True)).to_have_count(0)
-        gap = _gap_when_settled(tab)
-        first, second = newest(trainer).surfaces
-        between = float(second.vertices[:, 0].min() - first.vertices[:, 0].max())
-        assert gap == pytest.approx(between, abs=SINGLE_PRECISION)
+        session = newest(trainer)
+        tab.wait_until(lambda: not session.step(0.0))  # the pieces have stopped swinging
+        gap = _gap(*(surface.vertices for surface in session.surfaces))
+        tab.wait_until(lambda: _drawn_gap(tab) == pytest.approx(gap, abs=SINGLE_PRECISION))
         assert gap > 1.0  # mm between the longest of what is frayed
 
         tab.page.get_by_role("button", name="Reset").click()
@@ -111,17 +97,14 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         tab.wait_for_force(1.0)
 
 
-def _gap_when_settled(tab: TrainerPage) -> float:
-    """Distance between the pieces along the duct once they have stopped swinging, mm."""
-    last, still = None, 0
-    for _ in range(60):
-        first, second = tab.vertices("first_piece"), tab.vertices("second_piece")
-        still = still + 1 if last is not None and np.array_equal(last, first) else 0
-        if still == 3:  # a busy machine may not draw for a moment
-            return float(second[:, 0].min() - first[:, 0].max())
-        last = first
-        time.sleep(0.5)
-    raise AssertionError("the pieces have not come to rest in 30 s")
+def _gap(first: np.ndarray, second: np.ndarray) -> float:
+    """Distance between two pieces along the duct, mm."""
+    return float(second[:, 0].min() - first[:, 0].max())
+
+
+def _drawn_gap(tab: TrainerPage) -> float:
+    """That of the pieces as the page draws them."""
+    return _gap(tab.vertices("first_piece"), tab.vertices("second_piece"))
 
 
 def test_two_tabs_are_two_ducts(browser: Browser, trainer: Trainer) -> None:
@@ -195,17 +178,20 @@ def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer
                 f"() => {{ const send = window.__viserMutable.sendMessage;"
                 f" const update = {message % value}; send(update); window.__update = update; }}"
             )
-            _wait_until(lambda wanted=force: session.reading().force == wanted)
+            tab.wait_until(lambda wanted=force: session.reading().force == wanted)
             assert session.reading().phase is Phase.INTACT
         tab.slide("Force F (N)", 1.5)
         tab.wait_for_force(1.5)
 
 
-def _wait_until(condition: Callable[[], bool], *, seconds: float = 30.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it has not come true in time"
-        time.sleep(0.05)
+def _tissue_row(tab: TrainerPage) -> float | None:
+    """Mean row of the duct's colour in a strip of the picture, px; None where there is little."""
+    picture = cv2.imdecode(np.frombuffer(tab.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    strip = picture[60:, 400:520].astype(int)
+    blue, green, red = strip[..., 0], strip[..., 1], strip[..., 2]
+    tissue = (red > 110) & (green > 0.5 * red) & (blue < 0.8 * green)
+    return float(np.nonzero(tissue)[0].mean()) if tissue.mean() > 0.03 else None
 
 
 def test_duct_is_seen(browser: Browser, trainer: Trainer) -> None:
@@ -215,14 +201,10 @@ def test_duct_is_seen(browser: Browser, trainer: Trainer) -> None:
         for force in (0.0, 3.0):
             tab.slide("Force F (N)", force)
             tab.wait_for_force(force)
-            tab.page.wait_for_timeout(2000)
-            picture = cv2.imdecode(np.frombuffer(tab.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
-            assert picture is not None
-            strip = picture[60:, 400:520].astype(int)
-            blue, green, red = strip[..., 0], strip[..., 1], strip[..., 2]
-            tissue = (red > 110) & (green > 0.5 * red) & (blue < 0.8 * green)
-            assert tissue.mean() > 0.03
-            heights.append(float(np.nonzero(tissue)[0].mean()))
+            tab.wait_until(lambda: _tissue_row(tab) is not None)
+            if heights:
+                tab.wait_until(lambda: (_tissue_row(tab) or np.inf) < heights[0] - 20.0)
+            heights.append(_tissue_row(tab) or np.nan)
         assert heights[1] < heights[0] - 20.0  # px, upwards
 
 
@@ -237,17 +219,26 @@ def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address) as tab:
         tab.slide("Force F (N)", 2.0)
         tab.wait_for_force(2.0)
-        tab.page.wait_for_timeout(500)
-        deflections, theory, pulled, level, *_ = tab.page.evaluate(
-            "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
-            ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
-        )
-        reached = [x for x, y in zip(deflections, pulled, strict=True) if y is not None]
-        assert reached[-1] == pytest.approx(Cubic().deflection(DUCT, 25.4, 2.0), rel=1e-4)
+        wanted = pytest.approx(Cubic().deflection(DUCT, 25.4, 2.0), rel=1e-4)
+        tab.wait_until(lambda: _reached(_plot(tab)) == wanted)
+        deflections, theory, _, level, *_ = _plot(tab)
         assert theory == pytest.approx(
             [Cubic().force(DUCT, 25.4, x) for x in deflections], abs=2e-3
         )
         assert level == pytest.approx([3.558577] * len(level), rel=1e-5)
+
+
+def _plot(tab: TrainerPage) -> list[list[float]]:
+    """The rows of the first plot."""
+    return tab.page.evaluate(
+        "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
+        ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
+    )
+
+
+def _reached(plot: list[list[float]]) -> float:
+    """The deflection that the pull in a plot has come to, mm."""
+    return [x for x, y in zip(plot[0], plot[2], strict=True) if y is not None][-1]
 
 
 # The process.
@@ -294,12 +285,14 @@ def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> 
 
 def test_one_camera_callback_whatever_the_duct(browser: Browser, trainer: Trainer) -> None:
     """viser keeps them all: one for each new stage would draw stages that are gone."""
-    with trainer_page(browser, trainer.address, width=640, height=480):
+    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
         view = trainer._views[max(trainer._views)]
         callbacks = view.client.camera._state.camera_cb
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
-            _wait_until(lambda name=preset: view._scene._clamps == view.session.dissection.clamps)
+            tab.wait_until(
+                lambda name=preset: view._scene._clamps == view.session.dissection.clamps
+            )
         assert len(callbacks) == 1
 
 

@@ -1,12 +1,14 @@
 """Organs of known shape have the surface and the sections of that shape."""
 
 import dataclasses
+import pickle
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from organ_geometry import organ as organ_module
 from organ_geometry.organ import Organ
 
 Tube = Callable[..., Organ]
@@ -154,6 +156,23 @@ def test_mean_radius_and_key_points(make_tube: Tube) -> None:
     assert points.shape == (32, 3)
     assert set(points[:, 0]) == {0.0, 10.0}
     np.testing.assert_allclose(np.hypot(points[16:, 1], points[16:, 2]), 3.0, rtol=RADIUS_SHARE)
+
+
+def test_mean_radius_is_found_once_when_it_is_asked_for(
+    make_tube: Tube, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: list[int] = []
+    moments = organ_module._moments
+    monkeypatch.setattr(
+        organ_module, "_moments", lambda outlines: found.append(1) or moments(outlines)
+    )
+    organ = make_tube([1.0, 3.0])
+    assert not found
+    assert organ.mean_radius == organ.mean_radius
+    assert found == [1]
+    same = dataclasses.replace(organ, name="another")
+    assert same.mean_radius == organ.mean_radius
+    assert pickle.loads(pickle.dumps(organ)).mean_radius == organ.mean_radius
 
 
 def test_arrays_are_copied_and_locked(make_tube: Tube) -> None:

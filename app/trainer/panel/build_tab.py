@@ -51,7 +51,7 @@ class BuildTab:
 
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
-        self._bench = OrganWorkbench()
+        self._bench = OrganWorkbench(process=workplace.build_process)
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
         )
@@ -146,10 +146,13 @@ class BuildTab:
         with self._lock:
             self._wishes += 1
             wish = self._wishes
-        self._say("One moment.")
+        builder, kind = self._workplace.builder, (id(self), "build")
+        before = builder.others_before(kind)
+        self._say(_waiting(before) if before else "One moment.")
 
         def do() -> None:
             try:
+                self._say("One moment.")
                 work()
             except Abandoned:
                 return
@@ -164,7 +167,7 @@ class BuildTab:
                 self._say(said)
             self._show_result()
 
-        self._workplace.builder.do((id(self), "build"), do)
+        builder.do(kind, do)
 
     def _open(self, read: Callable[[], OpenedStack]) -> None:
         opened = read()
@@ -234,6 +237,12 @@ class BuildTab:
             self._workplace.client.send_file_download(
                 f"{opened.source.stem}.organ", built.organ.encoded, save_immediately=True
             )
+
+
+def _waiting(before: int) -> str:
+    """Return what is said to somebody whose organ is not begun yet."""
+    organs = "another organ is" if before == 1 else f"{before} other organs are"
+    return f"Waiting: {organs} being built first."
 
 
 def _length(value: object) -> float | None:

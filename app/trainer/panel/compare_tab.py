@@ -21,6 +21,7 @@ OFFERED_THEORIES: dict[str, Theory] = {
 }
 """Theories that are quick enough to be stepped for a room of trainees, by their label."""
 NO_GHOST = "None"
+_FIRST_TIME = "The first time after an installation takes up to a minute."
 _TELLING = (
     "The <b>ghost</b> is the same duct by another theory under the same load, in blue over yours. "
     "By hand both have one deflection and differ in force; by the slider it is the other way round."
@@ -128,7 +129,7 @@ class CompareTab:
     def _choose(self, what: str, action: Callable[[], object]) -> None:
         self._choosing += 1
         try:
-            self._workplace.attempt(what, action)
+            self._workplace.attempt(f"{what} {_FIRST_TIME}", action)
         finally:
             self._choosing -= 1
         self._theory.value = _label(self._workplace.session.theory)

@@ -25,8 +25,16 @@ DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)
-_NARROW_STYLE = "<style>@media (max-width:576px){.bd-wide{display:none}}</style>"
-"""On a phone the read-out has its main figures only, so that the duct is seen above it."""
+_OF_PANEL = ":has([data-testid=readout])"
+_NARROW_STYLE = (
+    "<style>@media (max-width:576px){.bd-wide{display:none}"
+    f".mantine-Paper-root{_OF_PANEL},.mantine-Paper-root [style*='width: 20em']{_OF_PANEL}"
+    "{width:100%!important}"
+    f".mantine-Paper-root{_OF_PANEL} .mantine-Tabs-tab"
+    "{padding-left:9px!important;padding-right:9px!important}}</style>"
+)
+"""On a phone the panel is as wide as the screen, where viser makes it two thirds of that, and the
+read-out has its main figures only, so that the duct is seen above it."""
 
 
 class Panel:

@@ -4,7 +4,7 @@ Lengths in this module are in duct radii until the last step, so that a thin duc
 clamp.
 """
 
-from functools import cache
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -35,7 +35,7 @@ _IN_SHADE = 0.86
 _ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
 
 
-@cache
+@lru_cache(maxsize=16)  # a few ducts; trainees can build any number
 def clamp_glb(
     end: Literal["first", "second"],
     *,

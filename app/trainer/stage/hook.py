@@ -1,6 +1,6 @@
 """The hook-like grasper: a steel wire that curls under the duct, on an insulated shaft."""
 
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,7 +49,7 @@ def bend_radius(radius: float) -> float:
     return radius + wire_radius(radius) - _PRESS
 
 
-@cache
+@lru_cache(maxsize=16)  # a few ducts; trainees can build any number
 def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     """Return the hook as a GLB file for a pull along +z.
 

@@ -1,7 +1,7 @@
 """The stage: everything still around the duct, on one client's scene."""
 
 import time
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import viser
@@ -19,6 +19,38 @@ _SETTLING_TIME = 3.0
 _ASPECT_CHANGE = 0.02
 _POSE_TOLERANCE = 0.01
 _LIFT_ROOM = 3.0
+
+
+def stage_files(
+    *, radius: float, look: Look, bite: float, tissue: tuple[int, int, int]
+) -> dict[str, bytes]:
+    """Return what stands still, drawn once for all clients with the same duct.
+
+    Parameters
+    ----------
+    radius, look, bite, tissue
+        As those of the stage.
+
+    Returns
+    -------
+    dict[str, bytes]
+        GLB files by their place on the stage.
+    """
+    full = look == "full"
+    detail = 1.0 if full else 0.5
+
+    def clamp(end: Literal["first", "second"]) -> bytes:
+        return clamp_glb(end, radius=radius, bite=bite, tissue=tissue, detail=detail)
+
+    return {
+        "tissue_bed": (
+            tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
+        ),
+        "neighbours": neighbours_glb() if full else neighbours_glb(corners=16, pixels=96),
+        "clamps/first": clamp("first"),
+        "clamps/second": clamp("second"),
+        "hook": hook_glb(radius, detail=detail),
+    }
 
 
 class Stage:
@@ -66,25 +98,19 @@ class Stage:
         self._framed_at = 0.0
         self._looked_around = False
         full = look == "full"
-        detail = 1.0 if full else 0.5
+        files = stage_files(radius=self.radius, look=look, bite=bite, tissue=tissue)
         scale = self.span / REFERENCE_SPAN
         floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
 
         light_stage(scene, span=self.span, look=look)
-        bed = tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
-        scene.add_glb("/stage/tissue_bed", bed, scale=scale, position=floor, cast_shadow=False)
-        scene.add_glb(
-            "/stage/neighbours",
-            neighbours_glb() if full else neighbours_glb(corners=16, pixels=96),
-            scale=scale,
-            position=floor,
-            cast_shadow=False,
-        )
+        for name in ("tissue_bed", "neighbours"):
+            scene.add_glb(
+                f"/stage/{name}", files[name], scale=scale, position=floor, cast_shadow=False
+            )
         for end, x in (("first", 0.0), ("second", self.span)):
-            glb = clamp_glb(end, radius=self.radius, bite=bite, tissue=tissue, detail=detail)
             scene.add_glb(
                 f"/stage/clamps/{end}",
-                glb,
+                files[f"clamps/{end}"],
                 position=(x, 0.0, 0.0),
                 cast_shadow=False,
                 receive_shadow=False,
@@ -95,12 +121,12 @@ class Stage:
         self._hook = scene.add_frame("/stage/hook", show_axes=False)
         scene.add_glb(
             "/stage/hook/instrument",
-            hook_glb(self.radius, detail=detail),
+            files["hook"],
             cast_shadow=False,
             receive_shadow=False,
         )
         self._hook_point: NDArray[np.float64] | None = None
-        self._hook_wxyz = hook_wxyz((0.0, 0.0, 1.0))
+        self._hook_direction = np.array((0.0, 0.0, 1.0))  # as the instrument is made
         self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))
 
     def place_hook(
@@ -122,7 +148,9 @@ class Stage:
         ValueError
             If a number is not finite, or the pull runs along x.
         """
-        wxyz = hook_wxyz(direction)
+        turn = None
+        if not np.array_equal(direction, self._hook_direction):
+            turn = hook_wxyz(direction)
         place = np.array(point, np.float64)
         if place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
@@ -132,9 +160,9 @@ class Stage:
         if self._hook_point is None or not np.array_equal(place, self._hook_point):
             self._hook.position = place
             self._hook_point = place
-        if not np.allclose(wxyz, self._hook_wxyz):
-            self._hook.wxyz = wxyz
-            self._hook_wxyz = wxyz
+        if turn is not None:
+            self._hook.wxyz = turn
+            self._hook_direction = np.array(direction, np.float64)
 
     def cast_shadow(self, axis: NDArray[np.floating[Any]]) -> None:
         """Lay the duct's shadow on the bed; the plain look has none.

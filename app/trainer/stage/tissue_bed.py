@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,28 +88,52 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
     return binary_gltf([Part(solid, finish)])
 
 
-def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the height of the full bed.
+@cache
+def bed_surface() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
+    """Return the full bed as a grid.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]
+        (columns,) x, (rows,) y and (rows, columns) height, mm at a span of 50.8 mm; x and y grow.
+    """
+    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
+    return (
+        surface_x[0].astype(np.float64),
+        surface_y[:, 0].astype(np.float64),
+        np.ascontiguousarray(height),
+    )
+
+
+@numba.njit(cache=True)
+def height_at(
+    x: float,
+    y: float,
+    bed_x: NDArray[np.float64],
+    bed_y: NDArray[np.float64],
+    bed_z: NDArray[np.float32],
+) -> float:
+    """Return the height of the full bed at a place, linear between the points of its grid.
 
     Parameters
     ----------
     x, y
-        Places, mm at a span of 50.8 mm; those beyond the bed count as on its edge.
+        The place, mm at a span of 50.8 mm; one beyond the bed counts as on its edge.
+    bed_x, bed_y, bed_z
+        As `bed_surface` gives them.
 
     Returns
     -------
-    NDArray[np.float64]
-        The shape of `x`, mm.
+    float
+        The height, mm.
     """
-    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
-    column = np.interp(x, surface_x[0], np.arange(_COLUMNS, dtype=np.float64))
-    row = np.interp(y, surface_y[:, 0], np.arange(_ROWS, dtype=np.float64))
-    left = np.minimum(column.astype(int), _COLUMNS - 2)
-    near = np.minimum(row.astype(int), _ROWS - 2)
-    u, v = column - left, row - near
+    left = min(max(np.searchsorted(bed_x, x, side="right") - 1, 0), len(bed_x) - 2)
+    near = min(max(np.searchsorted(bed_y, y, side="right") - 1, 0), len(bed_y) - 2)
+    u = min(max((x - bed_x[left]) / (bed_x[left + 1] - bed_x[left]), 0.0), 1.0)
+    v = min(max((y - bed_y[near]) / (bed_y[near + 1] - bed_y[near]), 0.0), 1.0)
     return (
-        (1.0 - v) * ((1.0 - u) * height[near, left] + u * height[near, left + 1])
-        + v * ((1.0 - u) * height[near + 1, left] + u * height[near + 1, left + 1])
+        (1.0 - v) * ((1.0 - u) * bed_z[near, left] + u * bed_z[near, left + 1])
+        + v * ((1.0 - u) * bed_z[near + 1, left] + u * bed_z[near + 1, left + 1])
     )  # fmt: skip
 
 

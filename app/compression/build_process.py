@@ -1,0 +1,175 @@
+"""A process that builds organs, so that whoever asked for one can go on meanwhile.
+
+Finding edges and encoding an organ take seconds of Python's one lock: in the trainer's own process
+a fifth of all sessions' ticks came too late while an organ was built.
+"""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeVar
+
+__all__ = ["Abandoned", "BuildProcess", "Progress"]
+
+Progress = Callable[[int, int], None]
+Made = TypeVar("Made")
+POLL_SECONDS = 0.1
+"""How often whoever waits looks whether they still want it."""
+NICENESS = 5
+"""How much the building gives way to sessions on a machine with few cores."""
+
+
+class Abandoned(Exception):  # noqa: N818
+    """Nobody wants what was being made any more."""
+
+
+class BuildProcess:
+    """One process that makes one thing after the other; it is started with the first.
+
+    Its methods may be called from any thread.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a process."""
+        return self._process is not None
+
+    def make(
+        self,
+        work: Callable[..., Made],
+        *args: object,
+        progress: Progress,
+        wanted: Callable[[], bool],
+    ) -> Made:
+        """Have something made, and wait for it.
+
+        Parameters
+        ----------
+        work
+            A function of a module, called with `args` and a progress in the process.
+        *args
+            What can be pickled.
+        progress
+            Called here with what the work tells its own progress.
+        wanted
+            Asked now and then; once it says no, the process is ended.
+
+        Returns
+        -------
+        Made
+            What the work returns.
+
+        Raises
+        ------
+        Abandoned
+            If it was not wanted any more, or this has been stopped.
+        RuntimeError
+            If the process ended by itself, of a lack of memory perhaps.
+        ValueError
+            As the work raises it.
+        """
+        with self._lock:
+            if self._stopped.is_set() or not wanted():
+                raise Abandoned
+            try:
+                made, answer = self._answer(work, args, progress, wanted)
+            except (EOFError, OSError) as error:
+                self._end()
+                raise RuntimeError("the process that builds organs has ended") from error
+            except BaseException:
+                self._end()
+                raise
+        if made:
+            return answer
+        raise answer
+
+    def stop(self) -> None:
+        """End the process, and what it is at."""
+        self._stopped.set()
+        with self._lock:
+            self._end()
+
+    def _answer(
+        self,
+        work: Callable[..., object],
+        args: tuple[object, ...],
+        progress: Progress,
+        wanted: Callable[[], bool],
+    ) -> tuple[bool, Any]:
+        """Return whether the work was done, and what it returned or raised."""
+        pipe = self._started()
+        pipe.send((work, args))
+        while True:
+            while not pipe.poll(POLL_SECONDS):
+                if self._stopped.is_set() or not wanted():
+                    raise Abandoned
+            kind, answer = pipe.recv()
+            if kind != "progress":
+                return kind == "made", answer
+            progress(*answer)
+
+    def _started(self) -> Connection:
+        if self._pipe is None or self._process is None or not self._process.is_alive():
+            self._end()
+            # A process that starts anew holds no locks of threads that it does not have.
+            context = multiprocessing.get_context("spawn")
+            self._pipe, other = context.Pipe()
+            self._process = context.Process(target=_serve, args=(other,), daemon=True)
+            self._process.start()
+            other.close()
+        return self._pipe
+
+    def _end(self) -> None:
+        process, pipe = self._process, self._pipe
+        self._process = self._pipe = None
+        if process is not None:
+            process.terminate()
+            process.join()
+            process.close()
+        if pipe is not None:
+            pipe.close()
+
+
+def _serve(pipe: Connection) -> None:
+    """Make one thing after the other, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the trainer, which ends this
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+
+    def progress(done: int, total: int) -> None:
+        pipe.send(("progress", (done, total)))
+
+    while True:
+        try:
+            work, args = pipe.recv()
+        except EOFError:
+            return
+        try:
+            made = work(*args, progress)
+        except BrokenPipeError:
+            return
+        except Exception as error:
+            pipe.send(("failed", _sendable(error)))
+        else:
+            pipe.send(("made", made))
+
+
+def _sendable(error: Exception) -> Exception:
+    """Return an error that arrives as what it is, or as the nearest that does."""
+    nearest: Any = ValueError if isinstance(error, ValueError) else RuntimeError
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301
+    except Exception:
+        return nearest(str(error))
+    return error

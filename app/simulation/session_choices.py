@@ -1,0 +1,196 @@
+"""What a trainee chooses: duct, organ, theory, what is set beside the duct, and exercises."""
+
+from collections.abc import Callable
+
+from app.simulation.dissection import Dissection, default_preset, fits
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import Exercise
+from app.simulation.exercise_course import exercises_for
+from app.simulation.feedback import Feedback
+from app.simulation.ghost import Ghost
+from app.simulation.grasped_duct import GraspedDuct
+from app.simulation.model import Model
+from app.simulation.preset import Preset, preset_named, presets
+from app.simulation.session_hand import HandledSession
+from organ_geometry.organ import Organ
+from physics import Theory
+
+__all__ = ["ChosenSession"]
+
+
+class ChosenSession(HandledSession):
+    """A session whose duct, theory and exercise can be chosen; each choice starts anew.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    preset
+        The preset to start with; `default_preset` when None.
+    vertices
+        About how many vertices the skin shall have.
+    seed
+        Chooses the raggedness of the torn rim.
+    """
+
+    def presets_offered(self) -> list[Preset]:
+        """Return the presets that this organ can be clamped for.
+
+        Returns
+        -------
+        list[Preset]
+            The presets.
+        """
+        return [preset for preset in presets().values() if fits(self._organ, preset)]
+
+    def exercises_offered(self) -> tuple[Exercise, ...]:
+        """Return the exercises for this duct, with the present grasp and threshold.
+
+        Returns
+        -------
+        tuple[Exercise, ...]
+            The exercises; their numbers follow from the duct's own break.
+        """
+        with self._lock:
+            pulled = self._pulled
+            duct = GraspedDuct(pulled.model, pulled.grasp_wanted, pulled.threshold_wanted)
+        return exercises_for(duct)
+
+    def choose_preset(self, name: str) -> None:
+        """Start anew with another preset; a torn duct is reset first, by `reset`.
+
+        Parameters
+        ----------
+        name
+            Name of the preset.
+
+        Raises
+        ------
+        ValueError
+            If there is none of that name, the organ is too short for it, or the theory ends before
+            its break; nothing changes.
+        """
+        dissection = Dissection.of(self._organ, preset_named(name))
+        model = Model.of(dissection, self.theory)
+        with self._lock:
+            if self._pulled.tear is None:
+                self._start(model)
+
+    def prepare_organ(self, organ: Organ) -> Callable[[], None]:
+        """Prepare another organ, with this preset where the organ is long enough for it.
+
+        Parameters
+        ----------
+        organ
+            The organ.
+
+        Returns
+        -------
+        Callable[[], None]
+            Starts anew with the organ, at once; runs made before are gone, as they cannot be made
+            again on it. To be called by whoever draws the session: the surfaces are others then.
+
+        Raises
+        ------
+        ValueError
+            If the organ cannot be clamped, or the theory ends before its break.
+        """
+        drawn = DrawnDuct(organ, self._vertices)
+        preset = self.dissection.preset
+        dissection = Dissection.of(organ, preset if fits(organ, preset) else default_preset(organ))
+        model = Model.of(dissection, self.theory)
+
+        def start() -> None:
+            with self._lock:
+                drawn.shape = self._drawn.shape
+                self._organ, self._drawn = organ, drawn
+                # The theory may have been changed meanwhile.
+                same = model.theory == self.theory
+                self._start(model if same else Model.of(dissection, self.theory))
+                self._last_run = None
+
+        return start
+
+    def choose_theory(self, theory: Theory) -> None:
+        """Solve the duct by another theory, with that theory's own threshold.
+
+        Parameters
+        ----------
+        theory
+            The theory.
+
+        Raises
+        ------
+        ValueError
+            If the theory ends before the preset's break; nothing changes.
+        """
+        # Outside the lock: a theory's first solution may have to be compiled.
+        model = Model.of(self.dissection, theory)
+        with self._lock:
+            if model.dissection is not self.dissection:  # another duct was chosen meanwhile
+                model = Model.of(self.dissection, theory)
+            if self._pulled.tear is None:
+                self._pulled.solve_by(model)
+                if self._run.started:
+                    self._run.note("theory", theory)
+                else:
+                    self._new_run(self._run.exercise, self._run.feedback)
+
+    def choose_ghost(self, theory: Theory | None) -> None:
+        """Lay the duct by another theory over this one, under the same load.
+
+        Parameters
+        ----------
+        theory
+            The other theory; None takes the ghost away.
+
+        Raises
+        ------
+        ValueError
+            If the theory ends before the preset's break; nothing changes.
+        """
+        model = None if theory is None else Model.of(self.dissection, theory)
+        with self._lock:
+            if model is not None and model.dissection is not self.dissection:
+                model = Model.of(self.dissection, model.theory)
+            self._ghost = None if model is None else Ghost(model, self._drawn.skin)
+            self._pulled.touch()
+
+    def show_chain(self, shown: bool) -> None:
+        """Set the mass-spring chain beside the beam, or take it away.
+
+        Parameters
+        ----------
+        shown
+            Whether it shall be there.
+        """
+        with self._lock:
+            if shown != (self._chain is not None):
+                self._chain = self._new_chain() if shown else None
+                self._pulled.touch()
+
+    def start_exercise(self, exercise: Exercise, feedback: Feedback = Feedback.CONTINUOUS) -> None:
+        """Start anew with an exercise; its time runs from the first pull.
+
+        Parameters
+        ----------
+        exercise
+            The exercise.
+        feedback
+            When the trainee sees the figures.
+        """
+        with self._lock:
+            self.reset()
+            self._new_run(exercise, feedback)
+
+    def finish(self) -> None:
+        """End the run as it stands; the duct stays as it is."""
+        with self._lock:
+            self._run.finish()
+
+    def reset(self) -> None:
+        """Let go of the duct and make it whole: the next pull starts a run without an exercise."""
+        with self._lock:
+            if self._pulled.reset():
+                self._drawn.show_whole()
+            self._new_run()

@@ -1,0 +1,158 @@
+"""What a trainee does to the duct: every wish goes into the run's log as what it came to."""
+
+import numpy as np
+
+from app.simulation.run import StartingPoint
+from app.simulation.run_log import InputKind
+from app.simulation.session_state import SessionState
+
+__all__ = ["HandledSession"]
+
+
+class HandledSession(SessionState):
+    """A session whose duct is pulled, by force or by hand. Wishes are taken with the next step.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    preset
+        The preset to start with; `default_preset` when None.
+    vertices
+        About how many vertices the skin shall have.
+    seed
+        Chooses the raggedness of the torn rim.
+    """
+
+    def set_force(self, force: float) -> None:
+        """Ask for a force; the pull grows or falls to it in the next steps.
+
+        Parameters
+        ----------
+        force
+            The grasper's whole force, N.
+        """
+        with self._lock:
+            if self._pulled.takes(force):
+                if force > 0.0:
+                    self._begin_run()
+                self._note("force", self._pulled.ask_force(force))
+
+    def station_at(self, place: tuple[float, float, float]) -> float:
+        """Return where along the duct a place in space is, for a hand to take hold there.
+
+        Parameters
+        ----------
+        place
+            mm from the first clamp along the clamps, sideways and along the pull, as
+            `Reading.hook`.
+
+        Returns
+        -------
+        float
+            Station of the nearest point of the axis as it lies now, mm from the first clamp.
+        """
+        with self._lock:
+            return self._pulled.grasped.station_at(np.array(place, dtype=np.float64))
+
+    def grab(self, station: float) -> float | None:
+        """Take the duct by hand, at a place and as far out as it is there.
+
+        Parameters
+        ----------
+        station
+            Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
+
+        Returns
+        -------
+        float | None
+            Displacement of the duct there, mm, from which the hand goes on; None if nothing was
+            taken hold of.
+        """
+        with self._lock:
+            if not self._pulled.takes(station):
+                return None
+            self._begin_run()
+            self._note("grab", self._pulled.grab(station))
+            return self._pulled.control.deflection
+
+    def hand_to(self, deflection: float) -> None:
+        """Lead the hand that holds the duct; the grasp follows in the next steps.
+
+        The hand sets the displacement, the beam answers with the force. A hook pulls and does not
+        push: below zero the duct lies where it is at rest.
+
+        Parameters
+        ----------
+        deflection
+            Wanted displacement of the grasp along the pull, mm.
+        """
+        with self._lock:
+            if self._pulled.takes(deflection):
+                self._note("hand", self._pulled.lead_to(deflection))
+
+    def hand_to_place(self, place: tuple[float, float, float]) -> None:
+        """Lead the hand to a place in space.
+
+        The beam bends in one plane, so of the hand's way only the part along the pull counts: what
+        it moves along the clamps or sideways slides over the duct.
+
+        Parameters
+        ----------
+        place
+            mm from the first clamp along the clamps, sideways and along the pull, as
+            `Reading.hook`.
+        """
+        with self._lock:
+            dissection = self.dissection
+            rest = dissection.axis_point(self.grasp) - dissection.axis_point(0.0)
+            self.hand_to(float(place[2]) - float(rest @ dissection.frame[:, 2]))
+
+    def let_go(self) -> None:
+        """Let the duct spring back."""
+        with self._lock:
+            if self._pulled.tear is None and self._pulled.control.let_go():
+                self._run.note("let-go")
+
+    def set_grasp(self, grasp: float) -> None:
+        """Ask for another grasp, taken with the next step.
+
+        Parameters
+        ----------
+        grasp
+            Distance from the first clamp, mm.
+        """
+        with self._lock:
+            if self._pulled.takes(grasp):
+                self._note("grasp", self._pulled.ask_grasp(grasp))
+
+    def set_threshold(self, threshold: float) -> None:
+        """Ask for another stress at which the duct tears, taken with the next step.
+
+        Parameters
+        ----------
+        threshold
+            Normal plus bending stress, MPa.
+        """
+        with self._lock:
+            if self._pulled.takes(threshold):
+                self._note("threshold", self._pulled.ask_threshold(threshold))
+
+    def _begin_run(self) -> None:
+        """Start the run's clock with the first pull, on a duct that nothing was done to before."""
+        if self._run.started or self._run.over:
+            return
+        model, pulled = self._pulled.model, self._pulled
+        self._run.start(
+            StartingPoint(
+                model.dissection.preset.name,
+                model.theory,
+                pulled.grasp_wanted,
+                pulled.threshold_wanted,
+            )
+        )
+        pulled.renew()
+
+    def _note(self, kind: InputKind, wish: float | None) -> None:
+        if wish is not None:
+            self._run.note(kind, wish)

@@ -1,0 +1,147 @@
+"""What is done ahead: nothing is compiled in a tick, and little while somebody waits.
+
+What any session can do without another theory is compiled before the first page is served. What
+stands still in the pictures and the other theories follow in a thread of their own: the theories
+take half a minute on a first start, and who chooses one meanwhile is told to wait. Later starts
+load them from numba's cache.
+"""
+
+import threading
+
+import numpy as np
+import viser
+from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
+
+from app.simulation.preset import DEFAULT_PRESET, preset_named
+from app.simulation.session import Session
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.stage.bed_shadow import BANDS, lay_shadow
+from app.trainer.stage.contact import BITE, Contact, HookPlace
+from app.trainer.stage.heat_map import heat_colors
+from app.trainer.stage.lighting import Look
+from app.trainer.stage.plain_tissue import TISSUE
+from app.trainer.stage.stage import stage_files
+from app.trainer.stage.tissue import raise_wall
+from app.trainer.stage.tissue_bed import bed_surface
+from app.trainer.stage.underlay import sink_wall
+from app.trainer.stage.vessels import Vessels, pose_vessels
+from app.trainer.stage.wall import Wall, wall_normals
+from organ_geometry.organ import Organ
+from physics import Cubic
+
+__all__ = ["ICONS", "Warming", "warm_session"]
+
+ICONS = (
+    viser.Icon.ARROW_BACK_UP,
+    viser.Icon.DOWNLOAD,
+    viser.Icon.HAND_GRAB,
+    viser.Icon.HAND_MOVE,
+    viser.Icon.HELP,
+    viser.Icon.PLAYER_PAUSE,
+    viser.Icon.PLAYER_PLAY,
+    viser.Icon.PLAYER_STOP,
+    viser.Icon.REFRESH,
+    viser.Icon.REPORT_ANALYTICS,
+    viser.Icon.STACK_2,
+    viser.Icon.TABLE_EXPORT,
+    viser.Icon.UPLOAD,
+    viser.Icon.X,
+)
+"""Those of the panel: viser reads the list of some six thousand for each that it does not know."""
+
+
+def warm_session(organ: Organ) -> None:
+    """Compile or load what a session and its drawing need by the theory that it starts with.
+
+    Parameters
+    ----------
+    organ
+        The organ that is trained on.
+    """
+    _warm_drawing(Session(organ))
+    session = Session(organ)
+    session.choose_ghost(Cubic())
+    session.show_chain(True)
+    session.grab(session.grasp)
+    session.hand_to(0.5 * session.deflection_limit)
+    session.advance(5)
+    _write_stress(session)
+    session.let_go()
+    session.advance(5)
+    session.set_force(session.force_limit)
+    while session.advance():
+        pass
+    _write_stress(session)
+    session.reading()
+
+
+class Warming:
+    """A thread that draws what stands still and compiles the theories, and then ends.
+
+    Parameters
+    ----------
+    radius
+        Of the duct that is trained on, mm.
+    look
+        How it is drawn.
+
+    Attributes
+    ----------
+    done
+        Set when all is ready.
+    """
+
+    def __init__(self, radius: float, look: Look) -> None:
+        self.done = threading.Event()
+        self._radius = radius
+        self._look: Look = look
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="warming", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after the theory that it is at; nobody waits for it."""
+        self._stopping = True
+
+    def _run(self) -> None:
+        stage_files(radius=self._radius, look=self._look, bite=BITE, tissue=TISSUE)
+        for icon in ICONS:
+            svg_from_icon(icon)
+        beam = preset_named(DEFAULT_PRESET).round_beam()
+        middle = 0.5 * beam.span
+        for theory in OFFERED_THEORIES.values():
+            for grasp in (middle, 0.8 * middle):
+                if self._stopping:
+                    return
+                theory.under_force(beam, grasp, 1.0, np.array([grasp]))
+                theory.under_deflection(beam, grasp, 1.0, np.array([grasp]))
+        self.done.set()
+
+
+def _write_stress(session: Session) -> None:
+    for index, surface in enumerate(session.surfaces):
+        session.stress(np.empty(len(surface.vertices), np.float32), index)
+
+
+def _warm_drawing(session: Session) -> None:
+    dissection, skin = session.dissection, session.surfaces[0].skin
+    organ, radius = dissection.organ, dissection.organ.mean_radius
+    axis = organ.axis_at(skin.stations)
+    contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+    middle = dissection.axis_point(0.5 * dissection.beam.span)
+    contact.mark(session.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
+    wall, vessels = Wall.of(skin), Vessels.of(Wall.of(skin), organ.length, radius)
+    normals, raised, colors = np.empty((3, wall.count, 3), np.float32)
+    wall_normals(contact.vertices, wall.rings, wall.sides, wall.right_handed, normals)
+    raise_wall(contact.vertices, normals, np.zeros(wall.count, np.float32), raised)
+    sink_wall(raised, normals, colors)
+    count = len(vessels.ring)
+    pose_vessels(
+        raised, normals, contact.shade, wall.sides, vessels.ring, vessels.side, vessels.between,
+        vessels.lift, np.empty((count, 3), np.float32), np.empty(count, np.float32),
+    )  # fmt: skip
+    heat_colors(contact.shade, normals, dissection.frame[:, 2].copy(), colors)
+    lay_shadow(
+        axis[:2].copy(), np.full(3, 100.0), np.zeros(3), 1.0, radius, *bed_surface(),
+        np.empty((len(BANDS), 2, 2, 3), np.float32),
+    )  # fmt: skip

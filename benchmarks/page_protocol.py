@@ -1,0 +1,148 @@
+"""A page without a picture: a websocket connection that speaks viser's protocol."""
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import viser
+import websockets.asyncio.client
+import zstandard
+
+__all__ = ["Page", "connected", "hand_forces"]
+
+CAMERA: dict[str, Any] = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (25.0, -70.0, 52.0),
+    "fov": 0.6,
+    "near": 0.1,
+    "far": 1000.0,
+    "image_height": 800,
+    "image_width": 1280,
+    "look_at": (25.0, 3.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+
+
+def connected(address: str) -> websockets.asyncio.client.connect:
+    """Return a connection to a trainer, to be entered.
+
+    Parameters
+    ----------
+    address
+        The trainer's address.
+
+    Returns
+    -------
+    websockets.asyncio.client.connect
+        The connection.
+    """
+    return websockets.asyncio.client.connect(
+        address.replace("http", "ws", 1),
+        subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
+        max_size=None,
+        compression=None,
+    )
+
+
+class Page:
+    """What a browser's page says and hears.
+
+    Parameters
+    ----------
+    connection
+        To the trainer.
+    """
+
+    def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
+        self._connection = connection
+        self._slider = self._reset = ""
+        self._unpack = zstandard.ZstdDecompressor()
+
+    async def open(self) -> None:
+        """Say that a page is there, and wait for its force slider and its reset button."""
+        await self._send(CAMERA)
+        while not (self._slider and self._reset):
+            for message in await self.messages():
+                kind = message["type"]
+                if kind == "GuiSliderMessage" and message["props"]["label"].startswith("Force"):
+                    self._slider = message["uuid"]
+                if kind == "GuiButtonMessage" and message["props"]["label"].startswith("Reset"):
+                    self._reset = message["uuid"]
+                if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
+                    answer = {
+                        "type": "LocalStorageGetItemResponseMessage",
+                        "request_uuid": message["request_uuid"],
+                        "value": None,
+                        "error": None,
+                    }
+                    await self._send(answer)
+
+    async def pull_with(self, force: float) -> None:
+        """Move the force slider.
+
+        Parameters
+        ----------
+        force
+            Where to, N.
+        """
+        await self._update(self._slider, force)
+
+    async def reset(self) -> None:
+        """Press the reset button."""
+        await self._update(self._reset, True)
+
+    async def messages(self) -> list[dict[str, Any]]:
+        """Return the messages of the next websocket frame, without their arrays.
+
+        Returns
+        -------
+        list[dict[str, Any]]
+            The messages.
+        """
+        raw = await self._connection.recv()
+        assert isinstance(raw, bytes)
+        packed = int.from_bytes(raw[8:16], "little")
+        content = self._unpack.decompress(raw[16 : 16 + packed])
+        return msgspec.msgpack.decode(content)["messages"]
+
+    async def frames(self) -> int:
+        """Return how often the duct's vertices are in the next websocket frame.
+
+        Returns
+        -------
+        int
+            Once, or not at all.
+        """
+        return sum(
+            message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
+            for message in await self.messages()
+        )
+
+    async def _update(self, widget: str, value: float) -> None:
+        update = {"type": "GuiUpdateMessage", "uuid": widget, "updates": {"value": value}}
+        await self._send(update)
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        await self._connection.send(msgspec.msgpack.encode(message))
+
+
+def hand_forces(high: float = 3.2, low: float = 0.0, moves: int = 5) -> Iterator[float]:
+    """Return the places of a hand on the slider, in order, so that the duct never rests.
+
+    Parameters
+    ----------
+    high, low
+        What it pulls to and lets up to, N; the duct is on its way there when the hand turns.
+    moves
+        Moves up, and moves down.
+
+    Returns
+    -------
+    Iterator[float]
+        Forces, N, no two in a row alike.
+    """
+    up = [high - 0.01 * (move % 2) for move in range(moves)]
+    down = [low + 0.01 * (move % 2) for move in range(moves)]
+    return itertools.cycle([*up, *down])

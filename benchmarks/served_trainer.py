@@ -1,0 +1,149 @@
+"""A trainer in a process of its own that says, when asked, what it has done and what it takes."""
+
+import gc
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import msgspec
+import psutil
+
+from app.command_line.load import shipped_organ
+
+if TYPE_CHECKING:
+    from app.trainer.server import Trainer
+
+__all__ = ["Served", "Takings", "served_trainer"]
+
+
+class Takings(msgspec.Struct, frozen=True):
+    """What a trainer has done since it was started, and what it takes.
+
+    Attributes
+    ----------
+    beats, missed
+        Ticks that ran, and ticks that the machine had no time for.
+    frames
+        How often the duct of each client was drawn.
+    processor_s
+        Processor time, s.
+    resident_bytes
+        Memory of the process.
+    objects
+        Python's containers.
+    traced_bytes
+        Memory that Python's allocator has given, without what is counting it; 0 if not traced.
+    log_inputs
+        Inputs that the runs of all sessions hold.
+    """
+
+    beats: int
+    missed: int
+    frames: dict[int, int]
+    processor_s: float
+    resident_bytes: int
+    objects: int
+    traced_bytes: int
+    log_inputs: int
+
+
+class Served:
+    """A trainer's process, seen from outside.
+
+    Parameters
+    ----------
+    process
+        The process.
+    address
+        What the trainer answers at.
+    """
+
+    def __init__(self, process: "subprocess.Popen[str]", address: str) -> None:
+        self._process, self.address = process, address
+
+    def takings(self) -> Takings:
+        """Ask the trainer.
+
+        Returns
+        -------
+        Takings
+            Its answer.
+        """
+        asked, answers = self._process.stdin, self._process.stdout
+        assert asked is not None
+        assert answers is not None
+        print("takings", file=asked, flush=True)
+        return msgspec.json.decode(answers.readline(), type=Takings)
+
+
+@contextmanager
+def served_trainer(*, traced: bool = False) -> Iterator[Served]:
+    """Run a trainer in a process of its own.
+
+    Parameters
+    ----------
+    traced
+        Whether Python's allocations are traced, which makes it slower.
+
+    Yields
+    ------
+    Served
+        The trainer.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not start.
+    """
+    # A client that leaves while it is being drawn is a warning of viser's, here by intent.
+    command = [sys.executable, "-W", "ignore::UserWarning", "-m", "benchmarks.served_trainer"]
+    with subprocess.Popen(
+        [*command, *(["--traced"] if traced else [])],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            address = process.stdout.readline().strip() if process.stdout else ""
+            if not address:
+                raise RuntimeError("the trainer did not start")
+            yield Served(process, address)
+        finally:
+            process.terminate()
+
+
+def _takings(trainer: "Trainer") -> Takings:
+    times, memory = psutil.Process().cpu_times(), psutil.Process().memory_info()
+    metronome = trainer.metronome
+    traced = tracemalloc.is_tracing()
+    gc.collect()
+    return Takings(
+        beats=metronome.beats,
+        missed=metronome.missed,
+        frames=trainer.frames,
+        processor_s=times.user + times.system,
+        resident_bytes=memory.rss,
+        objects=len(gc.get_objects()),
+        traced_bytes=tracemalloc.get_traced_memory()[0] if traced else 0,
+        log_inputs=sum(session.run.inputs for session in trainer.sessions.values()),
+    )
+
+
+def main() -> None:
+    """Serve, and answer each line with the takings, until the parent has gone."""
+    if "--traced" in sys.argv:
+        tracemalloc.start()
+    from app.trainer.server import Trainer
+
+    trainer = Trainer(shipped_organ(), port=0)
+    print(trainer.address, flush=True)
+    for _ in sys.stdin:
+        print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)
+    trainer.stop()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Run as a program: what a trainee's page compiles although the trainer has warmed up."""
+
+import sys
+
+import numpy as np
+import viser
+from numba.core.dispatcher import Dispatcher
+from simulated import phantom, settle, tear
+
+from app.simulation.session import Session
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.stage.bed_shadow import BedShadow
+from app.trainer.stage.contact import Contact, HookPlace
+from app.trainer.stage.heat_map import HeatMap
+from app.trainer.stage.tissue import Tissue
+from app.trainer.warming import Warming, warm_session
+from physics import Exact
+
+
+def signatures() -> dict[str, set[str]]:
+    """What each kernel of ours is compiled for in this process."""
+    kernels = [
+        each
+        for name, module in list(sys.modules.items())
+        if name.split(".")[0] in {"app", "organ_geometry", "physics"}
+        for each in vars(module).values()
+        if isinstance(each, Dispatcher)
+    ]
+    return {
+        f"{each.py_func.__module__}.{each.py_func.__qualname__}": set(map(str, each.signatures))
+        for each in kernels
+    }
+
+
+def draw(scene: viser.SceneApi, session: Session) -> None:
+    """Draw a session's surfaces as tissue and as stress."""
+    dissection = session.dissection
+    organ, radius = dissection.organ, dissection.organ.mean_radius
+    for index, surface in enumerate(session.surfaces):
+        skin = surface.skin
+        axis = organ.axis_at(skin.stations)
+        contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+        hook = HookPlace(dissection.axis_point(20.0), dissection.frame, radius)
+        contact.mark(surface.vertices, None if len(session.surfaces) > 1 else hook)
+        torn = (None, "last", "first")[0 if len(session.surfaces) == 1 else index + 1]
+        tissue = Tissue(
+            scene, f"/{surface.name}", skin, length=organ.length, radius=radius, torn_end=torn
+        )
+        tissue.show(contact.vertices, contact.shade)
+        heat = HeatMap(
+            scene, f"/{surface.name}_stress", skin, dissection.frame[:, 2], torn=torn is not None
+        )
+        stress = session.stress(np.empty(len(surface.vertices), np.float32), index)
+        heat.show(contact.vertices, contact.shade)
+        heat.show(contact.vertices, stress)
+        shadow = BedShadow(scene, span=50.8, radius=radius, floor=(25.4, 0.0, -8.0))
+        shadow.show(axis)
+
+
+def train(scene: viser.SceneApi, session: Session) -> None:
+    """Do what a trainee can."""
+    session.show_chain(True)
+    session.exercises_offered()
+    session.grab(20.0)
+    session.hand_to(0.2 * session.deflection_limit)
+    settle(session)
+    draw(scene, session)
+    session.let_go()
+    settle(session)
+    session.set_grasp(12.0)
+    session.set_threshold(0.9 * session.threshold)
+    session.set_force(0.3 * session.force_limit)
+    settle(session)
+    session.reading()
+    session.ghost_reading()
+    session.curve()
+    tear(session)
+    draw(scene, session)
+
+
+def report(before: dict[str, set[str]], when: str) -> None:
+    """Print what is compiled now and was not before."""
+    for name, now in signatures().items():
+        for signature in now - before.get(name, set()):
+            print(f"compiled {when}: {name}{signature}")
+
+
+def main() -> None:
+    """Warm up, train, and print what was compiled after all."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    organ = phantom()
+    warm_session(organ)
+    before = signatures()
+    session = Session(organ)
+    train(server.scene, session)
+    report(before, "before the other theories")
+    Warming(organ.mean_radius, "full").done.wait()
+    before = signatures()
+    for theory in OFFERED_THEORIES.values():
+        session = Session(organ)
+        session.choose_theory(theory)
+        session.choose_ghost(Exact())
+        train(server.scene, session)
+    report(before, "after all theories")
+    server.stop()
+    print("done")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+"""What the trainer's tests share: one browser, one trainer, and a scene without a page."""
+
+from collections.abc import Iterator
+
+import pytest
+import viser
+from browser import running_browser
+from playwright.sync_api import Browser
+from simulated import phantom
+
+from app.trainer.server import Trainer
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def trainer() -> Iterator[Trainer]:
+    """The plain look; each page has a session of its own."""
+    running = Trainer(phantom(), port=0, look="plain")
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def scene() -> Iterator[viser.SceneApi]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server.scene
+    server.stop()
