@@ -17,8 +17,8 @@ from app.simulation.reading import Phase
 from app.trainer.client_view import ClientView
 from app.trainer.server import Trainer
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.image_stack import read_image_stack
 from organ_geometry.organ_builder import build_organ
+from organ_geometry.stack_reader import read_image_stack
 
 
 @pytest.fixture(scope="module")
