@@ -234,10 +234,19 @@ def test_what_the_sections_leave_out_is_said() -> None:
     # A trunk with a branch half as long: about a third of the voxels are the branch's.
     trunk = straight((-28, 0, 17), (28, 0, 17), 5.0)
     branch = straight((0, 0, 17), (0, 30, 17), 5.0)
-    (note,) = recut(volume_stack(mask(np.minimum(trunk, branch)))).notes
-    found = re.search(r"; (\d+)% of the organ lies beside them, in a branch or where", note)
+    stack = volume_stack(mask(np.minimum(trunk, branch)))
+    (note,) = recut(stack).notes
+    found = re.search(
+        r"; (\d+)% of the organ lies beside them, in a branch or where it touches itself, most of "
+        r"it in slice (\d+) to slice (\d+)",
+        note,
+    )
     assert found is not None, note
     assert 20 <= int(found[1]) <= 35
+    # A tenth of a disc lies beyond 0.687 of its radius, on either side.
+    images = np.array([int(found[2]), int(found[3])])
+    expected = 17.0 + 0.687 * 5.0 * np.array([-1.0, 1.0])
+    np.testing.assert_allclose(images * stack.slice_spacing, expected, atol=stack.slice_spacing)
 
 
 def test_what_cannot_be_cut_again_is_named() -> None:
