@@ -105,18 +105,7 @@ def next_section(
             break
         reach *= 2
     carried = None
-    trouble = None
-    if region.other_part >= SPLIT_SHARE:
-        trouble = (
-            f"the organ splits: beside the part that continues {last_name} there is one of "
-            f"{region.other_part:.0%} of its area"
-        )
-    elif _opens(before, region):
-        raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
-    elif _leaks(bright, region, before, last, corner, rule):
-        trouble = f"the organ merges with what was beside it in {last_name}"
-    elif last.carried is not None and _overlap(region, before) < CARRIED_OVERLAP:
-        trouble = f"a grey level closes something else than the organ carried on to {last_name}"
+    trouble = _trouble(bright, region, before, last, corner, rule, last_name)
     if trouble is not None:
         if abs(index - last.index) == 1 and rule.method == "half-level":
             carried = _carried(bright, corner, region, last, rule)
@@ -239,6 +228,30 @@ def _overlaps(
     over[0] = 0
     over[areas < SMALLEST_ORGAN_PX] = 0
     return over
+
+
+def _trouble(
+    bright: Image,
+    region: Region,
+    before: Region,
+    last: FoundSection,
+    corner: tuple[int, int],
+    rule: EdgeRule,
+    last_name: str,
+) -> str | None:
+    """Return why what a grey level closes is not the organ, or None if it is."""
+    if region.other_part >= SPLIT_SHARE:
+        return (
+            f"the organ splits: beside the part that continues {last_name} there is one of "
+            f"{region.other_part:.0%} of its area"
+        )
+    if _opens(before, region):
+        raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
+    if _leaks(bright, region, before, last, corner, rule):
+        return f"the organ merges with what was beside it in {last_name}"
+    if last.carried is not None and _overlap(region, before) < CARRIED_OVERLAP:
+        return f"a grey level closes something else than the organ carried on to {last_name}"
+    return None
 
 
 def _overlap(region: Region, other: Region) -> float:

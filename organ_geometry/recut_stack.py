@@ -234,9 +234,10 @@ def _recut_along(
             f"more tightly there than it is wide"
         )
     if planes.beside > _BESIDE_SHARE:
+        first, last = (stack.names[voxels.corner[2] + index] for index in planes.beside_images)
         note += (
             f"; {planes.beside:.0%} of the organ lies beside them, in a branch or where it touches "
-            f"itself"
+            f"itself, most of it in {first} to {last}"
         )
     return dataclasses.replace(
         stack,

@@ -34,12 +34,15 @@ class SectionPlanes:
         Number of planes that cross the next one inside the tube.
     beside
         Share of the tube that is in none of the sections' reach.
+    beside_images
+        First and last image of the tube with that, a tenth of it left out at either end.
     """
 
     frames: NDArray[np.float64]
     reach: float
     crossing: int
     beside: float
+    beside_images: tuple[int, int]
 
 
 def section_planes(
@@ -92,13 +95,19 @@ def _measured(
             # Every place of a section must lie before the next plane.
             places = point + section @ frame[:, :2].T
             crossing += bool(((points[index + 1] - places) @ frames[index + 1][:, 2] < 0.0).any())
-    return SectionPlanes(frames, reach, crossing, _beside(tube, points, radii))
+    return SectionPlanes(frames, reach, crossing, *_beside(tube, points, radii))
 
 
-def _beside(tube: Tube, points: NDArray[np.float64], radii: NDArray[np.float64]) -> float:
-    """Return the share of a tube that is too far from its sections to be in them."""
+def _beside(
+    tube: Tube, points: NDArray[np.float64], radii: NDArray[np.float64]
+) -> tuple[float, tuple[int, int]]:
+    """Return the share of a tube that is too far from its sections to be in them, and where."""
     inside = np.flatnonzero(tube.inside)
     some = inside[:: max(1, len(inside) // _MOST_VOXELS)]
-    places = np.stack(np.unravel_index(some, tube.inside.shape)[::-1], axis=1) * tube.sizes
-    off = np.linalg.norm(places[:, np.newaxis] - points, axis=2)
-    return float((off > _BESIDE_RADII * radii).all(axis=1).mean())
+    voxels = np.stack(np.unravel_index(some, tube.inside.shape)[::-1], axis=1)
+    off = np.linalg.norm((voxels * tube.sizes)[:, np.newaxis] - points, axis=2)
+    beside = (off > _BESIDE_RADII * radii).all(axis=1)
+    if not beside.any():
+        return 0.0, (0, 0)
+    first, last = np.quantile(voxels[beside, 2], [0.1, 0.9]).round().astype(int)
+    return float(beside.mean()), (int(first), int(last))

@@ -55,8 +55,8 @@ def shipped_organ() -> "Organ":
         The bile-duct phantom.
     """
     from assets import BILE_DUCT_PHANTOM
-    from organ_geometry.image_stack import read_image_stack
     from organ_geometry.organ_builder import build_organ
+    from organ_geometry.stack_reader import read_image_stack
 
     return build_organ(read_image_stack(BILE_DUCT_PHANTOM)).organ
 

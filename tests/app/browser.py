@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
 from app.trainer.client_view import ClientView
+from app.trainer.player import GRID
 from app.trainer.server import Trainer
 from app.trainer.stage.camera import viewpoint
 
@@ -237,3 +238,32 @@ def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, floa
         canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
         canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
     )
+
+
+SHOWN = """count => {
+    const found = [];
+    window.__viserMutable?.scene?.traverseVisible(child => {
+        const places = child.isMesh && child.geometry.attributes.position;
+        if (places && places.count === count) found.push(Array.from(places.array));
+    });
+    return found;
+}"""
+"""The meshes of so many vertices that are to be seen, from the scene itself: the page's own table
+of nodes loses a node that is made again."""
+
+
+def wait_shown(page: Page, moment: float, wanted: np.ndarray) -> None:
+    """Scrub a player's page to a time, s, and wait until vertices are seen where they belong."""
+    clock = page.locator("input").first
+    furthest = np.inf
+    until = time.monotonic() + 2.0 * PATIENCE / 1000.0
+    while time.monotonic() < until:
+        clock.fill(f"{moment:.2f}")  # again and again: the page may have been starting
+        for _ in range(20):  # each jump builds the scene anew, which takes a while
+            page.wait_for_timeout(400)
+            for flat in page.evaluate(SHOWN, len(wanted)):
+                found = np.reshape(flat, (-1, 3))
+                furthest = float(np.abs(found - wanted).max())
+                if furthest <= 0.5 * GRID + 1e-5:
+                    return
+    pytest.fail(f"{len(wanted)} vertices are not seen at {moment:.2f} s: {furthest} mm off")

@@ -86,7 +86,7 @@ def test_the_page_s_commands_work(images: Path, monkeypatch: pytest.MonkeyPatch)
     lines = [line for block in examples("sh") for line in block.splitlines()]
     commands = [shlex.split(line) for line in lines]
     ours = [words[1:] for words in commands if words[0] == "bluntdissect"]
-    assert len(ours) == 7
+    assert len(ours) == 8
     assert [words for words in commands if words[0] != "bluntdissect"] == [
         ["pip", "install", "bluntdissect[medical]"]
     ]

@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 from pathlib import Path
-from time import monotonic
 
 import numpy as np
 import pytest
-from browser import PATIENCE, running_browser
+from browser import PATIENCE, running_browser, wait_shown
 from simulated import phantom
 
 from app.export.motion import pull_motion
@@ -15,22 +14,12 @@ from app.simulation.dissection import Dissection
 from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
 from app.trainer.page_text import titled_page
-from app.trainer.player import GRID, PULL_KEYS, REST_SECONDS, order_page, page_edge_length
+from app.trainer.player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
 from organ_geometry.skin import organ_skin
 from physics import Cubic
 
 LARGEST = 3_000_000
 """Bytes of a page that can still be sent by mail."""
-SHOWN = """count => {
-    const found = [];
-    window.__viserMutable?.scene?.traverseVisible(child => {
-        const places = child.isMesh && child.geometry.attributes.position;
-        if (places && places.count === count) found.push(Array.from(places.array));
-    });
-    return found;
-}"""
-"""The meshes of so many vertices that are to be seen, from the scene itself: the page's own table
-of nodes loses a node that is made again."""
 
 
 def order() -> Order:
@@ -61,26 +50,9 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         assert "Forces in N" not in about.inner_text()
         assert "Not clinically validated, not a medical device." in about.inner_text()
         assert page.title() == wanted.dissection.preset.title
-        clock = page.locator("input").first
-
-        def wait_shown(time: float, wanted: np.ndarray) -> None:
-            """Scrub to a time and wait until vertices are seen where they ought to be."""
-            furthest = np.inf
-            until = monotonic() + 2.0 * PATIENCE / 1000.0
-            while monotonic() < until:
-                clock.fill(f"{time:.2f}")  # again and again: the page may have been starting
-                for _ in range(20):  # each jump builds the scene anew, which takes a while
-                    page.wait_for_timeout(400)
-                    for flat in page.evaluate(SHOWN, len(wanted)):
-                        found = np.reshape(flat, (-1, 3))
-                        furthest = float(np.abs(found - wanted).max())
-                        if furthest <= 0.5 * GRID + 1e-5:
-                            return
-            pytest.fail(f"{len(wanted)} vertices are not seen at {time:.2f} s: {furthest} mm off")
-
         skin = organ_skin(wanted.dissection.organ, edge_length=wanted.edge_length)
         used = np.unique(skin.faces[: skin.outer_faces])
-        wait_shown(0.5 * REST_SECONDS, skin.vertices[used])
+        wait_shown(page, 0.5 * REST_SECONDS, skin.vertices[used])
         pull = pull_motion(
             wanted.dissection,
             wanted.theory,
@@ -91,14 +63,14 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         bound = skin.bound_to(wanted.dissection.driving)
         moved = bound.deform(pull.transforms[-2], skin.vertices.copy())[used]
         time = REST_SECONDS + float(pull.times[-2]) + 0.02
-        wait_shown(time, moved)
+        wait_shown(page, time, moved)
         event = wanted.break_event
         assert event is not None
         piece = wanted.dissection.torn_at(event.check, edge_length=wanted.edge_length)[0]
         outer = np.unique(piece.skin.faces[: piece.skin.outer_faces])
         lying = piece.open(2.0, piece.skin.vertices.copy())[outer]
         time = REST_SECONDS + float(pull.times[-1]) + SETTLED_SECONDS + 0.02
-        wait_shown(time, lying)
+        wait_shown(page, time, lying)
     assert not errors, errors
     assert all(url.startswith(("file:", "data:", "blob:")) for url in requests), requests
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.image_stack import ImageStackError, read_image_stack
+from organ_geometry.image_stack import ImageStackError
+from organ_geometry.stack_reader import read_image_stack
 
 WriteStack = Callable[..., Path]
 

@@ -20,10 +20,11 @@ from organ_geometry.half_curves import (
     fit_half_curves,
     polygon_distances,
 )
-from organ_geometry.image_stack import ImageStackError, read_image_stack
+from organ_geometry.image_stack import ImageStackError
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
 from organ_geometry.organ_encoder import ToleranceTooSmall
 from organ_geometry.organ_file import organ_from_bytes
+from organ_geometry.stack_reader import read_image_stack
 from organ_geometry.surface_distance import wall_distances
 
 Cover = Callable[..., NDArray[np.float64]]

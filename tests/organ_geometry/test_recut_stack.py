@@ -12,10 +12,11 @@ from scipy.spatial import KDTree
 
 from organ_geometry.edges import find_edges
 from organ_geometry.grey_image import GreyImage
-from organ_geometry.image_stack import ImageStack, ImageStackError, read_image_stack
+from organ_geometry.image_stack import ImageStack, ImageStackError
 from organ_geometry.image_volume import VolumeSlices
 from organ_geometry.organ_voxels import half_level, organ_voxels
 from organ_geometry.recut_stack import recut, recut_where_needed
+from organ_geometry.stack_reader import read_image_stack
 
 # A stack that stands obliquely, with pixels that are not square and slices further apart.
 PIXEL = np.array([0.5, 0.6])
@@ -233,10 +234,19 @@ def test_what_the_sections_leave_out_is_said() -> None:
     # A trunk with a branch half as long: about a third of the voxels are the branch's.
     trunk = straight((-28, 0, 17), (28, 0, 17), 5.0)
     branch = straight((0, 0, 17), (0, 30, 17), 5.0)
-    (note,) = recut(volume_stack(mask(np.minimum(trunk, branch)))).notes
-    found = re.search(r"; (\d+)% of the organ lies beside them, in a branch or where", note)
+    stack = volume_stack(mask(np.minimum(trunk, branch)))
+    (note,) = recut(stack).notes
+    found = re.search(
+        r"; (\d+)% of the organ lies beside them, in a branch or where it touches itself, most of "
+        r"it in slice (\d+) to slice (\d+)",
+        note,
+    )
     assert found is not None, note
     assert 20 <= int(found[1]) <= 35
+    # A tenth of a disc lies beyond 0.687 of its radius, on either side.
+    images = np.array([int(found[2]), int(found[3])])
+    expected = 17.0 + 0.687 * 5.0 * np.array([-1.0, 1.0])
+    np.testing.assert_allclose(images * stack.slice_spacing, expected, atol=stack.slice_spacing)
 
 
 def test_what_cannot_be_cut_again_is_named() -> None:
