@@ -13,11 +13,8 @@ from app.compression.report import Facts, facts
 from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import write_organ
 from organ_geometry.recut_stack import When, recut_where_needed
-<<<<<<< HEAD
-from organ_geometry.whole_file import check_target
-=======
 from organ_geometry.stack_reader import read_image_stack
->>>>>>> tracing
+from organ_geometry.whole_file import check_target
 
 __all__ = ["Failed", "StackJob", "check_job", "compress_all", "compress_stack", "jobs_into"]
 
