@@ -1,11 +1,18 @@
 """What the benchmarks do besides timing: the same problem for all, and peers that are missing."""
 
+import itertools
+
 import numpy as np
 import pytest
+from simulated import phantom
 
+from app.simulation.session import Session
 from benchmarks import mujoco_chain, opensees_beam
 from benchmarks.duct import CENTRE, DUCT, FORCE, STEP, relative_error, walk_about
 from benchmarks.engine import Engine
+from benchmarks.page_protocol import hand_forces
+from benchmarks.served_trainer import Takings
+from benchmarks.trainer_soak import slopes
 from physics import Exact
 
 
@@ -59,3 +66,32 @@ def test_peer_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(opensees_beam, "import_module", broken)
     note = opensees_beam.opensees_engine().note
     assert note == "OpenSeesPy does not run here: libblas.so.3: cannot open shared object file"
+
+
+def test_hand_never_lets_the_duct_rest_nor_tears_it() -> None:
+    """So every tick of a client has a frame, and frames that are missing were left out."""
+    session = Session(phantom())
+    for force in itertools.islice(hand_forces(), 100):
+        session.set_force(force)
+        for _ in range(3):  # ticks from move to move
+            assert session.advance()
+            assert session.reading().phase == "intact"
+
+
+def test_slopes_are_those_of_straight_lines() -> None:
+    samples = [
+        Takings(
+            beats=0, missed=0, frames={}, processor_s=0.0, resident_bytes=1000 + 30 * index,
+            objects=500 - index, traced_bytes=7, log_inputs=600 * index,
+        )
+        for index in range(10)
+    ]  # fmt: skip
+    assert slopes(samples, 30.0) == pytest.approx(
+        {
+            "resident_bytes_a_minute": 60.0,
+            "objects_a_minute": -2.0,
+            "traced_bytes_a_minute": 0.0,
+            "log_inputs_a_minute": 1200.0,
+        },
+        abs=1e-9,
+    )

@@ -256,6 +256,6 @@ class MeasureTaker:
 
     def _smoothness(self) -> float | None:
         """Return -ln(T^3 / v^2 * integral of jerk^2), with the tick's length cancelled from it."""
-        if self._peak == 0.0 or self._jerk == 0.0:
+        if self._peak**2 == 0.0 or self._jerk == 0.0:  # squares of almost nothing are nothing
             return None
         return -math.log(self._moving**3 * self._jerk / self._peak**2)

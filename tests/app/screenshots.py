@@ -19,6 +19,7 @@ def take(tab: TrainerPage, path: Path) -> None:
     if close.count():
         close.first.click()
         expect(close).to_have_count(0)
+    tab.page.mouse.move(2.0, 2.0)  # a hint would cover what is beside it
     last = b""
     for _ in range(40):
         time.sleep(1.0)

@@ -80,6 +80,11 @@ def test_smoothness_depends_on_neither_size_nor_speed_and_falls_with_a_tremor() 
     assert shaky < smooth - 3.0
 
 
+def test_a_way_too_small_to_be_squared_has_no_smoothness() -> None:
+    heights = [step * 1e-170 for step in (0.0, 1.0, 3.0, 7.0, 8.0, 8.0)]
+    assert taken([1.0] * 6, heights).measures().smoothness is None
+
+
 def test_the_way_between_two_holds_is_not_part_of_the_path() -> None:
     taker = MeasureTaker(1.0)
     for height in (0.0, 2.0):

@@ -239,13 +239,20 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     stage = Stage(scene, span=50.8, radius=4.45, look="plain")
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
+    now[0] += 30.0  # a slow page
     camera.position = np.full(3, 3.0)  # the browser resets the camera after it connects
+    stage.camera_moved(client)
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
+    stage.camera_moved(client)  # it is there
+    now[0] += 2.0
+    camera.position = np.full(3, 3.0)
     stage.camera_moved(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
     now[0] += 10.0
     camera.aspect = 0.6  # the window is turned
     stage.camera_moved(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 0.6).position)
+    stage.camera_moved(client)
     now[0] += 10.0
     looked_from = np.array([0.0, -90.0, 40.0])
     camera.position = looked_from

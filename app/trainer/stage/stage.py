@@ -96,6 +96,7 @@ class Stage:
         self._framed_aspect = 0.0
         self._lift: float | None = None
         self._framed_at = 0.0
+        self._arrived = False
         self._looked_around = False
         full = look == "full"
         files = stage_files(radius=self.radius, look=look, bite=bite, tissue=tissue)
@@ -220,7 +221,8 @@ class Stage:
         -----
         A browser that is still laying out its page reports a size that changes a moment later,
         and resets the camera once after it connects. So the camera is framed again when the
-        picture's shape changes, and for three seconds whenever it is not where it was put.
+        picture's shape changes, and whenever it is not where it was put until three seconds after
+        the page, which may be slow, has first said that it is there.
         Once the user has looked around after that, the camera is left alone.
         """
         if self._removed or self._looked_around:
@@ -228,8 +230,10 @@ class Stage:
         camera = client.camera
         aspect = camera.aspect
         reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
-        settling = time.monotonic() - self._framed_at < _SETTLING_TIME
         away = not self._is_framed(camera)
+        if not (away or self._arrived):
+            self._arrived, self._framed_at = True, time.monotonic()
+        settling = not self._arrived or time.monotonic() - self._framed_at < _SETTLING_TIME
         if reshaped or (settling and away):
             self._frame(client, aspect, settles=reshaped)
         elif away:
@@ -248,7 +252,7 @@ class Stage:
         view = viewpoint(self.span, self.radius, aspect, lift=self._lift)
         self._framed_aspect = aspect
         if settles:
-            self._framed_at = time.monotonic()
+            self._arrived, self._framed_at = False, time.monotonic()
         with client.atomic():
             camera = client.camera
             camera.fov = view.fov
