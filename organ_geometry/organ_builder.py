@@ -25,12 +25,11 @@ from organ_geometry.organ import Organ
 from organ_geometry.organ_encoder import (
     EncodedOrgan,
     Selection,
-    ToleranceTooSmall,
     encoded_organ,
-    root_mean_squares,
-    section_distances,
 )
 from organ_geometry.organ_tracing import TracedSection, slice_ranges, trace_organ
+from organ_geometry.surface_distance import root_mean_squares, section_distances
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Progress = Callable[[int, int], None]
 

@@ -90,6 +90,21 @@ class OrganCode:
         """Step in which the sections' signals are kept, mm."""
         return tolerance_of(self.tolerance) * scale_of(self.section_scale)
 
+    def signals(self) -> list[NDArray[np.float64]]:
+        """Return the signals at the key sections.
+
+        Returns
+        -------
+        list[NDArray[np.float64]]
+            (K, 16) those of the outer boundary, then those of the lumen if there is one, mm.
+        """
+        steps = signal_steps(self.section_step)
+        values = differences_to_values(self.keys)
+        outer = (values @ self.outer) * steps
+        if self.lumen is None:
+            return [outer]
+        return [outer, outer + (values @ self.lumen) * steps]
+
     def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
         """Return the organ.
 
@@ -125,16 +140,13 @@ class OrganCode:
             self.tilts,
             left_handed=self.left_handed,
         )
-        steps = signal_steps(self.section_step)
-        values = differences_to_values(self.keys)
-        outer = (values @ self.outer) * steps
-        lumen = None if self.lumen is None else outer + (values @ self.lumen) * steps
+        walls = [signals_to_rows(signals) for signals in self.signals()]
         return Organ(
             axis=points,
             frames=frames,
             keys=self.keys * (pieces // self.candidates),
-            outer=signals_to_rows(outer),
-            lumen=None if lumen is None else signals_to_rows(lumen),
+            outer=walls[0],
+            lumen=walls[1] if len(walls) > 1 else None,
             units=self.units,
             tolerance_mm=tolerance,
             name=name,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.axis_curve import key_levels
-from organ_geometry.key_lattice import halving_order
+from organ_geometry.key_lattice import known_order
 from organ_geometry.organ import Organ
 from organ_geometry.organ_code import (
     LARGEST_KEY_DEPTH,
@@ -225,10 +225,10 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
         raise SymbolError("a number is out of its range")
     keys = _pass_keys(numbers, code.keys, 2**depth)
     blank = np.zeros((len(keys), SIGNALS), dtype=np.int64)
-    outer = _pass_signals(numbers, code.outer if given else blank, "outer")
+    outer = _pass_signals(numbers, keys, code.outer if given else blank, "outer")
     lumen = None
     if hollow:
-        lumen = _pass_signals(numbers, blank if code.lumen is None else code.lumen, "lumen")
+        lumen = _pass_signals(numbers, keys, blank if code.lumen is None else code.lumen, "lumen")
     return OrganCode(
         units=units,
         left_handed=bool(left_handed),
@@ -305,22 +305,22 @@ def _pass_keys(
 
 
 def _pass_signals(
-    numbers: SymbolWriter | SymbolReader, stored: NDArray[np.int64], wall: str
+    numbers: SymbolWriter | SymbolReader,
+    keys: NDArray[np.intp],
+    stored: NDArray[np.int64],
+    wall: str,
 ) -> NDArray[np.int64]:
     """Pass the differences of one boundary's signals, key by key."""
     passed = np.zeros_like(stored)
     last = len(stored) - 1
-    for key, level in ((0, 0), (last, 1), *((key, level) for key, _, _, level in _order(last))):
+    inner = ((key, level) for key, _, _, level in known_order(keys))
+    for key, level in ((0, 0), (last, 1), *inner):
         for signal in range(SIGNALS):
             context = (wall, signal) if key > 0 else ("first", signal == WIDTH)
             passed[key, signal] = numbers.whole(
                 context, ("size", min(level, 3)), int(stored[key, signal])
             )
     return passed
-
-
-def _order(last: int) -> tuple[tuple[int, int, int, int], ...]:
-    return halving_order(last + 1)
 
 
 _WIDTH_BITS = 5

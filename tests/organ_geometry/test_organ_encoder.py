@@ -194,7 +194,7 @@ def test_a_cut_across_a_cylinder_is_its_section() -> None:
     normals = np.tile([1.0, 0.0, 0.0], (33, 1))
     loft = ContourLoft.through(contours, normals)
     tilted = np.array([np.cos(0.3), np.sin(0.3), 0.0])
-    ring = loft.cut(np.array([20.0, 3.0, -7.0]), tilted, 10.0)
+    ring = loft.cuts(np.array([[20.0, 3.0, -7.0]]), tilted[np.newaxis], np.array([10.0]))[0]
     np.testing.assert_allclose((ring - [20.0, 3.0, -7.0]) @ tilted, 0.0, atol=1e-9)
     distances = np.hypot(ring[:, 1] - 3.0, ring[:, 2] + 7.0)
     np.testing.assert_allclose(distances, RADIUS, rtol=1e-3)
