@@ -22,7 +22,7 @@ from organ_geometry.organ_code import (
     tolerance_number,
     tolerance_of,
 )
-from organ_geometry.organ_cut import OrganCut
+from organ_geometry.organ_cut import OrganCut, best_turn
 from organ_geometry.organ_file import code_bytes
 from organ_geometry.section_encoder import CodedSections
 from organ_geometry.section_signals import WIDTH, signals_to_rows
@@ -48,7 +48,7 @@ _MARGIN, _LEAST_MARGIN = 0.96, 0.6
 _EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
 # An axis is carried on at its ends until their planes enclose the end sections so nearly.
 _ENCLOSED, _CARRIES = 0.2, 4
-_NEAREST_ROUNDS = 4
+_NEAREST_ROUNDS, _FINER_CANDIDATES = 4, 2
 
 
 class NotKept(Exception):  # noqa: N818
@@ -130,6 +130,7 @@ class EncoderSearch:
     ) -> None:
         self._contours = contours
         self._units = units
+        self._turn: int | None = None
         self._left_handed = left_handed
         self._depth = min(
             max(1, math.ceil(math.log2(max(2, len(contours) - 1)) - 0.4)), LARGEST_KEY_DEPTH
@@ -176,6 +177,14 @@ class EncoderSearch:
         NotKept
             If none keep it.
         """
+        kept = self._searched(effort)
+        if not kept:
+            # What changes between two sections may need keys at less than their distance.
+            kept = [self.nearest(), *self._searched(effort)]
+        return min(kept, key=lambda one: len(one.data))
+
+    def _searched(self, effort: Effort) -> list[KeptCode]:
+        """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
         kept: list[KeptCode] = []
         first, *others = _STEPS[effort]
         tried: list[tuple[float, CodedAxis, OrganCut, int]] = []
@@ -195,9 +204,7 @@ class EncoderSearch:
                     kept += self._kept(scale, axis, cut, step, rounds)
                     if kept:
                         break
-        if not kept:
-            kept.append(self.nearest())
-        return min(kept, key=lambda one: len(one.data))
+        return kept
 
     def nearest(self) -> KeptCode:
         """Return the numbers in finest steps that come nearest to the sections.
@@ -211,18 +218,24 @@ class EncoderSearch:
         ------
         NotKept
             If they do not keep the tolerance.
+        ValueError
+            If the sections make no organ.
         """
         best: KeptCode | None = None
-        for scale, axis, cut in self._axes("full", steps=(1.0,)):
-            keys = np.arange(cut.candidates + 1, dtype=np.intp)
-            found = self._descended(
-                scale, axis, cut, _FINEST_STEP, _NEAREST_ROUNDS, keys=keys, near=True
-            )
-            for one in found:
-                if best is None or one.worst < best.worst:
-                    best = one
-            if best is not None and best.worst <= 1.0:
-                return best
+        for _ in range(1 + _FINER_CANDIDATES):
+            for scale, axis, cut in self._axes("full", steps=(1.0,)):
+                keys = np.arange(cut.candidates + 1, dtype=np.intp)
+                found = self._descended(
+                    scale, axis, cut, _FINEST_STEP, _NEAREST_ROUNDS, keys=keys, near=True
+                )
+                for one in found:
+                    if best is None or one.worst < best.worst:
+                        best = one
+                if best is not None and best.worst <= 1.0:
+                    return best
+            if self._depth >= LARGEST_KEY_DEPTH:
+                break
+            self._depth += 1
         if best is None:
             raise ValueError("the sections make no organ: their widths vanish")
         worst = int(best.rms.argmax())
@@ -270,6 +283,9 @@ class EncoderSearch:
             for levels in range(1, most + 1)
         ]
         middle = 1 + int(np.argmin(costs))
+        if self._turn is None:
+            _, cut = self._cut(middle, unit)
+            self._turn = best_turn(cut.outlines.outer)
         for more in _LEVELS[effort]:
             if not 1 <= middle + more <= most:
                 continue
@@ -280,28 +296,26 @@ class EncoderSearch:
     def _cut(self, levels: int, step: float) -> tuple[CodedAxis, OrganCut]:
         """Return an axis whose ends' planes enclose the end sections, and the contours cut."""
         reach = [0.0, 0.0]
-        nearest = math.inf
-        best: tuple[CodedAxis, OrganCut] | None = None
+        found: list[tuple[float, CodedAxis, OrganCut]] = []
         for _ in range(_CARRIES):
             axis = coded_axis(
                 self._centroids, levels, step, AXIS_PRICE * step * step, (reach[0], reach[1])
             )
             cut = OrganCut(
                 self._contours, self._lofts, self._centroids, axis.keys, self._depth,
-                4.0 * self._radius, left_handed=self._left_handed,
+                4.0 * self._radius, self._turn or 0, left_handed=self._left_handed,
             )  # fmt: skip
             located, section = cut.edges[0]
             beyond = [located.beyond[section == end] for end in (0, len(self._contours) - 1)]
             rms = [float(np.sqrt(np.mean(away * away))) for away in beyond]
-            if max(rms) < nearest:
-                nearest, best = max(rms), (axis, cut)
+            found.append((max(rms), axis, cut))
             if max(rms) <= _ENCLOSED * self._unit:
                 break
             for end in (0, 1):
                 if rms[end] > 0.5 * _ENCLOSED * self._unit:
                     reach[end] += 1.05 * float(beyond[end].max())
-        assert best is not None
-        return best
+        _, axis, cut = min(found, key=lambda one: one[0])
+        return axis, cut
 
     def _kept(
         self, scale: int, axis: CodedAxis, cut: OrganCut, step: float, rounds: int
@@ -375,6 +389,7 @@ class EncoderSearch:
             along_steps=ALONG_STEPS,
             start_axis=cut.start_axis,
             roll=cut.roll,
+            turn=cut.turn,
             tilts=cut.tilts,
             ends=axis.ends,
             bends=axis.bends,
@@ -388,7 +403,7 @@ class EncoderSearch:
         # Steps as long as a section is wide may leave none of it.
         if any((signals[:, WIDTH] <= 0.0).any() for signals in walls):
             return None
-        rms = cut.section_rms(code.keys, walls, rough=False)
+        rms = cut.section_rms(code.keys, walls)
         overall = math.sqrt(float(self._shares @ (rms * rms)))
         worst = max(float(rms.max()) / self._allowed, overall / self._overall)
         return KeptCode(code, cut, rms, overall, worst)

@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contour import ContourLoft, SectionContour
-from organ_geometry.organ_code import ROLLS, TILTS, axis_and_frames, axis_pieces
+from organ_geometry.half_curves import closed_outlines, polygon_distances
+from organ_geometry.organ_code import ROLLS, TILTS, TURNS, axis_and_frames, axis_pieces
 from organ_geometry.section_encoder import Outlines, SectionEncoder
-from organ_geometry.section_signals import signals_to_rows
+from organ_geometry.section_signals import extents, fitted_signals, signals_to_rows
 from organ_geometry.surface_distance import LocatedPoints
 
-ROUGH_POINTS = 40
-"""Points of an edge that are enough for a rough distance."""
-
+_TURN_STEP, _TURNED_OUTLINES, _TURN_PAYS = 2, 32, 0.7
 # An end section leans out of the axis by up to 1 in 1/4.
 _STEEPEST = 0.25
 
@@ -36,6 +35,8 @@ class OrganCut:
         There are 2^depth + 1 candidates for key sections.
     far
         How far the lofts are carried on beyond both ends, mm.
+    turn
+        How far half-curves are turned in their sections, as in `OrganCode`.
     left_handed
         Whether frames are left-handed.
 
@@ -45,7 +46,7 @@ class OrganCut:
         Number of pieces between candidates.
     samples
         Number of pieces between outlines, a multiple of that.
-    start_axis, roll, tilts
+    start_axis, roll, turn, tilts
         The frames, as in `OrganCode`.
     places
         (S,) place of each section along the axis, from 0 to 1.
@@ -67,9 +68,11 @@ class OrganCut:
         keys: NDArray[np.float64],
         depth: int,
         far: float,
+        turn: int = 0,
         *,
         left_handed: bool,
     ) -> None:
+        self.turn = turn
         self.candidates = 2**depth
         self.samples = (1 if self.candidates + 1 >= len(contours) else 2) * self.candidates
         samples, hand = self.samples, left_handed
@@ -92,7 +95,9 @@ class OrganCut:
                 np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * TILTS
             ).astype(np.int64)
         self.tilts = upright
-        points, frames = axis_and_frames(keys, samples, start, self.roll, upright, left_handed=hand)
+        points, frames = axis_and_frames(
+            keys, samples, start, self.roll, upright, turn, left_handed=hand
+        )
         self.places = _places(centroids, points, frames[:, :, 2])
         numbers = np.interp(
             np.linspace(0.0, 1.0, samples + 1), self.places, np.arange(len(self.places))
@@ -118,21 +123,19 @@ class OrganCut:
         """Find out where the edge points lie across the axis that a reader will have."""
         self.pieces = axis_pieces(self.candidates)
         axis, frames = axis_and_frames(
-            keys, self.pieces, self.start_axis, self.roll, self.tilts, left_handed=left_handed
-        )
+            keys, self.pieces, self.start_axis, self.roll, self.tilts, self.turn,
+            left_handed=left_handed,
+        )  # fmt: skip
         self.edges: list[tuple[LocatedPoints, NDArray[np.intp]]] = []
-        self._rough: list[NDArray[np.intp]] = []
         for wall in ("outer", "lumen") if hollow else ("outer",):
             edges = [getattr(contour, wall) for contour in contours]
             section = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
             near = self.places[section] * self.pieces
             located = LocatedPoints.along(np.concatenate(edges), near, axis, frames)
             self.edges.append((located, section))
-            thin = [np.arange(len(edge)) % max(1, len(edge) // ROUGH_POINTS) == 0 for edge in edges]
-            self._rough.append(np.flatnonzero(np.concatenate(thin)))
 
     def section_rms(
-        self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]], *, rough: bool
+        self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]
     ) -> NDArray[np.float64]:
         """Return the RMS distance of each section's edge points to decoded signals.
 
@@ -142,8 +145,6 @@ class OrganCut:
             (K,) key sections.
         walls
             (K, 16) signals of each boundary there, mm.
-        rough
-            Whether some points of each edge are enough.
 
         Returns
         -------
@@ -155,14 +156,41 @@ class OrganCut:
         before = np.clip(np.searchsorted(at, pieces, side="right") - 1, 0, len(at) - 2)
         share = ((pieces - at[before]) / (at[before + 1] - at[before]))[:, np.newaxis]
         squares, counts = np.zeros(len(self.places)), np.zeros(len(self.places))
-        for (located, section), some, signals in zip(self.edges, self._rough, walls, strict=True):
-            if rough:
-                located, section = located.chosen(some), section[some]
+        for (located, section), signals in zip(self.edges, walls, strict=True):
             rows = signals_to_rows(signals)
             away = located.distances(rows[before] * (1.0 - share) + rows[before + 1] * share)
             squares += np.bincount(section, away * away, len(squares))
             counts += np.bincount(section, minlength=len(squares))
         return np.sqrt(squares / counts)
+
+
+def best_turn(outlines: NDArray[np.float64]) -> int:
+    """Return how far half-curves are best turned in their sections to lie near outlines.
+
+    Parameters
+    ----------
+    outlines
+        (M, P, 2) points around each section, mm.
+
+    Returns
+    -------
+    int
+        The turn, in 1/32 of half a turn; 0 where another would do little.
+    """
+    some = outlines[:: max(1, len(outlines) // _TURNED_OUTLINES)]
+    errors = np.empty(TURNS // _TURN_STEP)
+    for number in range(len(errors)):
+        angle = number * _TURN_STEP * math.pi / TURNS
+        turned = some @ np.array(
+            [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+        )
+        corners = closed_outlines(signals_to_rows(fitted_signals(turned, extents(turned))), 64)
+        errors[number] = sum(
+            float((polygon_distances(ring[::2], near) ** 2).sum())
+            for ring, near in zip(turned, corners, strict=True)
+        )
+    best = int(errors.argmin())
+    return best * _TURN_STEP if errors[best] < _TURN_PAYS * errors[0] else 0
 
 
 def _places(

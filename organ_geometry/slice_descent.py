@@ -136,7 +136,7 @@ def _descend(
     quad = np.zeros(len(errors))
     total = 0
     options = np.empty(8, np.int64)
-    for sweep in range(sweeps):
+    for _ in range(sweeps):
         changed = 0
         for k in range(keys):
             inner = 0 < k < keys - 1

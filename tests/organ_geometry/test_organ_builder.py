@@ -15,8 +15,8 @@ from organ_geometry.edges import find_edges
 from organ_geometry.half_curves import HalfCurves, closed_outlines, polygon_distances
 from organ_geometry.image_stack import ImageStackError, read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_encoder import ToleranceTooSmall
 from organ_geometry.organ_file import organ_from_bytes
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]

@@ -13,18 +13,14 @@ from organ_geometry.axis_curve import (
 )
 from organ_geometry.contour import ContourLoft, centroid_and_radius, even_points
 from organ_geometry.half_curves import closed_outlines
-from organ_geometry.organ_encoder import (
-    EncodedOrgan,
-    ToleranceTooSmall,
-    encoded_organ,
-    root_mean_squares,
-    section_distances,
-)
+from organ_geometry.organ_encoder import EncodedOrgan, encoded_organ
 from organ_geometry.section_signals import (
     extents,
     fitted_signals,
     signals_to_rows,
 )
+from organ_geometry.surface_distance import root_mean_squares, section_distances
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 # The floor of two free degree-6 curves on a circle, published as 0.30 % of its radius.
 CIRCLE_FLOOR = 0.0031
