@@ -12,13 +12,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.key_lattice import differences_to_values, hats
+from organ_geometry.key_lattice import differences_to_values
 from organ_geometry.organ_cut import OrganCut
 from organ_geometry.section_signals import CIRCLE
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
-_POINTS = 48
+_POINTS = 36
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,19 +102,21 @@ class EdgePoints:
         Returns
         -------
         NDArray[np.float64]
-            (N, K) weights.
+            (K, N) weights.
         """
-        return hats(self.at, keys) @ differences_to_values(keys)
+        values = np.ascontiguousarray(differences_to_values(keys).T)
+        before, share = self._between(keys)
+        return values[:, before] * (1.0 - share) + values[:, before + 1] * share
 
     def distances(
-        self, shares: NDArray[np.float64], stored: NDArray[np.int64], steps: NDArray[np.float64]
+        self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the points' distances, and how they change with the walls' signals.
 
         Parameters
         ----------
-        shares
-            (N, K) weights of the stored differences.
+        keys
+            (K,) key sections.
         stored
             (W, K, 16) stored differences, of the outer boundary and then of the lumen.
         steps
@@ -125,12 +127,24 @@ class EdgePoints:
         tuple[NDArray[np.float64], NDArray[np.float64]]
             (N,) distances, mm, and (W, 16, N) their changes with the signals of each wall.
         """
-        signals = shares @ (stored[0] * steps)
+        values = differences_to_values(keys)
+        before, share = self._between(keys)
+        lumen, share = self.lumen, share[:, np.newaxis]
+        outer = (values @ stored[0]) * steps
+        signals = outer[before] * (1.0 - share) + outer[before + 1] * share
         if len(stored) > 1:
-            signals[self.lumen] += shares[self.lumen] @ (stored[1] * steps)
-        away, changes = _linearised(self.place, np.ascontiguousarray(signals), CIRCLE, _U)
-        walls = [changes] if len(stored) == 1 else [changes, changes * self.lumen]
+            own = (values @ stored[1]) * steps
+            own = own[before] * (1.0 - share) + own[before + 1] * share
+            signals += own * lumen[:, np.newaxis]
+        away, changes = _linearised(self.place, signals, CIRCLE, _U)
+        walls = [changes] if len(stored) == 1 else [changes, changes * lumen]
         return away, np.stack(walls)
+
+    def _between(self, keys: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Return the (N,) keys before the points, and shares of the way to the next."""
+        before = np.clip(np.searchsorted(keys, self.at, side="right") - 1, 0, len(keys) - 2)
+        share = (self.at - keys[before]) / (keys[before + 1] - keys[before])
+        return before, np.clip(share, 0.0, 1.0)
 
 
 @numba.njit(cache=True)

@@ -35,6 +35,9 @@ AXIS_PRICE = 0.2
 START_PRICE = 0.1
 """The same for the sections that the search for fewer bits begins with."""
 
+OVERALL_PRICE = 0.5
+"""The same where all sections together are to be kept to an RMS distance."""
+
 _FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
 # Steps in tolerances: of the axis, of half-curves, of these where none of them will do.
 _AXIS_STEPS = {"quick": (1.0, 2.0), "full": (0.75, 1.0, 1.5, 2.0, 3.0)}
@@ -43,7 +46,7 @@ _FINER_STEPS = (0.35, 0.25, 0.15)
 _FINEST_STEP = 1.0 / 16.0
 _LEVELS = {"quick": (0, -1), "full": (0, -1, -2, 1)}
 _ROUNDS = {"quick": 6, "full": 10}
-_FEW_ROUNDS = 3
+_FEW_ROUNDS, _PATIENCE = 3, 2
 _MARGIN, _LEAST_MARGIN = 0.96, 0.6
 _EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
 # An axis is carried on at its ends until their planes enclose the end sections so nearly.
@@ -195,8 +198,10 @@ class EncoderSearch:
             tried.append((len(last.data) * max(1.0, last.worst), axis, cut, scale))
         tried.sort(key=lambda one: one[0])
         rounds = _ROUNDS[effort]
-        for _, axis, cut, scale in tried[: 2 if effort == "quick" else None]:
-            for step in (first, *others):
+        for number, (_, axis, cut, scale) in enumerate(tried):
+            if effort == "quick" and number > 1:
+                break
+            for step in _STEPS[effort] if effort == "full" or number == 0 else _STEPS[effort][:2]:
                 kept += self._kept(scale, axis, cut, step, rounds)
         if not kept:
             for _, axis, cut, scale in tried[:2]:
@@ -340,11 +345,14 @@ class EncoderSearch:
         weights = np.full(cut.samples + 1, len(self._contours) / (cut.samples + 1))
         sections = cut.encoder.coded(step, 0.0 if near else START_PRICE * step**2, weights, keys)
         points = EdgePoints.of(cut)
-        everywhere, beyond, margin = (
-            (30.0, 3000.0, 0.9) if near else (_EVERYWHERE, _BEYOND, _MARGIN)
-        )
+        everywhere, beyond, margin = _EVERYWHERE, _BEYOND, _MARGIN
+        if near:
+            everywhere, beyond, margin = 30.0, 3000.0, 0.9
+        elif self._overall < self._allowed:
+            everywhere = (self._allowed / step) ** 2 / OVERALL_PRICE
         limits = np.full(len(self._contours), self._allowed)
         found: list[KeptCode] = []
+        still = 0
         for _ in range(rounds + 1):
             attempt = self._attempt(axis_scale, axis, cut, scale, sections)
             if attempt is None:
@@ -357,8 +365,9 @@ class EncoderSearch:
                 margin = max(margin - (excess**2 - 1.0), _LEAST_MARGIN)
             if excess > 1.0:
                 beyond = min(2.0 * beyond, _MOST_BEYOND)
-            everywhere *= min(max(attempt.overall / self._overall, 0.8), 1.5) ** 3
-            everywhere = max(everywhere, _EVERYWHERE)
+            if self._overall < self._allowed:
+                everywhere *= min(max(attempt.overall / self._overall, 0.85), 1.2) ** 4
+                everywhere = max(everywhere, _EVERYWHERE)
             stored = (
                 [sections.outer] if sections.lumen is None else [sections.outer, sections.lumen]
             )
@@ -368,7 +377,8 @@ class EncoderSearch:
             )  # fmt: skip
             same = len(chosen) == len(sections.keys) and np.array_equal(numbers, np.stack(stored))
             sections = CodedSections(chosen, numbers[0], numbers[1] if len(numbers) > 1 else None)
-            if same and attempt.worst <= 1.0:
+            still = still + 1 if same else 0
+            if (same and attempt.worst <= 1.0) or still == _PATIENCE:
                 break
         return found
 

@@ -74,8 +74,7 @@ def fewer_bits(
         Key sections and stored numbers.
     """
     shares = points.shares(keys)
-    away, changes = points.distances(shares, stored, steps)
-    shares = np.ascontiguousarray(shares.T)
+    away, changes = points.distances(keys, stored, steps)
     touched = shares != 0.0
     first = np.asarray(touched.argmax(axis=1), dtype=np.intp)
     last = np.asarray(shares.shape[1] - touched[:, ::-1].argmax(axis=1), dtype=np.intp)
