@@ -189,7 +189,8 @@ def least_turning(
 
     Notes
     -----
-    Double reflection, [Wang, Juettler, Zheng and Liu 2008], ACM Trans. Graphics 27(1):2, table I.
+    Double reflection [Wang 2008]: W. Wang, B. Juettler, D. Zheng, Y. Liu, Computation of rotation
+    minimizing frames, ACM Transactions on Graphics 27, 2:1-2:18, table I.
     """
     return _least_turning(
         np.ascontiguousarray(points), np.ascontiguousarray(tangents), np.ascontiguousarray(start)

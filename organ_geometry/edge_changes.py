@@ -88,7 +88,7 @@ class EdgePoints:
             place=np.ascontiguousarray(table[5:].T),
             at=table[2],
             weights=weights,
-            beyond=np.bincount(slices, weights * table[4] ** 2, count),
+            beyond=np.bincount(slices, weights * table[4] ** 2, count).astype(np.float64),
         )
 
     def shares(self, keys: NDArray[np.intp]) -> NDArray[np.float64]:

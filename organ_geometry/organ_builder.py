@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.contour import SectionContour
 from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
+from organ_geometry.encoder_search import Effort
 from organ_geometry.found_section import OTHER_PART
 from organ_geometry.half_curves import (
     HalfCurves,
@@ -39,6 +40,8 @@ TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
 _BACK_CORNERS = 64
 _RAISES = 3
+# Near the smallest tolerance bytes climb steeply.
+_RAISE = 1.2
 
 # What a report warns of.
 LONG_AXIS = 1.5
@@ -164,6 +167,8 @@ def build_organ(
     tolerance_mm: float | None = None,
     tolerance_px: float | None = None,
     select: Selection = "fewest",
+    effort: Effort = "quick",
+    overall_mm: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
@@ -192,6 +197,10 @@ def build_organ(
     select
         How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
         section with the last key section.
+    effort
+        "quick" tries a few ways to keep it in few bytes, "full" many.
+    overall_mm
+        Largest RMS distance of all edge points together, mm. Default: the tolerance.
     progress
         Called after each image with the number done and the number of images.
     name
@@ -249,6 +258,8 @@ def build_organ(
             hollow=hollow,
             left_handed=float(np.linalg.det(stack.frames[0])) < 0.0,
             select=select,
+            effort=effort,
+            overall=overall_mm,
             units=stack.units,
             name=_stack_name(stack.source) if name is None else name,
         )
@@ -277,7 +288,7 @@ def _encoded(
         except ToleranceTooSmall as error:
             if strict:
                 raise
-            tolerance = 1.1 * error.smallest_mm
+            tolerance = _RAISE * error.smallest_mm
     return encoded(tolerance)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contour import SectionContour
-from organ_geometry.encoder_search import Effort, EncoderSearch, KeptCode, NotKept
+from organ_geometry.encoder_search import Effort, EncoderSearch, NotKept
 from organ_geometry.organ import Organ
+from organ_geometry.organ_attempts import KeptCode
 from organ_geometry.organ_file import organ_from_bytes
 from organ_geometry.section_encoder import Outlines
 from organ_geometry.tolerance_floor import ToleranceTooSmall, smallest_kept
