@@ -14,6 +14,7 @@ from organ_geometry.organ_cut import OrganCut, best_turn
 from organ_geometry.section_signals import signals_to_rows
 
 Effort: TypeAlias = Literal["quick", "full"]
+Tries: TypeAlias = Literal["quick", "full", "nearest"]
 
 # Steps in tolerances: of the axis, of half-curves, of these where none of them will do.
 _AXIS_STEPS = {"quick": (1.0, 2.0), "full": (1.0, 1.5, 2.0, 3.0), "nearest": (1.0,)}
@@ -23,11 +24,11 @@ _FINEST_STEP = 1.0 / 16.0
 # What a bit is worth in the sections that the search for fewer bits begins with.
 _START_PRICES = {"quick": (0.1,), "full": (0.1, 0.05, 0.3)}
 _BEST_AXES = {"quick": 2, "full": 4}
-_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "nearest": (1, 0, 2)}
+_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "nearest": (1, 0)}
 _ROUNDS = {"quick": 6, "full": 10}
 _FEW_ROUNDS = 3
 _TIGHTENINGS, _TIGHTER = 3, 0.6
-_NEAREST_ROUNDS, _FINER_CANDIDATES = 4, 2
+_NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
 
 
 class NotKept(Exception):  # noqa: N818
@@ -39,10 +40,15 @@ class NotKept(Exception):  # noqa: N818
         The section that was off furthest in the nearest attempt.
     nearest_mm, overall_mm
         Its RMS distance there, and that of all sections, mm.
+    way
+        Levels of the axis and of the candidates for key sections there.
     """
 
-    def __init__(self, section: int, nearest_mm: float, overall_mm: float) -> None:
-        super().__init__(section, nearest_mm, overall_mm)
+    def __init__(
+        self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int]
+    ) -> None:
+        super().__init__(section, nearest_mm, overall_mm, way)
+        self.way = way
         self.section = section
         self.nearest_mm = nearest_mm
         self.overall_mm = overall_mm
@@ -81,6 +87,7 @@ class EncoderSearch:
             contours, tolerance, overall, hollow=hollow, left_handed=left_handed, units=units
         )
         self._turn: int | None = None
+        self._middle = 1
 
     def in_fewest_bytes(self, effort: Effort = "quick") -> KeptCode:
         """Return the numbers of fewest bytes that keep the tolerance.
@@ -144,8 +151,13 @@ class EncoderSearch:
                 kept += self._kept(scale, axis, cut, step, starts[0], rounds)
         return kept
 
-    def nearest(self) -> KeptCode:
+    def nearest(self, way: tuple[int, int] | None = None) -> KeptCode:
         """Return the numbers in finest steps that come nearest to the sections.
+
+        Parameters
+        ----------
+        way
+            Levels of the axis and of the candidates for key sections, if they are chosen already.
 
         Returns
         -------
@@ -159,25 +171,39 @@ class EncoderSearch:
         ValueError
             If the sections make no organ.
         """
-        best: KeptCode | None = None
-        for _ in range(1 + _FINER_CANDIDATES):
-            for scale, axis, cut in self._axes("nearest"):
-                keys = np.arange(cut.candidates + 1, dtype=np.intp)
-                found = self._attempts.descended(
-                    scale, axis, cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
-                )
-                for one in found:
-                    if best is None or one.worst < best.worst:
-                        best = one
-                if best is not None and best.worst <= 1.0:
-                    return best
-            if self._attempts.depth >= LARGEST_KEY_DEPTH:
-                break
-            self._attempts.depth += 1
-        if best is None:
+        attempts = self._attempts
+        first = attempts.depth
+        ways = (
+            [(levels, first) for levels, _ in self._settings("nearest")] if way is None else [way]
+        )
+        found: list[tuple[float, tuple[int, int], KeptCode]] = []
+        while ways:
+            levels, attempts.depth = ways.pop(0)
+            scale = scale_number(attempts.usual)
+            axis, cut = attempts.cut(levels, attempts.tolerance * scale_of(scale))
+            keys = np.arange(cut.candidates + 1, dtype=np.intp)
+            tried = attempts.descended(
+                scale, axis, cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
+            )
+            found += [(one.worst, (levels, attempts.depth), one) for one in tried]
+            found = sorted(found, key=lambda one: one[0])[:1]
+            if found and found[0][0] <= 1.0:
+                return found[0][2]
+            deeper = attempts.depth + 1
+            if (
+                not ways
+                and way is None
+                and found
+                and deeper <= min(first + _FINER_CANDIDATES, LARGEST_KEY_DEPTH)
+            ):
+                ways = [(found[0][1][0], deeper)]
+        if not found:
             raise ValueError("the sections make no organ: their widths vanish")
+        _, nearest, best = found[0]
+        attempts.depth = first
         worst = int(best.rms.argmax())
-        raise NotKept(self._attempts.contours[worst].index, float(best.rms[worst]), best.overall)
+        index = attempts.contours[worst].index
+        raise NotKept(index, float(best.rms[worst]), best.overall, nearest)
 
     def by_the_thesis(self) -> KeptCode:
         """Return the numbers of the key sections that the thesis's rule keeps.
@@ -214,29 +240,29 @@ class EncoderSearch:
             threshold *= 0.8
         return exact
 
-    def _axes(
-        self, effort: Literal["quick", "full", "nearest"]
-    ) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
-        """Yield axes of several steps and numbers of keys, and the contours cut across them."""
-        most = most_levels(len(self._attempts.centroids))
-        unit = self._attempts.tolerance * scale_of(scale_number(self._attempts.usual))
-        costs = [
-            coded_axis(self._attempts.centroids, levels, unit, AXIS_PRICE * unit**2).cost
-            for levels in range(1, most + 1)
-        ]
-        middle = 1 + int(np.argmin(costs))
+    def _settings(self, effort: Tries) -> Iterator[tuple[int, float]]:
+        """Yield levels of the axis, and its step as a share of what lengths go with."""
+        attempts = self._attempts
+        most = most_levels(len(attempts.centroids))
+        unit = attempts.tolerance * scale_of(scale_number(attempts.usual))
         if self._turn is None:
-            _, cut = self._attempts.cut(middle, unit)
-            self._turn = self._attempts.turn = best_turn(cut.outlines.outer)
+            costs = [
+                coded_axis(attempts.centroids, levels, unit, AXIS_PRICE * unit**2).cost
+                for levels in range(1, most + 1)
+            ]
+            self._middle = 1 + int(np.argmin(costs))
+            _, cut = attempts.cut(self._middle, unit)
+            self._turn = attempts.turn = best_turn(cut.outlines.outer)
         for more in _LEVELS[effort]:
-            if not 1 <= middle + more <= most:
-                continue
-            for share in _AXIS_STEPS[effort]:
-                scale = scale_number(share * self._attempts.usual)
-                yield (
-                    scale,
-                    *self._attempts.cut(middle + more, self._attempts.tolerance * scale_of(scale)),
-                )
+            if 1 <= self._middle + more <= most:
+                for share in _AXIS_STEPS[effort]:
+                    yield self._middle + more, share
+
+    def _axes(self, effort: Effort) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
+        """Yield axes of several steps and numbers of keys, and the contours cut across them."""
+        for levels, share in self._settings(effort):
+            scale = scale_number(share * self._attempts.usual)
+            yield scale, *self._attempts.cut(levels, self._attempts.tolerance * scale_of(scale))
 
     def _kept(
         self,

@@ -97,7 +97,8 @@ def encoded_organ(
     own = search(tolerance, overall)
     try:
         kept = own.by_the_thesis() if select == "thesis" else own.in_fewest_bytes(effort)
-    except NotKept as missed:
+    except NotKept as error:
+        missed = error
         if missed.nearest_mm <= tolerance:
             raise ToleranceTooSmall(
                 f"{overall:.4g} mm over all sections cannot be kept by two degree-6 curves a "
@@ -107,7 +108,7 @@ def encoded_organ(
 
         def can(limit: float) -> bool:
             try:
-                search(limit, None).nearest()
+                search(limit, None).nearest(missed.way)
             except NotKept:
                 return False
             return True

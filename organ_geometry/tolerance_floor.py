@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-_RAISE, _HALVINGS, _NEAR_ENOUGH = 1.06, 5, 1.03
+_RAISE, _HALVINGS, _NEAR_ENOUGH = 1.05, 3, 1.06
 
 
 class ToleranceTooSmall(ValueError):  # noqa: N818
