@@ -21,6 +21,9 @@ CHECK_POINTS = 10_000
 FIRST_SHARES = (0.3, 1.0)
 """Tolerances to begin with, in target errors."""
 
+LOOSE_SHARE, OVERALL_SHARES = 3.0, (1.0, 1.1, 1.2)
+"""A tolerance of each section, and those of all together that are tried with it."""
+
 LEAST_SHARE, MOST_SHARE = 0.02, 4.0
 STEPS = 6
 
@@ -64,32 +67,37 @@ class OrganSearch:
     def __init__(self, organ: OrganSet) -> None:
         self.tried = 0
         self._organ = organ
-        self._built: dict[float, OrganBytes | None] = {}
+        self._built: dict[tuple[float, float | None], OrganBytes | None] = {}
 
-    def at(self, tolerance: float) -> OrganBytes | None:
+    def at(self, tolerance: float, overall: float | None = None) -> OrganBytes | None:
         """Return the organ of a tolerance, mm, or None if the builder says that it cannot be kept.
 
         Parameters
         ----------
         tolerance
             RMS distance that the builder is given, mm.
+        overall
+            RMS distance of all sections together, mm, if it is given one.
 
         Returns
         -------
         OrganBytes or None
             The organ.
         """
-        if tolerance not in self._built:
+        key = (tolerance, overall)
+        if key not in self._built:
             self.tried += 1
             try:
-                built = build_organ(self._organ.stack, tolerance_mm=tolerance)
+                built = build_organ(
+                    self._organ.stack, tolerance_mm=tolerance, overall_mm=overall, effort="full"
+                )
             except ValueError:
-                self._built[tolerance] = None
+                self._built[key] = None
             else:
                 size, organ = stored(built.organ)
                 rms = self._organ.rms(organ_mesh(organ), CHECK_POINTS)
-                self._built[tolerance] = OrganBytes(tolerance, built, size, rms)
-        return self._built[tolerance]
+                self._built[key] = OrganBytes(tolerance, built, size, rms)
+        return self._built[key]
 
     def best(self, target: float) -> OrganBytes | None:
         """Return the smallest organ file whose error is a target at most.
@@ -116,6 +124,8 @@ class OrganSearch:
                 low = middle
             else:
                 high = middle
+        for share in OVERALL_SHARES:
+            self.at(LOOSE_SHARE * target, share * target)
         enough = [one for one in self._built.values() if one is not None and one.rms <= target]
         return min(enough, key=lambda one: one.size, default=None)
 

@@ -1,9 +1,13 @@
 """The axis as a curve: natural cubic splines over even keys, arc length, and frames along it."""
 
+import math
 from functools import lru_cache
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
+
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
@@ -185,29 +189,45 @@ def least_turning(
 
     Notes
     -----
-    Double reflection, [Wang, Juettler, Zheng and Liu 2008], ACM Trans. Graphics 27(1):2, table I.
+    Double reflection [Wang 2008]: W. Wang, B. Juettler, D. Zheng, Y. Liu, Computation of rotation
+    minimizing frames, ACM Transactions on Graphics 27, 2:1-2:18, table I.
     """
+    return _least_turning(
+        np.ascontiguousarray(points), np.ascontiguousarray(tangents), np.ascontiguousarray(start)
+    )
+
+
+@numba.njit(cache=True)
+def _least_turning(
+    points: NDArray[np.float64], tangents: NDArray[np.float64], start: NDArray[np.float64]
+) -> NDArray[np.float64]:
     across = np.empty_like(points)
     now = _perpendicular(start, tangents[0])
     across[0] = now
     for place in range(len(points) - 1):
         step = points[place + 1] - points[place]
-        squared = float(step @ step)
+        squared = _dot(step, step)
         if squared > 0.0:
-            mirrored = now - (2.0 / squared) * float(step @ now) * step
-            along = tangents[place] - (2.0 / squared) * float(step @ tangents[place]) * step
+            mirrored = now - (2.0 / squared) * _dot(step, now) * step
+            along = tangents[place] - (2.0 / squared) * _dot(step, tangents[place]) * step
             turn = tangents[place + 1] - along
-            squared = float(turn @ turn)
+            squared = _dot(turn, turn)
             now = mirrored
             if squared > 0.0:
-                now = mirrored - (2.0 / squared) * float(turn @ mirrored) * turn
+                now = mirrored - (2.0 / squared) * _dot(turn, mirrored) * turn
         now = _perpendicular(now, tangents[place + 1])
         across[place + 1] = now
     return across
 
 
+@numba.njit(cache=True)
+def _dot(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+@numba.njit(cache=True)
 def _perpendicular(
     direction: NDArray[np.float64], tangent: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    across = direction - float(direction @ tangent) * tangent
-    return across / max(float(np.sqrt(across @ across)), np.finfo(np.float64).tiny)
+    across = direction - _dot(direction, tangent) * tangent
+    return across / max(math.sqrt(_dot(across, across)), _TINY)

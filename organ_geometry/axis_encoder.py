@@ -38,44 +38,72 @@ class CodedAxis:
         The step, mm.
     keys
         (K, 3) the keys that they give, mm.
+    cost
+        Its squared error and the price of its bits, mm^2.
     """
 
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
     step: float
     keys: NDArray[np.float64]
+    cost: float
 
 
-def coded_axes(centroids: NDArray[np.float64], step: float, price: float) -> list[CodedAxis]:
-    """Return axes of several numbers of keys, that of the least error and price first.
+def coded_axis(
+    centroids: NDArray[np.float64],
+    depth: int,
+    step: float,
+    price: float,
+    reach: tuple[float, float] = (0.0, 0.0),
+) -> CodedAxis:
+    """Return an axis of 2^depth + 1 keys.
 
     Parameters
     ----------
     centroids
         (S, 3) centroids of the sections, mm.
+    depth
+        Number of levels of keys.
     step
         The step, mm.
     price
         Squared error, mm^2, that a bit is worth.
+    reach
+        How far the axis goes on beyond the first and the last centroid, mm.
 
     Returns
     -------
-    list[CodedAxis]
-        The axes.
+    CodedAxis
+        The axis.
     """
-    most = max(1, (len(centroids) // _CENTROIDS_A_KEY).bit_length() - 1)
-    tried = [
-        _coded(centroids, 2**depth + 1, step, price)
-        for depth in range(1, min(most, LARGEST_AXIS_DEPTH) + 1)
-    ]
-    return [axis for axis, _ in sorted(tried, key=lambda pair: pair[1])]
+    return _coded(centroids, 2**depth + 1, step, price, reach)
+
+
+def most_levels(sections: int) -> int:
+    """Return the most levels of keys that sections can fix.
+
+    Parameters
+    ----------
+    sections
+        Number of sections.
+
+    Returns
+    -------
+    int
+        The number, one or more.
+    """
+    return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
 
 
 def _coded(
-    targets: NDArray[np.float64], count: int, step: float, price: float
-) -> tuple[CodedAxis, float]:
-    """Return the axis of a number of keys, and what its error and its bits cost."""
-    keys, places = _fitted(targets, count)
+    targets: NDArray[np.float64],
+    count: int,
+    step: float,
+    price: float,
+    reach: tuple[float, float] = (0.0, 0.0),
+) -> CodedAxis:
+    """Return the axis of a number of keys."""
+    keys, places = _fitted(targets, count, reach)
     first = np.asarray(np.round(keys[0] / step), dtype=np.int64)
     chord = np.asarray(np.round(keys[-1] / step), dtype=np.int64) - first
     if not chord.any():
@@ -113,17 +141,19 @@ def _coded(
     bends[inner] = numbers.reshape(-1, 3)
     away = wanted - design @ numbers
     bits = _BITS[0, np.minimum(np.abs(numbers), _LARGEST_SIZE)].sum()
-    axis = CodedAxis(ends, bends, step, axis_keys(ends, bends, step, ALONG_STEPS))
-    return axis, 0.5 * float(away @ away) + price * float(bits)
+    cost = 0.5 * float(away @ away) + price * float(bits)
+    return CodedAxis(ends, bends, step, axis_keys(ends, bends, step, ALONG_STEPS), cost)
 
 
 def _fitted(
-    targets: NDArray[np.float64], count: int
+    targets: NDArray[np.float64], count: int, reach: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (K, 3) least-squares keys and the (S,) places of the targets along them."""
     steps = np.linalg.norm(np.diff(targets, axis=0), axis=1)
     places = np.concatenate([[0.0], np.cumsum(steps)])
-    places = places / max(float(places[-1]), np.finfo(np.float64).tiny)
+    length = max(float(places[-1]), np.finfo(np.float64).tiny)
+    whole = length + reach[0] + reach[1]
+    places = (places + reach[0]) / whole
     keys = _least_squares(targets, places, count)
     for _ in range(_FIT_ROUNDS):
         slopes = natural_cubic_slopes(places, count) @ keys
@@ -132,6 +162,7 @@ def _fitted(
         places = places + 0.7 * (away * slopes).sum(axis=1) / squared
         places = np.maximum.accumulate(places) + 1e-9 * np.arange(len(places))
         places = (places - places[0]) / (places[-1] - places[0])
+        places = (places * length + reach[0]) / whole
         keys = _least_squares(targets, places, count)
     return keys, places
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,40 +117,94 @@ class ContourLoft:
             np.concatenate([self.rings[:1] + first, self.rings, self.rings[-1:] + last])
         )
 
-    def cut(
-        self, point: NDArray[np.float64], normal: NDArray[np.float64], near: float
+    def cuts(
+        self,
+        points: NDArray[np.float64],
+        normals: NDArray[np.float64],
+        near: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the contour in which a plane cuts the loft.
+        """Return the contours in which planes cut the loft.
 
         Parameters
         ----------
-        point
-            (3,) a point of the plane, mm.
-        normal
-            (3,) its normal, along the loft.
+        points
+            (M, 3) a point of each plane, mm.
+        normals
+            (M, 3) their normals, along the loft.
         near
-            Number of the contour, with a fraction, near which the cut is wanted.
+            (M,) number of the contour, with a fraction, near which each cut is wanted.
 
         Returns
         -------
         NDArray[np.float64]
-            (P, 3) one point on each line along the loft, mm; on a line that the plane misses, the
-            point nearest to it.
+            (M, P, 3) one point on each line along the loft, mm; on a line that the plane misses,
+            the point nearest to it.
         """
-        heights = (self.rings - point) @ normal
-        crossed = (heights[:-1] <= 0.0) & (heights[1:] > 0.0)
-        away = np.abs(np.arange(len(crossed))[:, np.newaxis] + 0.5 - near)
-        place = np.where(crossed, away, np.inf).argmin(axis=0)
-        lines = np.arange(self.rings.shape[1], dtype=np.intp)
-        missed = ~crossed[place, lines]
-        if missed.any():
-            place[missed] = np.minimum(
-                np.abs(heights[:, missed]).argmin(axis=0), len(self.rings) - 2
-            )
-        low, high = heights[place, lines], heights[place + 1, lines]
-        rise = high - low
-        share = np.clip(-low / np.where(rise == 0.0, 1.0, rise), 0.0, 1.0)[:, np.newaxis]
-        return self.rings[place, lines] * (1.0 - share) + self.rings[place + 1, lines] * share
+        return _loft_cuts(
+            np.ascontiguousarray(self.rings),
+            np.ascontiguousarray(points),
+            np.ascontiguousarray(normals),
+            np.ascontiguousarray(near),
+        )
+
+
+@numba.njit(cache=True)
+def _loft_cuts(
+    rings: NDArray[np.float64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    near: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    count, lines = rings.shape[0], rings.shape[1]
+    cuts = np.empty((len(points), lines, 3))
+    heights = np.empty(count)
+    for m in range(len(points)):
+        p0, p1, p2 = points[m, 0], points[m, 1], points[m, 2]
+        n0, n1, n2 = normals[m, 0], normals[m, 1], normals[m, 2]
+        start = min(max(int(near[m]), 0), count - 2)
+        for line in range(lines):
+            # Look both ways from the middle for the nearest piece that the plane crosses.
+            place = -1
+            for way in range(count):
+                best = np.inf
+                for side in range(-1, 2, 2):
+                    piece = start + side * way
+                    if piece < 0 or piece > count - 2:
+                        continue
+                    low = (
+                        (rings[piece, line, 0] - p0) * n0
+                        + (rings[piece, line, 1] - p1) * n1
+                        + (rings[piece, line, 2] - p2) * n2
+                    )
+                    high = (
+                        (rings[piece + 1, line, 0] - p0) * n0
+                        + (rings[piece + 1, line, 1] - p1) * n1
+                        + (rings[piece + 1, line, 2] - p2) * n2
+                    )
+                    if low <= 0.0 and high > 0.0 and abs(piece + 0.5 - near[m]) < best:
+                        best = abs(piece + 0.5 - near[m])
+                        place = piece
+                if place >= 0:
+                    break
+            if place < 0:
+                for ring in range(count):
+                    heights[ring] = abs(
+                        (rings[ring, line, 0] - p0) * n0
+                        + (rings[ring, line, 1] - p1) * n1
+                        + (rings[ring, line, 2] - p2) * n2
+                    )
+                place = min(int(heights.argmin()), count - 2)
+            low = high = 0.0
+            for c in range(3):
+                low += (rings[place, line, c] - points[m, c]) * normals[m, c]
+                high += (rings[place + 1, line, c] - points[m, c]) * normals[m, c]
+            rise = high - low
+            share = min(max(-low / rise, 0.0), 1.0) if rise != 0.0 else 0.0
+            for c in range(3):
+                cuts[m, line, c] = (
+                    rings[place, line, c] * (1.0 - share) + rings[place + 1, line, c] * share
+                )
+    return cuts
 
 
 def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.axis_curve import least_turning
 from organ_geometry.deep_way import arc_lengths
 
 
@@ -106,22 +107,10 @@ def rotation_minimising_frames(
 
     Notes
     -----
-    Double reflection [Wang 2008]: W. Wang, B. Juettler, D. Zheng, Y. Liu, Computation of rotation
-    minimizing frames, ACM Transactions on Graphics 27, 2:1-2:18, table I.
+    By double reflection, see `least_turning`.
     """
     first = across - tangents[0] * (across @ tangents[0])
     if np.linalg.norm(first) < 1e-3 * np.linalg.norm(across):
         first = np.roll(across, 1) - tangents[0] * (np.roll(across, 1) @ tangents[0])
-    axes = np.empty_like(points)
-    axes[0] = first / np.linalg.norm(first)
-    for index in range(len(points) - 1):
-        chord = points[index + 1] - points[index]
-        squared = max(float(chord @ chord), 1e-300)
-        axis = axes[index] - (2.0 / squared) * (chord @ axes[index]) * chord
-        tangent = tangents[index] - (2.0 / squared) * (chord @ tangents[index]) * chord
-        rest = tangents[index + 1] - tangent
-        axis -= (2.0 / max(float(rest @ rest), 1e-300)) * (rest @ axis) * rest
-        # Rounding must not gather along the curve.
-        axis -= tangents[index + 1] * (tangents[index + 1] @ axis)
-        axes[index + 1] = axis / np.linalg.norm(axis)
+    axes = least_turning(points, tangents, first)
     return np.stack([axes, np.cross(tangents, axes), tangents], axis=2)

@@ -5,39 +5,41 @@ between keys known before it, in steps; the first key is stored as it is, the la
 from the first, and then always the middle one of the keys between two known ones.
 """
 
-from functools import lru_cache
+from bisect import bisect_left
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 
-@lru_cache(maxsize=64)
-def halving_order(count: int) -> tuple[tuple[int, int, int, int], ...]:
-    """Return the order in which keys become known.
+def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
+    """Return the order in which keys between the two ends become known.
+
+    Keys at coarse places come first, as halving the whole way finds them. A key whose stored
+    differences are all zero lies on the line between those known before, and so may be left out.
 
     Parameters
     ----------
-    count
-        Number of keys K, two or more.
+    keys
+        (K,) places of the keys, growing from 0 to a power of two.
 
     Returns
     -------
-    tuple[tuple[int, int, int, int], ...]
-        K - 2 times the number of the key, of the known ones before and after it, and its level from
-        1 on; coarse levels come first.
+    list[tuple[int, int, int, int]]
+        K - 2 times the number of the key, of the nearest known ones before and after it, and its
+        level: one more than the higher of theirs, those of the ends 0.
     """
+    places = [int(place) for place in keys]
+    known, levels = [0, len(places) - 1], {0: 0, len(places) - 1: 0}
     order: list[tuple[int, int, int, int]] = []
-    gaps, level = [(0, count - 1)], 1
-    while gaps:
-        halves: list[tuple[int, int]] = []
-        for low, high in gaps:
-            if high - low > 1:
-                middle = (low + high) // 2
-                order.append((middle, low, high, level))
-                halves += [(low, middle), (middle, high)]
-        gaps, level = halves, level + 1
-    return tuple(order)
+    inner = range(1, len(places) - 1)
+    for key in sorted(inner, key=lambda number: (-(places[number] & -places[number]), number)):
+        after = bisect_left(known, key)
+        low, high = known[after - 1], known[after]
+        levels[key] = 1 + max(levels[low], levels[high])
+        known.insert(after, key)
+        order.append((key, low, high, levels[key]))
+    return order
 
 
 def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -57,7 +59,7 @@ def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
     values = np.zeros((count, count))
     values[:, 0][[0, -1]] = 1.0
     values[-1, -1] = 1.0
-    for key, low, high, _ in halving_order(count):
+    for key, low, high, _ in known_order(keys):
         share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
         values[key] = (1.0 - share) * values[low] + share * values[high]
         values[key, key] = 1.0

@@ -52,8 +52,8 @@ class Organ:
     axis
         (S, 3) points of the axis, one for each section, mm.
     frames
-        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image) and the section's
-        normal. All are right-handed or all are left-handed, see `handedness`.
+        (S, 3, 3) unit directions as columns: x_dir, y_dir (down the image, if `turn` is 0) and the
+        section's normal. All are right-handed or all are left-handed, see `handedness`.
     keys
         (K,) which sections are key sections; the first is 0, the last S-1.
     outer
@@ -68,6 +68,8 @@ class Organ:
         What the organ is called.
     encoded
         Content of the organ's file, or nothing if the organ comes from none.
+    turn
+        How far x_dir is turned from the images' right towards y_dir, rad.
     """
 
     axis: NDArray[np.float64]
@@ -79,6 +81,7 @@ class Organ:
     tolerance_mm: float = 0.0
     name: str = ""
     encoded: bytes = b""
+    turn: float = 0.0
     # Of the circle; found when it is first asked for: an encoder makes many organs.
     _mean_radius: float | None = field(default=None, init=False, repr=False)
 
@@ -207,6 +210,26 @@ class Organ:
         y_dir = self.handedness * np.cross(normal, x_dir)
         return np.stack([x_dir, y_dir, normal], axis=2)
 
+    @property
+    def _up(self) -> NDArray[np.float64]:
+        """(2,) the images' up in a section's own coordinates."""
+        return np.array([-math.sin(self.turn), -math.cos(self.turn)])
+
+    def up_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the images' up in the sections along the axis.
+
+        Parameters
+        ----------
+        stations
+            (N,) arc lengths, mm; those beyond an end are taken at that end.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, 3) unit directions.
+        """
+        return self.frames_at(stations)[:, :, :2] @ self._up
+
     def rows_at(self, stations: NDArray[np.float64], wall: Wall = "outer") -> NDArray[np.float64]:
         """Return half-curves along the organ, linear between neighbouring key sections.
 
@@ -294,7 +317,7 @@ class Organ:
             (N,) arc lengths, mm; those beyond an end are taken at that end.
         direction
             (3,) direction in which the organ is bent, of any length; what of it lies in a section
-            counts there. Default: up in the image, against y_dir.
+            counts there. Default: up in the image.
 
         Returns
         -------
@@ -328,7 +351,7 @@ class Organ:
     ) -> NDArray[np.float64]:
         """Return the (N, 2) unit direction in each section's own coordinates."""
         if direction is None:
-            return np.broadcast_to(np.array([0.0, -1.0]), (len(stations), 2))
+            return np.broadcast_to(self._up, (len(stations), 2))
         pull = np.asarray(direction, dtype=np.float64)
         if pull.shape != (3,) or not np.isfinite(pull).all() or not pull.any():
             raise ValueError(f"direction must be (3,), finite and not zero, not {pull.tolist()}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from organ_geometry.contour import SectionContour
 from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
+from organ_geometry.encoder_search import Effort
 from organ_geometry.fitted_section import FittedSection, fitted_section, section_contour
 from organ_geometry.half_curves import (
     NotSingleValued,
@@ -20,13 +21,13 @@ from organ_geometry.organ import Organ
 from organ_geometry.organ_encoder import (
     EncodedOrgan,
     Selection,
-    ToleranceTooSmall,
     encoded_organ,
 )
 from organ_geometry.organ_seed import Seed
 from organ_geometry.organ_tracing import trace_organ
 from organ_geometry.organ_warnings import organ_warnings
 from organ_geometry.section_report import SectionReport, pooled_rms, section_reports
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Progress = Callable[[int, int], None]
 
@@ -35,6 +36,8 @@ Progress = Callable[[int, int], None]
 TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
 _RAISES = 3
+# Near the smallest tolerance bytes climb steeply.
+_RAISE = 1.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +124,8 @@ def build_organ(
     tolerance_mm: float | None = None,
     tolerance_px: float | None = None,
     select: Selection = "fewest",
+    effort: Effort = "quick",
+    overall_mm: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
@@ -149,6 +154,10 @@ def build_organ(
     select
         How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
         section with the last key section.
+    effort
+        "quick" tries a few ways to keep it in few bytes, "full" many.
+    overall_mm
+        Largest RMS distance of all edge points together, mm. Default: the tolerance.
     progress
         Called after each image with the number done and the number of images.
     name
@@ -206,6 +215,8 @@ def build_organ(
             hollow=hollow,
             left_handed=float(np.linalg.det(stack.frames[0])) < 0.0,
             select=select,
+            effort=effort,
+            overall=overall_mm,
             units=stack.units,
             name=_stack_name(stack.source) if name is None else name,
         )
@@ -235,7 +246,7 @@ def _encoded(
         except ToleranceTooSmall as error:
             if strict:
                 raise
-            tolerance = 1.1 * error.smallest_mm
+            tolerance = _RAISE * error.smallest_mm
     return encoded(tolerance)
 
 

@@ -12,6 +12,8 @@ from organ_geometry.organ import Organ
 from organ_geometry.section_signals import ASIDE, SIGNALS, WIDTH, signals_to_rows
 
 ROLLS = 256
+TURNS = 32
+"""Parts of half a turn by which the sections' half-curves may be turned in them."""
 TILTS = 64
 TILTED_PART = 0.25
 """Share of the length over which the sections turn from an end's plane to those across the axis."""
@@ -44,6 +46,8 @@ class OrganCode:
         0, 1 or 2: the axis of space from which x_dir is turned at the first point.
     roll
         That turn, in 1/256.
+    turn
+        How far the half-curves' x is turned from there towards y, in 1/32 of half a turn.
     tilts
         (2, 2) how far the normals of the first and the last section lean out of the axis, along
         x_dir and y_dir there, in 1/64.
@@ -71,6 +75,7 @@ class OrganCode:
     along_steps: int
     start_axis: int
     roll: int
+    turn: int
     tilts: NDArray[np.int64]
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
@@ -89,6 +94,21 @@ class OrganCode:
     def section_step(self) -> float:
         """Step in which the sections' signals are kept, mm."""
         return tolerance_of(self.tolerance) * scale_of(self.section_scale)
+
+    def signals(self) -> list[NDArray[np.float64]]:
+        """Return the signals at the key sections.
+
+        Returns
+        -------
+        list[NDArray[np.float64]]
+            (K, 16) those of the outer boundary, then those of the lumen if there is one, mm.
+        """
+        steps = signal_steps(self.section_step)
+        values = differences_to_values(self.keys)
+        outer = (values @ self.outer) * steps
+        if self.lumen is None:
+            return [outer]
+        return [outer, outer + (values @ self.lumen) * steps]
 
     def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
         """Return the organ.
@@ -123,20 +143,19 @@ class OrganCode:
             self.start_axis,
             self.roll,
             self.tilts,
+            self.turn,
             left_handed=self.left_handed,
         )
-        steps = signal_steps(self.section_step)
-        values = differences_to_values(self.keys)
-        outer = (values @ self.outer) * steps
-        lumen = None if self.lumen is None else outer + (values @ self.lumen) * steps
+        walls = [signals_to_rows(signals) for signals in self.signals()]
         return Organ(
             axis=points,
             frames=frames,
             keys=self.keys * (pieces // self.candidates),
-            outer=signals_to_rows(outer),
-            lumen=None if lumen is None else signals_to_rows(lumen),
+            outer=walls[0],
+            lumen=walls[1] if len(walls) > 1 else None,
             units=self.units,
             tolerance_mm=tolerance,
+            turn=self.turn * math.pi / TURNS,
             name=name,
             encoded=encoded,
         )
@@ -312,6 +331,7 @@ def axis_and_frames(
     start_axis: int,
     roll: int,
     tilts: NDArray[np.int64],
+    turn: int = 0,
     *,
     left_handed: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -329,6 +349,8 @@ def axis_and_frames(
         That turn about the axis, in 1/256.
     tilts
         (2, 2) lean of the normals at both ends along x_dir and y_dir, in 1/64.
+    turn
+        How far x_dir and y_dir are turned at last, in 1/32 of half a turn.
     left_handed
         Whether the frames are left-handed.
 
@@ -363,4 +385,7 @@ def axis_and_frames(
         x_dirs = x_dirs - (x_dirs * normals).sum(axis=1, keepdims=True) * normals
         x_dirs = x_dirs / np.sqrt((x_dirs * x_dirs).sum(axis=1, keepdims=True))
         y_dirs = np.cross(normals, x_dirs) * sign
+    if turn:
+        cosine, sine = math.cos(turn * math.pi / TURNS), math.sin(turn * math.pi / TURNS)
+        x_dirs, y_dirs = cosine * x_dirs + sine * y_dirs, cosine * y_dirs - sine * x_dirs
     return points, np.stack([x_dirs, y_dirs, normals], axis=2)

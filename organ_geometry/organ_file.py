@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.axis_curve import key_levels
-from organ_geometry.key_lattice import halving_order
+from organ_geometry.key_lattice import known_order
 from organ_geometry.organ import Organ
 from organ_geometry.organ_code import (
     LARGEST_KEY_DEPTH,
@@ -212,8 +212,9 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     along_steps = numbers.plain(code.along_steps, 2)
     start_axis = numbers.plain(code.start_axis, 2)
     roll = numbers.plain(code.roll, 8)
+    turn = numbers.plain(code.turn, 5)
     tilts = np.array(
-        [[numbers.whole("tilt", "tilt", int(lean)) for lean in end] for end in code.tilts]
+        [[numbers.whole(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
     )
     ends = np.stack([_pass_point(numbers, point) for point in code.ends])
     axis_depth = numbers.plain((len(code.bends) - 1).bit_length() - 1, 3)
@@ -225,10 +226,10 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
         raise SymbolError("a number is out of its range")
     keys = _pass_keys(numbers, code.keys, 2**depth)
     blank = np.zeros((len(keys), SIGNALS), dtype=np.int64)
-    outer = _pass_signals(numbers, code.outer if given else blank, "outer")
+    outer = _pass_signals(numbers, keys, code.outer if given else blank, "outer")
     lumen = None
     if hollow:
-        lumen = _pass_signals(numbers, blank if code.lumen is None else code.lumen, "lumen")
+        lumen = _pass_signals(numbers, keys, blank if code.lumen is None else code.lumen, "lumen")
     return OrganCode(
         units=units,
         left_handed=bool(left_handed),
@@ -237,6 +238,7 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
         along_steps=along_steps,
         start_axis=start_axis,
         roll=roll,
+        turn=turn,
         tilts=tilts,
         ends=ends,
         bends=bends,
@@ -285,7 +287,9 @@ def _pass_bends(
             for way in range(3):
                 across = int(way > 0)
                 passed[key, way] = numbers.whole(
-                    ("bend", across, min(level, 4)), ("bend", min(level, 4)), int(bends[key, way])
+                    (("bend", across, min(level, 4)),),
+                    (("bend", min(level, 4)),),
+                    int(bends[key, way]),
                 )
     return passed
 
@@ -299,30 +303,43 @@ def _pass_keys(
     kept[[0, -1]] = True
     before = 1
     for place in range(1, candidates):
-        before = numbers.bit(("key", before), int(kept[place]))
+        before = numbers.bit((("key", before),), int(kept[place]))
         kept[place] = bool(before)
     return np.flatnonzero(kept)
 
 
 def _pass_signals(
-    numbers: SymbolWriter | SymbolReader, stored: NDArray[np.int64], wall: str
+    numbers: SymbolWriter | SymbolReader,
+    keys: NDArray[np.intp],
+    stored: NDArray[np.int64],
+    wall: str,
 ) -> NDArray[np.int64]:
     """Pass the differences of one boundary's signals, key by key."""
     passed = np.zeros_like(stored)
     last = len(stored) - 1
-    for key, level in ((0, 0), (last, 1), *((key, level) for key, _, _, level in _order(last))):
+    inner = ((key, level) for key, _, _, level in known_order(keys))
+    for key, level in ((0, 0), (last, 1), *inner):
         for signal in range(SIGNALS):
-            context = (wall, signal) if key > 0 else ("first", signal == WIDTH)
+            kind = KINDS[signal]
+            number = int(stored[key, signal])
+            if key == 0:
+                passed[key, signal] = numbers.whole(
+                    (("first", signal == WIDTH),), (("size", 0),), number
+                )
+                continue
             passed[key, signal] = numbers.whole(
-                context, ("size", min(level, 3)), int(stored[key, signal])
+                ((wall, signal), ("kind", kind, min(level, 4))),
+                (("size", min(level, 3)), ("size of", kind)),
+                number,
+                KIND_STARTS[kind],
             )
     return passed
 
 
-def _order(last: int) -> tuple[tuple[int, int, int, int], ...]:
-    return halving_order(last + 1)
-
-
+KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
+"""Kind of each signal: half width, middle, then both halves' coefficients by their order."""
+KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
+"""Counts of zeros and others that a kind's odds begin with: shapes are smooth."""
 _WIDTH_BITS = 5
 _BLANK = OrganCode(
     units="mm",
@@ -332,6 +349,7 @@ _BLANK = OrganCode(
     along_steps=0,
     start_axis=0,
     roll=0,
+    turn=0,
     tilts=np.zeros((2, 2), dtype=np.int64),
     ends=np.zeros((2, 3), dtype=np.int64),
     bends=np.zeros((2, 3), dtype=np.int64),

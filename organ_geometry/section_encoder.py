@@ -10,16 +10,16 @@ from organ_geometry.key_lattice import (
     best_breaks,
     descend,
     differences_to_values,
-    halving_order,
     hats,
+    known_order,
 )
+from organ_geometry.number_prices import LARGEST_SIZE, first_prices, learned_prices
 from organ_geometry.organ_code import signal_steps
 from organ_geometry.section_signals import ASIDE, SIGNALS, WIDTH, extents, fitted_signals
 
 KEY_BITS = 16.0
 """What a key section takes where little is known of it."""
 
-_LARGEST_SIZE = 12
 _LONGEST_GAP = 256
 _ROUNDS = 3
 _SWEEPS = 20
@@ -118,7 +118,7 @@ class SectionEncoder:
         """
         chosen = self._breaks(price, weights) if keys is None else keys
         steps = signal_steps(step)
-        prices = [_first_prices() for _ in self._walls]
+        prices = [first_prices() for _ in self._walls]
         stored: list[NDArray[np.int64]] = []
         for round_ in range(_ROUNDS):
             solver = _Solver(self._places, chosen, weights, price)
@@ -128,7 +128,7 @@ class SectionEncoder:
                 stored.append(numbers)
             if round_ == _ROUNDS - 1 or price == 0.0:
                 break
-            prices = [_learned_prices(numbers) for numbers in stored]
+            prices = [learned_prices(numbers) for numbers in stored]
             if keys is None:
                 used = np.any([(numbers != 0).any(axis=1) for numbers in stored], axis=0)
                 used[[0, -1]] = True
@@ -167,7 +167,7 @@ class _Solver:
         self._rows = np.ones(len(keys), dtype=np.intp)
         self._rows[0] = 0
         self._keys = keys
-        self._order = halving_order(len(keys))
+        self._order = known_order(keys)
         self._node_sums = nodes.T * weights
         self._node_products = self._node_sums @ nodes
         trace = float(np.trace(self._node_products))
@@ -192,7 +192,7 @@ class _Solver:
             best = math.inf
             for numbers in (starts[:, signal].copy(), np.zeros(len(starts), dtype=np.int64)):
                 descend(products, sums, self._rows, prices, numbers, _SWEEPS)
-                sizes = np.minimum(np.abs(numbers), _LARGEST_SIZE)
+                sizes = np.minimum(np.abs(numbers), LARGEST_SIZE)
                 cost = float(numbers @ products @ numbers - 2.0 * numbers @ sums)
                 cost += float(prices[self._rows, sizes].sum())
                 if cost < best:
@@ -247,25 +247,3 @@ def _stored(
     spans[:, WIDTH] = np.maximum(spans[:, WIDTH], np.finfo(np.float64).tiny)
     store(_CURVES, fitted_signals(outlines, spans)[:, _CURVES])
     return stored, decoded
-
-
-def _first_prices() -> NDArray[np.float64]:
-    """Return the (16, sizes) bits of numbers of which nothing is known."""
-    sizes = np.arange(1.0, _LARGEST_SIZE + 1)
-    return np.tile(np.concatenate([[0.6], 3.0 + 1.6 * np.log2(sizes)]), (SIGNALS, 1))
-
-
-def _learned_prices(stored: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the (16, sizes) bits of numbers like those that were stored."""
-    sizes = np.abs(stored[1:])
-    powers = np.array([(sizes >= 2**power).sum() for power in range(6)]) + 0.5
-    more = np.clip(powers[1:] / powers[:-1], 0.05, 0.9)
-    size_bits = np.zeros(_LARGEST_SIZE)
-    for size in range(1, _LARGEST_SIZE + 1):
-        power = size.bit_length() - 1
-        size_bits[size - 1] = power - np.log2(more[:power]).sum() - math.log2(1.0 - more[power])
-    zeros = ((sizes == 0).sum(axis=0) + 0.5) / (len(sizes) + 1.0)
-    bits = np.empty((SIGNALS, _LARGEST_SIZE + 1))
-    bits[:, 0] = -np.log2(zeros)
-    bits[:, 1:] = 1.0 - np.log2(1.0 - zeros)[:, np.newaxis] + size_bits
-    return bits

@@ -11,7 +11,8 @@ from organ_geometry.fit_error import algebraic_distances, normal_distances
 from organ_geometry.fitted_section import FittedSection
 from organ_geometry.half_curves import closed_outlines, polygon_distances
 from organ_geometry.image_stack import ImageStack
-from organ_geometry.organ_encoder import EncodedOrgan, root_mean_squares, section_distances
+from organ_geometry.organ_encoder import EncodedOrgan
+from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 _BACK_CORNERS = 64
 

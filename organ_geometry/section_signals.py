@@ -7,6 +7,9 @@ circle of that width. A change of a coefficient by c moves a round boundary alon
 c sin((k + 1) t) at u = cos t: all s and d count alike, and none disturbs another.
 """
 
+import math
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +31,7 @@ SKEW = slice(2 + COEFFICIENTS, SIGNALS)
 
 CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 """Coefficients of the half-circle of half width a = 1, by the weighted fit."""
+_TINY = float(np.finfo(np.float64).tiny)
 _LEVEL = np.eye(COEFFICIENTS)[0]
 _ROUNDNESS = (1e-4, 1e-2, 1.0)
 """Share of an outline's weight with which a half is held to be round: more where that leaves it."""
@@ -107,22 +111,13 @@ def fitted_signals(
         (S, 16) signals, mm.
     """
     x, y = outlines[:, :, 0], outlines[:, :, 1]
-    after, before = np.roll(outlines, -1, axis=1), np.roll(outlines, 1, axis=1)
-    chords = after - before
-    lengths = np.hypot(chords[:, :, 0], chords[:, :, 1])
-    weights = chords[:, :, 0] ** 2 / np.maximum(lengths, np.finfo(np.float64).tiny)
     # A span far from its outline would make numbers of no meaning.
     spans = np.maximum(spans, [1e-6 * float(np.ptp(x)), -np.inf])
-    u = (x - spans[:, 1:]) / spans[:, :1]
-    basis = second_kind(np.clip(u, -1.02, 1.02))
-    bottom = _bottom_half(outlines)
+    systems, all_sums = _normal_equations(np.ascontiguousarray(outlines), spans)
     fits: list[NDArray[np.float64]] = []
     low, high = y.min(axis=1), y.max(axis=1)
     middles, reach = 0.5 * (low + high), _LEAVES * 0.5 * (high - low)
-    for half, sign in ((bottom, 1.0), (~bottom, -1.0)):
-        weighted = basis * (weights * half)[:, :, np.newaxis]
-        system = weighted.transpose(0, 2, 1) @ basis
-        sums = np.asarray((weighted * y[:, :, np.newaxis]).sum(axis=1), dtype=np.float64)
+    for system, sums, sign in zip(systems, all_sums, (1.0, -1.0), strict=True):
         trace = np.einsum("sii->s", system)[:, np.newaxis] + np.finfo(np.float64).tiny
         # Where an outline has no points, as of sections that cross, the half is round.
         round_half = sign * spans[:, :1] * CIRCLE + middles[:, np.newaxis] * _LEVEL
@@ -170,13 +165,47 @@ def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
 _SPREAD = second_kind(np.linspace(-1.0, 1.0, 33))
 
 
-def _bottom_half(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return (S, P) which points lie on the half of larger y, between the extremes in x."""
-    x, y = outlines[:, :, 0], outlines[:, :, 1]
-    after = np.roll(outlines, -1, axis=1)
-    area = (x * after[:, :, 1] - y * after[:, :, 0]).sum(axis=1)
-    count = x.shape[1]
-    left, right = x.argmin(axis=1)[:, np.newaxis], x.argmax(axis=1)[:, np.newaxis]
-    onwards = (np.arange(count, dtype=np.intp) - left) % count <= (right - left) % count
-    # The sense of positive area goes from left to right on the side of smaller y.
-    return onwards != (area >= 0.0)[:, np.newaxis]
+@numba.njit(cache=True)
+def _normal_equations(
+    outlines: NDArray[np.float64], spans: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (2, S, 7, 7) and (2, S, 7) normal equations of the bottom and the top half-curves."""
+    sections, count = outlines.shape[0], outlines.shape[1]
+    systems = np.zeros((2, sections, COEFFICIENTS, COEFFICIENTS))
+    sums = np.zeros((2, sections, COEFFICIENTS))
+    basis = np.empty(COEFFICIENTS)
+    for s in range(sections):
+        area = 0.0
+        left = right = 0
+        for p in range(count):
+            after = p + 1 if p + 1 < count else 0
+            area += outlines[s, p, 0] * outlines[s, after, 1]
+            area -= outlines[s, p, 1] * outlines[s, after, 0]
+            if outlines[s, p, 0] < outlines[s, left, 0]:
+                left = p
+            if outlines[s, p, 0] > outlines[s, right, 0]:
+                right = p
+        way = (right - left) % count
+        for p in range(count):
+            after = p + 1 if p + 1 < count else 0
+            before = p - 1 if p > 0 else count - 1
+            chord_x = outlines[s, after, 0] - outlines[s, before, 0]
+            chord_y = outlines[s, after, 1] - outlines[s, before, 1]
+            weight = chord_x * chord_x / max(math.hypot(chord_x, chord_y), _TINY)
+            # The sense of positive area goes from left to right on the side of smaller y.
+            half = 1 if ((p - left) % count <= way) == (area >= 0.0) else 0
+            u = min(max((outlines[s, p, 0] - spans[s, 1]) / spans[s, 0], -1.02), 1.02)
+            basis[0] = 1.0
+            basis[1] = 2.0 * u
+            for k in range(2, COEFFICIENTS):
+                basis[k] = 2.0 * u * basis[k - 1] - basis[k - 2]
+            for i in range(COEFFICIENTS):
+                weighted = weight * basis[i]
+                sums[half, s, i] += weighted * outlines[s, p, 1]
+                for j in range(i + 1):
+                    systems[half, s, i, j] += weighted * basis[j]
+        for half in range(2):
+            for i in range(COEFFICIENTS):
+                for j in range(i):
+                    systems[half, s, j, i] = systems[half, s, i, j]
+    return systems, sums

@@ -1,13 +1,101 @@
-"""How far points are from an organ's walls."""
+"""How far points and whole sections are from an organ's walls."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.contour import SectionContour
 from organ_geometry.half_curves import closed_outlines
 from organ_geometry.organ import Organ, Wall
 
 _HALF_CORNERS = 48
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedPoints:
+    """Points in the sections of an axis in which they lie.
+
+    Attributes
+    ----------
+    piece
+        (N,) piece of the axis.
+    share
+        (N,) share of the way along it.
+    place
+        (N, 2) where they are across the axis there, mm.
+    beyond
+        (N,) how far they are beyond an end's plane, mm.
+    """
+
+    piece: NDArray[np.intp]
+    share: NDArray[np.float64]
+    place: NDArray[np.float64]
+    beyond: NDArray[np.float64]
+
+    @classmethod
+    def along(
+        cls,
+        points: NDArray[np.float64],
+        near: NDArray[np.float64],
+        axis: NDArray[np.float64],
+        frames: NDArray[np.float64],
+    ) -> "LocatedPoints":
+        """Return points in the nearest sections to a guess whose planes they lie in.
+
+        Parameters
+        ----------
+        points
+            (N, 3) points, mm.
+        near
+            (N,) guesses of their pieces, with a fraction.
+        axis
+            (S, 3) points of the axis, mm.
+        frames
+            (S, 3, 3) frames there, columns x_dir, y_dir and normal.
+
+        Returns
+        -------
+        LocatedPoints
+            The points.
+        """
+        return cls(*_located(np.ascontiguousarray(points), near, axis, frames))
+
+    def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the points are from a wall.
+
+        Parameters
+        ----------
+        rows
+            (S, 16) half-curves of the wall at the points of the axis, mm.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N,) distances, mm.
+        """
+        outlines = closed_outlines(rows, 2 * _HALF_CORNERS)
+        return _outline_distances(self.piece, self.share, self.place, self.beyond, outlines)
+
+    def chosen(self, numbers: NDArray[np.intp]) -> "LocatedPoints":
+        """Return some of the points.
+
+        Parameters
+        ----------
+        numbers
+            (M,) their numbers.
+
+        Returns
+        -------
+        LocatedPoints
+            Those.
+        """
+        return LocatedPoints(
+            self.piece[numbers], self.share[numbers], self.place[numbers], self.beyond[numbers]
+        )
 
 
 def wall_distances(
@@ -35,27 +123,71 @@ def wall_distances(
     NDArray[np.float64]
         (N,) distances, mm.
     """
-    outlines = closed_outlines(organ.rows_at(organ.stations, wall), 2 * _HALF_CORNERS)
     step = organ.length / (len(organ.axis) - 1)
-    return _section_distances(
-        np.ascontiguousarray(points),
-        np.asarray(near, dtype=np.float64) / step,
-        organ.axis,
-        organ.frames,
-        outlines,
-    )
+    near = np.asarray(near, dtype=np.float64) / step
+    located = LocatedPoints.along(points, near, organ.axis, organ.frames)
+    return located.distances(organ.rows_at(organ.stations, wall))
+
+
+def section_distances(
+    organ: Organ,
+    contours: Sequence[SectionContour],
+    places: NDArray[np.float64],
+) -> list[NDArray[np.float64]]:
+    """Return how far every section's edge points are from an organ.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    contours
+        The S sections.
+    places
+        (S,) place of each along the organ, from 0 to 1.
+
+    Returns
+    -------
+    list[NDArray[np.float64]]
+        For each section the distances of its edge points, the lumen's after the outer ones, mm.
+    """
+    parts: list[list[NDArray[np.float64]]] = [[] for _ in contours]
+    for wall in ("outer", "lumen") if organ.hollow else ("outer",):
+        edges = [getattr(contour, wall) for contour in contours]
+        counts = [len(edge) for edge in edges]
+        near = np.repeat(places * organ.length, counts)
+        away = wall_distances(organ, np.concatenate(edges), near, wall)
+        for part, distances in zip(parts, np.split(away, np.cumsum(counts)[:-1]), strict=True):
+            part.append(distances)
+    return [np.concatenate(part) for part in parts]
+
+
+def root_mean_squares(distances: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the root mean square of each section's distances.
+
+    Parameters
+    ----------
+    distances
+        Distances of S sections, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (S,) mm.
+    """
+    return np.array([math.sqrt(float(away @ away) / len(away)) for away in distances])
 
 
 @numba.njit(cache=True)
-def _section_distances(
+def _located(
     points: NDArray[np.float64],
     near: NDArray[np.float64],
     axis: NDArray[np.float64],
     frames: NDArray[np.float64],
-    outlines: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    sections, corners = outlines.shape[0], outlines.shape[1]
-    distances = np.empty(len(points))
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    sections = len(axis)
+    pieces = np.empty(len(points), np.intp)
+    shares, beyonds = np.empty(len(points)), np.empty(len(points))
+    places = np.empty((len(points), 2))
     for i in range(len(points)):
         p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
         # Walk from the guess to the pair of sections whose planes enclose the point.
@@ -93,6 +225,24 @@ def _section_distances(
             away = points[i, c] - axis[k, c] * (1.0 - share) - axis[k + 1, c] * share
             x += away * (frames[k, c, 0] * (1.0 - share) + frames[k + 1, c, 0] * share)
             y += away * (frames[k, c, 1] * (1.0 - share) + frames[k + 1, c, 1] * share)
+        pieces[i], shares[i], beyonds[i] = k, share, beyond
+        places[i, 0], places[i, 1] = x, y
+    return pieces, shares, places, beyonds
+
+
+@numba.njit(cache=True)
+def _outline_distances(
+    pieces: NDArray[np.intp],
+    shares: NDArray[np.float64],
+    places: NDArray[np.float64],
+    beyonds: NDArray[np.float64],
+    outlines: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    corners = outlines.shape[1]
+    distances = np.empty(len(pieces))
+    for i in range(len(pieces)):
+        k, share = pieces[i], shares[i]
+        x, y, beyond = places[i, 0], places[i, 1], beyonds[i]
         best = np.inf
         x0 = outlines[k, -1, 0] * (1.0 - share) + outlines[k + 1, -1, 0] * share
         y0 = outlines[k, -1, 1] * (1.0 - share) + outlines[k + 1, -1, 1] * share

@@ -1,20 +1,21 @@
 """Whole numbers as bytes: bits with learned odds, packed by constriction's range coder.
 
-Every number is split into yes-or-no questions. Each question belongs to a context, which counts the
-answers so far; the odds of an answer are those counts. `SymbolWriter` and `SymbolReader` have the
+Every number is split into yes-or-no questions. Each question belongs to contexts, which count the
+answers so far; the odds of an answer are their sums. `SymbolWriter` and `SymbolReader` have the
 same methods, so that one function describes a format both ways: what is passed in is written, or
 is ignored and read.
 """
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import constriction  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 from numpy.typing import NDArray
 
-_START = 2
-_ANSWER = 5
+EVEN_START = (2, 2)
+"""Counts of no and yes that a context begins with."""
+_ANSWER = 4
 _MOST_RUNS = 3
 _MOST_DIGITS = 47
 _MOST_QUESTIONS = 4_000_000
@@ -33,19 +34,25 @@ class _Contexts:
     def __init__(self) -> None:
         self._counts: dict[Hashable, list[int]] = {}
 
-    def odds(self, context: Hashable) -> float:
-        counts = self._counts.setdefault(context, [_START, _START])
-        return counts[1] / (counts[0] + counts[1])
+    def odds(self, contexts: Sequence[Hashable], start: tuple[int, int]) -> float:
+        no = yes = 0
+        for context in contexts:
+            counts = self._counts.setdefault(context, [*start])
+            no, yes = no + counts[0], yes + counts[1]
+        return yes / (no + yes)
 
-    def learn(self, context: Hashable, answer: int) -> None:
-        self._counts[context][answer] += _ANSWER
+    def learn(self, contexts: Sequence[Hashable], answer: int) -> None:
+        for context in contexts:
+            self._counts[context][answer] += _ANSWER
 
 
 class _Numbers:
     """Numbers made of questions."""
 
-    def bit(self, context: Hashable, answer: int) -> int:
-        """Pass one answer, with odds learned in its context."""
+    def bit(
+        self, contexts: Sequence[Hashable], answer: int, start: tuple[int, int] = EVEN_START
+    ) -> int:
+        """Pass one answer, with odds learned in its contexts, which begin with some counts."""
         raise NotImplementedError
 
     def even_bit(self, answer: int) -> int:
@@ -63,19 +70,27 @@ class _Numbers:
         """Pass a number from -2^bits to 2^bits - 1 at even odds."""
         return self.plain(number + (1 << bits), bits + 1) - (1 << bits)
 
-    def whole(self, context: Hashable, run: Hashable, number: int) -> int:
+    def whole(
+        self,
+        contexts: Sequence[Hashable],
+        runs: Sequence[Hashable],
+        number: int,
+        start: tuple[int, int] = EVEN_START,
+    ) -> int:
         """Pass a whole number: whether it is zero, its sign, and its size.
 
         A size from 2^e to 2^(e+1) - 1 is e times yes, a no, and its lower e digits.
 
         Parameters
         ----------
-        context
+        contexts
             Where its odds of being zero are learned.
-        run
+        runs
             Where those of its size are.
         number
             The number to write.
+        start
+            Counts of zeros and others that `contexts` begin with.
 
         Returns
         -------
@@ -87,13 +102,15 @@ class _Numbers:
         SymbolError
             If it is larger than 2^48.
         """
-        if not self.bit(("zero", context), int(number != 0)):
+        if not self.bit([("zero", one) for one in contexts], int(number != 0), start):
             return 0
         negative = self.even_bit(int(number < 0))
         size = abs(number)
         digits = max(size, 1).bit_length() - 1
         passed = 0
-        while self.bit(("run", run, min(passed, _MOST_RUNS)), int(passed < digits)):
+        while self.bit(
+            [("run", one, min(passed, _MOST_RUNS)) for one in runs], int(passed < digits)
+        ):
             passed += 1
             if passed > _MOST_DIGITS:
                 raise SymbolError("a number is larger than 2^48")
@@ -109,11 +126,13 @@ class SymbolWriter(_Numbers):
         self._answers: list[int] = []
         self._odds: list[float] = []
 
-    def bit(self, context: Hashable, answer: int) -> int:
-        """Write one answer, with odds learned in its context."""
+    def bit(
+        self, contexts: Sequence[Hashable], answer: int, start: tuple[int, int] = EVEN_START
+    ) -> int:
+        """Write one answer, with odds learned in its contexts."""
         self._answers.append(answer)
-        self._odds.append(self._contexts.odds(context))
-        self._contexts.learn(context, answer)
+        self._odds.append(self._contexts.odds(contexts, start))
+        self._contexts.learn(contexts, answer)
         return answer
 
     def even_bit(self, answer: int) -> int:
@@ -166,10 +185,12 @@ class SymbolReader(_Numbers):
         self._decoder = _decoder(data)
         self._questions = 0
 
-    def bit(self, context: Hashable, answer: int = 0) -> int:
-        """Read one answer, with odds learned in its context."""
-        read = self._read(self._contexts.odds(context))
-        self._contexts.learn(context, read)
+    def bit(
+        self, contexts: Sequence[Hashable], answer: int = 0, start: tuple[int, int] = EVEN_START
+    ) -> int:
+        """Read one answer, with odds learned in its contexts."""
+        read = self._read(self._contexts.odds(contexts, start))
+        self._contexts.learn(contexts, read)
         return read
 
     def even_bit(self, answer: int = 0) -> int:

@@ -15,10 +15,10 @@ from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
 from organ_geometry.image_stack import ImageStack, ImageStackError
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_encoder import ToleranceTooSmall
 from organ_geometry.organ_tracing import trace_organ
 from organ_geometry.recut_stack import recut_where_needed
 from organ_geometry.stack_reader import read_image_stack
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 from organ_geometry.traced_organ import TracedOrgan, TracedSection
 
 __all__ = ["Abandoned", "OpenedStack", "OrganWorkbench", "PromiseRefusedError"]

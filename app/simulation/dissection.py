@@ -316,7 +316,7 @@ def pull_frame(organ: Organ, clamps: tuple[float, float]) -> NDArray[np.float64]
     middle = 0.5 * (clamps[0] + clamps[1])
     first, last = organ.axis_at(np.array(clamps))
     along: NDArray[np.float64] = (last - first) / np.linalg.norm(last - first)
-    up: NDArray[np.float64] = -organ.frames_at(np.array([middle]))[0, :, 1]
+    up: NDArray[np.float64] = organ.up_at(np.array([middle]))[0]
     up = up - np.dot(up, along) * along
     up = up / np.linalg.norm(up)
     return np.stack([along, np.cross(up, along), up], axis=1)

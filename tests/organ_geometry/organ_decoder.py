@@ -13,6 +13,9 @@ from scipy.interpolate import CubicSpline
 STREAM: Any = vars(constriction)["stream"]
 HALF_CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 
+KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
+STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
+
 
 def crc16(data: bytes) -> int:
     register = 0xFFFF
@@ -34,11 +37,12 @@ class Answers:
     def even(self) -> int:
         return int(self.coder.decode(STREAM.model.Bernoulli(0.5, perfect=False)))
 
-    def ask(self, context: Any) -> int:
-        counts = self.counts.setdefault(context, [2, 2])
-        odds = counts[1] / (counts[0] + counts[1])
+    def ask(self, *contexts: Any, start: tuple[int, int] = (2, 2)) -> int:
+        counts = [self.counts.setdefault(context, [*start]) for context in contexts]
+        odds = sum(n1 for _, n1 in counts) / sum(n0 + n1 for n0, n1 in counts)
         answer = int(self.coder.decode(STREAM.model.Bernoulli(odds, perfect=False)))
-        counts[answer] += 5
+        for one in counts:
+            one[answer] += 4
         return answer
 
     def plain(self, bits: int) -> int:
@@ -47,12 +51,12 @@ class Answers:
     def signed(self, bits: int) -> int:
         return self.plain(bits + 1) - 2**bits
 
-    def whole(self, context: Any, run: Any) -> int:
-        if not self.ask(("zero", context)):
+    def whole(self, zeros: list[Any], sizes: list[Any], start: tuple[int, int] = (2, 2)) -> int:
+        if not self.ask(*(("zero", context) for context in zeros), start=start):
             return 0
         negative = self.even()
         power = 0
-        while self.ask(("run", run, min(power, 3))):
+        while self.ask(*(("run", context, min(power, 3)) for context in sizes)):
             power += 1
         size = 2**power + self.plain(power)
         return -size if negative else size
@@ -64,6 +68,7 @@ class Decoded:
     tolerance: float
     points: NDArray[np.float64]
     frames: NDArray[np.float64]
+    turn: float
     stations: NDArray[np.float64]
     keys: list[int]
     pieces: int
@@ -94,8 +99,8 @@ def decode(data: bytes) -> Decoded:
     tolerance = (1 + number % 64 / 64) * 2.0 ** (number // 64 - 32)
     axis_step = scaled(plain(6))
     along = plain(2)
-    start_axis, roll = plain(2), plain(8)
-    tilts = np.array([whole("tilt", "tilt") for _ in range(4)]).reshape(2, 2)
+    start_axis, roll, turn = plain(2), plain(8), plain(5) * math.pi / 32
+    tilts = np.array([whole(["tilt"], ["tilt"]) for _ in range(4)]).reshape(2, 2)
     ends = []
     for _ in range(2):
         bits = plain(5)
@@ -107,7 +112,7 @@ def decode(data: bytes) -> Decoded:
             (
                 key,
                 [
-                    whole(("bend", int(way > 0), min(level, 4)), ("bend", min(level, 4)))
+                    whole([("bend", int(way > 0), min(level, 4))], [("bend", min(level, 4))])
                     for way in range(3)
                 ],
             )
@@ -154,7 +159,10 @@ def decode(data: bytes) -> Decoded:
     points, tangents = curve(at), curve(at, 1)
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     frames = frames_along(points, tangents, start_axis, roll, tilts, -1.0 if left else 1.0)
-    return Decoded(units, tolerance, points, frames, lengths, keys, pieces, outer, lumen)
+    x, y = frames[:, :, 0].copy(), frames[:, :, 1].copy()
+    frames[:, :, 0] = x * math.cos(turn) + y * math.sin(turn)
+    frames[:, :, 1] = y * math.cos(turn) - x * math.sin(turn)
+    return Decoded(units, tolerance, points, frames, turn, lengths, keys, pieces, outer, lumen)
 
 
 def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArray[np.float64]:
@@ -162,22 +170,30 @@ def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArra
     steps = np.array([2.0, 2.0] + [1.0] * 14) * step
     values = np.zeros((last + 1, 16))
     for n in range(16):
-        values[0, n] = answers.whole(("first", int(n == 0)), ("size", 0))
+        values[0, n] = answers.whole([("first", int(n == 0))], [("size", 0)])
+
+    def difference(n: int, level: int) -> int:
+        kind = KINDS[n]
+        return answers.whole(
+            [(wall, n), ("kind", kind, min(level, 4))],
+            [("size", min(level, 3)), ("size of", kind)],
+            STARTS[kind],
+        )
+
     for n in range(16):
-        values[last, n] = values[0, n] + answers.whole((wall, n), ("size", 1))
-    gaps, level = [(0, last)], 1
-    while gaps:
-        halves = []
-        for i, j in gaps:
-            if j - i < 2:
+        values[last, n] = values[0, n] + difference(n, 1)
+    levels = {0: 0, last: 0}
+    for power in reversed(range(keys[-1].bit_length())):
+        for m in range(1, last):
+            if keys[m] % 2**power or not keys[m] % 2 ** (power + 1):
                 continue
-            m = (i + j) // 2
+            i = max(k for k in levels if k < m)
+            j = min(k for k in levels if k > m)
+            levels[m] = 1 + max(levels[i], levels[j])
             share = (keys[m] - keys[i]) / (keys[j] - keys[i])
             for n in range(16):
                 line = values[i, n] + share * (values[j, n] - values[i, n])
-                values[m, n] = line + answers.whole((wall, n), ("size", min(level, 3)))
-            halves += [(i, m), (m, j)]
-        gaps, level = halves, level + 1
+                values[m, n] = line + difference(n, levels[m])
     return values * steps
 
 

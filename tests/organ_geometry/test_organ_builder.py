@@ -22,10 +22,10 @@ from organ_geometry.half_curves import (
 )
 from organ_geometry.image_stack import ImageStackError
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_encoder import ToleranceTooSmall
 from organ_geometry.organ_file import organ_from_bytes
 from organ_geometry.stack_reader import read_image_stack
 from organ_geometry.surface_distance import wall_distances
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]
@@ -94,7 +94,7 @@ def test_a_shifted_disc_puts_the_axis_where_it_is(cover: Cover, write_stack: Wri
     angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     for station, expected in ((0.0, [0.0, -0.4, 0.0]), (organ.length, [4.0, 0.0, 0.4])):
         ring = organ.surface(np.full(64, station), angles)
-        np.testing.assert_allclose(ring.mean(axis=0), expected, atol=0.05)
+        np.testing.assert_allclose(ring.mean(axis=0), expected, atol=0.06)
 
 
 def test_anisotropic_pixels_are_measured_in_mm(cover: Cover, write_stack: WriteStack) -> None:

@@ -13,18 +13,14 @@ from organ_geometry.axis_curve import (
 )
 from organ_geometry.contour import ContourLoft, centroid_and_radius, even_points
 from organ_geometry.half_curves import closed_outlines
-from organ_geometry.organ_encoder import (
-    EncodedOrgan,
-    ToleranceTooSmall,
-    encoded_organ,
-    root_mean_squares,
-    section_distances,
-)
+from organ_geometry.organ_encoder import EncodedOrgan, encoded_organ
 from organ_geometry.section_signals import (
     extents,
     fitted_signals,
     signals_to_rows,
 )
+from organ_geometry.surface_distance import root_mean_squares, section_distances
+from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 # The floor of two free degree-6 curves on a circle, published as 0.30 % of its radius.
 CIRCLE_FLOOR = 0.0031
@@ -194,7 +190,7 @@ def test_a_cut_across_a_cylinder_is_its_section() -> None:
     normals = np.tile([1.0, 0.0, 0.0], (33, 1))
     loft = ContourLoft.through(contours, normals)
     tilted = np.array([np.cos(0.3), np.sin(0.3), 0.0])
-    ring = loft.cut(np.array([20.0, 3.0, -7.0]), tilted, 10.0)
+    ring = loft.cuts(np.array([[20.0, 3.0, -7.0]]), tilted[np.newaxis], np.array([10.0]))[0]
     np.testing.assert_allclose((ring - [20.0, 3.0, -7.0]) @ tilted, 0.0, atol=1e-9)
     distances = np.hypot(ring[:, 1] - 3.0, ring[:, 2] + 7.0)
     np.testing.assert_allclose(distances, RADIUS, rtol=1e-3)

@@ -49,6 +49,7 @@ def any_code(seed: int, *, hollow: bool) -> OrganCode:
         along_steps=int(rng.integers(4)),
         start_axis=int(rng.integers(3)),
         roll=int(rng.integers(256)),
+        turn=int(rng.integers(32)),
         tilts=rng.integers(-9, 10, (2, 2)),
         ends=np.array([rng.integers(-(10**6), 10**6, 3), [400, 90, -20]]),
         bends=bends,
