@@ -183,7 +183,9 @@ class Workplace:
         self._paused = False
         self._changed = True
 
-    def start_exercise(self, exercise: Exercise, feedback: Feedback) -> None:
+    def start_exercise(
+        self, exercise: Exercise, feedback: Feedback, grasp: float | None = None
+    ) -> None:
         """Start anew with an exercise.
 
         Parameters
@@ -192,10 +194,12 @@ class Workplace:
             The exercise.
         feedback
             When the trainee sees the figures.
+        grasp
+            Where it starts, mm from the first clamp; where exercises are set for when None.
         """
         self.keep_run()
         self.leave_replay()
-        self.session.start_exercise(exercise, feedback)
+        self.session.start_exercise(exercise, feedback, grasp)
         self.pulls += 1
         self._paused = False
         self._changed = True

@@ -122,8 +122,7 @@ class TrainTab:
         wanted = session.force_wanted if live and visible else 0.0
         step = self._force.step
         _put(self._force, min(max(round(wanted / step) * step, 0.0), self._force.max))
-        if reading.by_hand:
-            _put(self._grasp, round(session.grasp, 1))
+        _put(self._grasp, round(session.grasp, 1))
 
 
 def slider_step(limit: float) -> float:
