@@ -83,7 +83,9 @@ class ExerciseTab:
             The run.
         """
         if run.log.exercise is not None:
-            self._workplace.start_exercise(run.log.exercise, run.log.feedback, run.log.start.grasp_mm)
+            self._workplace.start_exercise(
+                run.log.exercise, run.log.feedback, run.log.start.grasp_mm
+            )
 
     def take_offers(self) -> None:
         """Offer the exercises of the duct, for the grasp that they are set for."""
