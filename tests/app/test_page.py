@@ -200,7 +200,25 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         tab.choose("Theory", "Finite elements (the thesis's reference)")
         tab.wait_until(lambda: newest(trainer).session.theory.name == "fem")
         tab.open("Train")
-        expect(tab.page.get_by_test_id("plot-key")).to_contain_text("exact beam")
+        key = tab.page.get_by_test_id("plot-key")
+        expect(key).to_contain_text("exact beam")
+        # The key's marks are drawn as the curves are, and these not to whole pixels.
+        marks: dict[str, bool] = key.evaluate(
+            "key => Object.fromEntries([...key.children].map("
+            "each => [each.innerText, each.innerHTML.includes('repeating')]))"
+        )
+        drawn: dict[str, bool] = tab.page.evaluate(
+            "() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots)[0].chart"
+            ".series.slice(1).map(each => [each.label, !!each.dash]))"
+        )
+        assert marks == drawn
+        assert not marks["this pull"]
+        assert marks["exact beam"]
+        aligned: list[float] = tab.page.evaluate(
+            "() => Object.values(window.__viserTestpoints.uplots)[0].chart.series.slice(1, 6)"
+            ".map(each => each.pxAlign)"
+        )
+        assert aligned == [0.0] * 5
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
         tab.wait_until(lambda: any(charts(tab)[0][6]))
         x, _, _, _, cubic, exact, ansys = charts(tab)[0]
@@ -281,6 +299,8 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert len(measures) == 10
 
         assert downloaded(tab, "Download JSON") == run_json(run)
+        name = downloaded_name(tab, "Download CSV")
+        assert re.fullmatch(r"approach-the-break-\d{4}-\d\d-\d\d-\d{6}\.csv", name)
         again = Replay(run.log, phantom(), vertices=300)
         assert downloaded(tab, "Download CSV") == series_csv(again.series()).encode()
         tab.page.get_by_role("tab", name="Over time").click()
@@ -339,12 +359,21 @@ def run_measures(tab: TrainerPage) -> dict[str, float | None]:
     return {name: float(value) if value else None for name, value in rows}
 
 
-def downloaded(tab: TrainerPage, button: str) -> bytes:
-    """What a button downloads."""
+def downloading(tab: TrainerPage, button: str) -> Download:
+    """The download that a button starts."""
     with tab.page.expect_download() as expected:
         tab.page.get_by_role("button", name=button, exact=True).click()
-    download: Download = expected.value
-    return Path(download.path()).read_bytes()
+    return expected.value
+
+
+def downloaded(tab: TrainerPage, button: str) -> bytes:
+    """What a button downloads."""
+    return Path(downloading(tab, button).path()).read_bytes()
+
+
+def downloaded_name(tab: TrainerPage, button: str) -> str:
+    """What the file is called that a button downloads."""
+    return downloading(tab, button).suggested_filename
 
 
 def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer) -> None:
