@@ -44,7 +44,7 @@ class ChosenSession(HandledSession):
         return [preset for preset in presets().values() if fits(self._organ, preset)]
 
     def exercises_offered(self) -> tuple[Exercise, ...]:
-        """Return the exercises for this duct, with the present grasp and threshold.
+        """Return the exercises for this duct, with `task_grasp` and the present threshold.
 
         Returns
         -------
@@ -53,7 +53,7 @@ class ChosenSession(HandledSession):
         """
         with self._lock:
             pulled = self._pulled
-            duct = GraspedDuct(pulled.model, pulled.grasp_wanted, pulled.threshold_wanted)
+            duct = GraspedDuct(pulled.model, self.task_grasp, pulled.threshold_wanted)
         return exercises_for(duct)
 
     def choose_preset(self, name: str) -> None:
@@ -169,7 +169,12 @@ class ChosenSession(HandledSession):
                 self._chain = self._new_chain() if shown else None
                 self._pulled.touch()
 
-    def start_exercise(self, exercise: Exercise, feedback: Feedback = Feedback.CONTINUOUS) -> None:
+    def start_exercise(
+        self,
+        exercise: Exercise,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        grasp: float | None = None,
+    ) -> None:
         """Start anew with an exercise; its time runs from the first pull.
 
         Parameters
@@ -178,10 +183,15 @@ class ChosenSession(HandledSession):
             The exercise.
         feedback
             When the trainee sees the figures.
+        grasp
+            Where it starts, mm from the first clamp; `task_grasp` when None.
         """
         with self._lock:
             self.reset()
+            if grasp is not None:
+                self.set_grasp(grasp)
             self._new_run(exercise, feedback)
+            self._task_grasp = self.grasp
 
     def finish(self) -> None:
         """End the run as it stands; the duct stays as it is."""
@@ -189,8 +199,14 @@ class ChosenSession(HandledSession):
             self._run.finish()
 
     def reset(self) -> None:
-        """Let go of the duct and make it whole: the next pull starts a run without an exercise."""
+        """Let go of the duct and make it whole: the next pull starts a run without an exercise.
+
+        The grasp of an exercise goes back to where the exercise was started.
+        """
         with self._lock:
             if self._pulled.reset():
                 self._drawn.show_whole()
+            if self._task_grasp is not None:
+                self._pulled.ask_grasp(self._task_grasp)
+                self._task_grasp = None
             self._new_run()

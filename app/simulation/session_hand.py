@@ -124,6 +124,8 @@ class HandledSession(SessionState):
         """
         with self._lock:
             if self._pulled.takes(grasp):
+                if self._run.over:
+                    self._task_grasp = None
                 self._note("grasp", self._pulled.ask_grasp(grasp))
 
     def set_threshold(self, threshold: float) -> None:

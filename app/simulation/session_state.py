@@ -60,6 +60,7 @@ class SessionState:
         self._chain: SwingingChain | None = None
         self._run = Run(0.0)
         self._last_run: Run | None = None
+        self._task_grasp: float | None = None
         dissection = Dissection.of(organ, preset or default_preset(organ))
         self._start(Model.of(dissection, Cubic()))
 
@@ -77,6 +78,15 @@ class SessionState:
     def grasp(self) -> float:
         """Distance of the grasp from the first clamp that was asked for, mm."""
         return self._pulled.grasp_wanted
+
+    @property
+    def task_grasp(self) -> float:
+        """Where the grasp is that exercises are set for, mm from the first clamp.
+
+        An exercise that was started keeps the one it was started with, wherever the hand takes
+        hold, until the duct is reset or, once the exercise is over, another grasp is asked for.
+        """
+        return self.grasp if self._task_grasp is None else self._task_grasp
 
     @property
     def grasp_range(self) -> tuple[float, float]:
@@ -163,7 +173,7 @@ class SessionState:
 
     def _start(self, model: Model) -> None:
         """Start anew with a model that has been found."""
-        dissection = model.dissection
+        dissection, self._task_grasp = model.dissection, None
         self._pulled = PulledDuct(model, edge_length=self._drawn.edge_length, seed=self._seed)
         self._drawn.follow(dissection)
         if self._ghost is not None:

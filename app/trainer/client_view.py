@@ -64,9 +64,10 @@ class ClientView:
         self.client, self.session = client, session
         self.workplace = Workplace(client, session, background, builder, build_process)
         self._scene = Scene(client, session, look)
+        # Before the panel is sent: what is seen can be dragged.
+        self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
         self._aids = Aids(client)
         self._panel = Panel(self.workplace)
-        self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
         self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
         self.frames = 0

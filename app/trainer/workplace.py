@@ -147,11 +147,8 @@ class Workplace:
 
     def reset(self) -> None:
         """Make the duct whole; the next pull starts a run."""
-        self.keep_run()
-        self.session.reset()
+        self._renew()
         self.pulls += 1
-        self._paused = False
-        self._changed = True
 
     def practise_on(self, organ: Organ) -> None:
         """Start anew on another organ, with the next `take_organ`.
@@ -183,7 +180,9 @@ class Workplace:
         self._paused = False
         self._changed = True
 
-    def start_exercise(self, exercise: Exercise, feedback: Feedback) -> None:
+    def start_exercise(
+        self, exercise: Exercise, feedback: Feedback, grasp: float | None = None
+    ) -> None:
         """Start anew with an exercise.
 
         Parameters
@@ -192,10 +191,12 @@ class Workplace:
             The exercise.
         feedback
             When the trainee sees the figures.
+        grasp
+            Where it starts, mm from the first clamp; where exercises are set for when None.
         """
         self.keep_run()
         self.leave_replay()
-        self.session.start_exercise(exercise, feedback)
+        self.session.start_exercise(exercise, feedback, grasp)
         self.pulls += 1
         self._paused = False
         self._changed = True
@@ -214,8 +215,10 @@ class Workplace:
             N.
         """
         if self._player is None:
-            self._begin_anew(force > 0.0)
+            renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
+            # Not before the force is wished for: the inputs would go back to none.
+            self.pulls += renewed
 
     def ramp_to_tear(self) -> None:
         """Pull evenly until the duct tears."""
@@ -225,8 +228,8 @@ class Workplace:
         event = self.session.reading().breaks_at
         if event is not None:
             self.session.set_force(PAST_BREAK * event.force)
-            self.pulls += 1
             self._paused = False
+        self.pulls += 1
 
     def grab(self, hold: Hold) -> None:
         """Take the duct by hand.
@@ -340,11 +343,19 @@ class Workplace:
             self._changed = True
         return True
 
-    def _begin_anew(self, pulls: bool) -> None:
+    def _renew(self) -> None:
+        self.keep_run()
+        self.session.reset()
+        self._paused = False
+        self._changed = True
+
+    def _begin_anew(self, pulls: bool) -> bool:
         """Make way for a new run when the last one is over and the duct still whole."""
         session = self.session
-        if pulls and session.run.over and session.reading().phase is Phase.INTACT:
-            self.reset()
+        renew = pulls and session.run.over and session.reading().phase is Phase.INTACT
+        if renew:
+            self._renew()
+        return renew
 
 
 @contextmanager

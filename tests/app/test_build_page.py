@@ -93,6 +93,15 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
             (tmp_path / "wrong.zip").write_bytes(wrong)
             chooser.set_input_files(tmp_path / "wrong.zip")
             expect(status).to_contain_text(said, timeout=PATIENCE)
+            notice = tab.page.get_by_role("alert").filter(has_text="Not possible")
+            expect(notice.first).to_contain_text(said)
+        again = tab.page.get_by_role("button", name="Read them with these sizes")
+        expect(again).to_have_count(0)
+        place, button = status.bounding_box(), tab.page.get_by_role("button", name="Open images")
+        below = button.bounding_box()
+        assert place is not None
+        assert below is not None
+        assert place["y"] < below["y"]  # in sight, whatever is below
         chooser.set_input_files(sent)
         expect(status).to_contain_text(
             "give the pixel size and the slice distance", timeout=PATIENCE

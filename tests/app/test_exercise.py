@@ -213,6 +213,37 @@ def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
     assert session.run.progress > 0.0
 
 
+def test_an_exercise_keeps_its_numbers_and_its_grasp_wherever_the_hand_takes_hold() -> None:
+    session = Session(phantom(), vertices=300)
+    hold, *_ = offered = exercises(session)
+    middle = session.grasp
+    for place in (middle + 8.0, middle - 5.0):
+        session.start_exercise(hold)
+        session.grab(place)
+        session.hand_to(hold.deflection_mm)
+        go(session)
+        assert session.grasp == place
+        assert session.task_grasp == middle
+        assert session.exercises_offered() == offered  # the same task as before
+    session.let_go()
+    settle(session)
+    assert session.exercises_offered() == offered
+    session.reset()
+    assert session.grasp == session.task_grasp == middle
+    # A grasp that is asked for after the result is the next exercise's.
+    session.start_exercise(hold)
+    session.grab(middle + 8.0)
+    session.finish()
+    session.set_grasp(12.0)
+    assert session.task_grasp == 12.0
+    assert session.exercises_offered() != offered
+    session.reset()
+    assert session.grasp == 12.0
+    # That of an earlier run can be started from again.
+    session.start_exercise(hold, grasp=middle)
+    assert session.grasp == session.task_grasp == middle
+
+
 @pytest.mark.parametrize(
     ("exercise", "changes"),
     [

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
-from playwright.sync_api import Browser, Download, expect
+from playwright.sync_api import Browser, Download, Locator, expect
 from simulated import phantom
 
+from app.simulation.exercise import ApproachBreak
 from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
 from app.simulation.replay import Replay, series_csv
@@ -73,6 +74,70 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         assert not seen(tab, "force")
 
 
+def force_field(tab: TrainerPage) -> Locator:
+    """The force's number field."""
+    row = tab.page.get_by_text("Force F (N)", exact=True).locator(
+        "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
+    )
+    return row.locator("input:not([type=hidden])")
+
+
+def test_force_field_takes_a_wish_at_any_time_and_shows_what_acts(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=1024, height=768) as tab:
+        session = newest(trainer).session
+        field = force_field(tab)
+        # After the field was set by a reset: a text without a key, as from a clipboard.
+        for force in (3.2, 2.5):
+            tab.slide("Force F (N)", force)
+            tab.wait_for_force(force)
+            tab.press("Reset (R)")
+            tab.wait_for_force(0.0)
+            expect(field).to_have_value("0")
+        for typed, force in (("2", 2.0), ("abc", 2.0), ("-", 2.0), ("-1", 0.0), ("1", 1.0)):
+            field.click(click_count=3)
+            tab.page.keyboard.type(typed)
+            tab.page.keyboard.press("Enter")
+            expect(field).to_have_value(f"{force:g}")
+            tab.wait_for_force(force)
+            expect(field).not_to_be_focused()
+        # A scroll bar has room beside the field.
+        place = field.bounding_box()
+        bar = tab.page.locator(".mantine-ScrollArea-scrollbar[data-orientation=vertical]").first
+        beside = bar.bounding_box()
+        assert place is not None
+        assert beside is not None
+        assert place["x"] + place["width"] < beside["x"]
+        # A torn duct keeps the place of its inputs, which take nothing.
+        pause = tab.page.get_by_role("button", name="Pause (P)")
+        before = pause.bounding_box()
+        tab.slide("Force F (N)", 3.7)
+        tab.wait_for_phase("torn")
+        expect(field).to_have_value("0")
+        tab.page.wait_for_timeout(500)
+        assert pause.bounding_box() == before
+        field.focus()
+        expect(field).not_to_be_focused()
+        assert session.force_wanted == 0.0
+
+
+def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        session = view.session
+        session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1))
+        tab.slide("Force F (N)", 2.0)
+        tab.page.get_by_test_id("outcome").wait_for()
+        tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        expect(tab.page.get_by_role("dialog")).to_have_count(0)
+        tab.slide("Force F (N)", 2.5)
+        tab.wait_for_force(2.5)
+        tab.page.wait_for_timeout(500)
+        assert session.force_wanted == 2.5
+        assert tab.slider("Force F (N)") == 2.5
+
+
 def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
@@ -135,7 +200,25 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         tab.choose("Theory", "Finite elements (the thesis's reference)")
         tab.wait_until(lambda: newest(trainer).session.theory.name == "fem")
         tab.open("Train")
-        expect(tab.page.get_by_test_id("plot-key")).to_contain_text("exact beam")
+        key = tab.page.get_by_test_id("plot-key")
+        expect(key).to_contain_text("exact beam")
+        # The key's marks are drawn as the curves are, and these not to whole pixels.
+        marks: dict[str, bool] = key.evaluate(
+            "key => Object.fromEntries([...key.children].map("
+            "each => [each.innerText, each.innerHTML.includes('repeating')]))"
+        )
+        drawn: dict[str, bool] = tab.page.evaluate(
+            "() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots)[0].chart"
+            ".series.slice(1).map(each => [each.label, !!each.dash]))"
+        )
+        assert marks == drawn
+        assert not marks["this pull"]
+        assert marks["exact beam"]
+        aligned: list[float] = tab.page.evaluate(
+            "() => Object.values(window.__viserTestpoints.uplots)[0].chart.series.slice(1, 6)"
+            ".map(each => each.pxAlign)"
+        )
+        assert aligned == [0.0] * 5
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
         tab.wait_until(lambda: any(charts(tab)[0][6]))
         x, _, _, _, cubic, exact, ansys = charts(tab)[0]
@@ -216,6 +299,8 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert len(measures) == 10
 
         assert downloaded(tab, "Download JSON") == run_json(run)
+        name = downloaded_name(tab, "Download CSV")
+        assert re.fullmatch(r"approach-the-break-\d{4}-\d\d-\d\d-\d{6}\.csv", name)
         again = Replay(run.log, phantom(), vertices=300)
         assert downloaded(tab, "Download CSV") == series_csv(again.series()).encode()
         tab.page.get_by_role("tab", name="Over time").click()
@@ -275,12 +360,21 @@ def run_measures(tab: TrainerPage) -> dict[str, float | None]:
     return {name: float(value) if value else None for name, value in rows}
 
 
-def downloaded(tab: TrainerPage, button: str) -> bytes:
-    """What a button downloads."""
+def downloading(tab: TrainerPage, button: str) -> Download:
+    """The download that a button starts."""
     with tab.page.expect_download() as expected:
         tab.page.get_by_role("button", name=button, exact=True).click()
-    download: Download = expected.value
-    return Path(download.path()).read_bytes()
+    return expected.value
+
+
+def downloaded(tab: TrainerPage, button: str) -> bytes:
+    """What a button downloads."""
+    return Path(downloading(tab, button).path()).read_bytes()
+
+
+def downloaded_name(tab: TrainerPage, button: str) -> str:
+    """What the file is called that a button downloads."""
+    return downloading(tab, button).suggested_filename
 
 
 def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer) -> None:
@@ -415,15 +509,24 @@ def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Traine
         expect(tab.page.get_by_test_id("disclaimer")).to_be_visible()
         tab.page.wait_for_timeout(500)
         _, bottom = stage_pixel(tab, (25.4, 0.0, -RADIUS))
+        _, top = stage_pixel(tab, (25.4, 0.0, RADIUS))
         panel = tab.readout.bounding_box()
         assert panel is not None
         assert bottom < panel["y"]
+        assert panel["width"] > 360.0
+        for name in ("Normal stress", "Bending stress", "Threshold T"):
+            expect(tab.readout.get_by_text(name)).to_be_visible()
+        tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
+        assert len({each["y"] for each in tabs if each is not None}) == 1
         tab.page.keyboard.press("h")
         legend = tab.page.get_by_test_id("heat-legend")
         expect(legend).to_be_visible()
         place = legend.bounding_box()
         assert place is not None
-        assert place["y"] > panel["y"]  # inside the panel
+        assert place["y"] + place["height"] < top  # over the picture, above the duct
+        reset = tab.page.get_by_role("button", name="Reset (R)").bounding_box()
+        assert reset is not None
+        assert reset["y"] + reset["height"] <= 844.0
 
 
 def test_full_house_is_said(browser: Browser) -> None:

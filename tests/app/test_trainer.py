@@ -109,8 +109,8 @@ def _drawn_gap(tab: TrainerPage) -> float:
 
 def test_two_tabs_are_two_ducts(browser: Browser, trainer: Trainer) -> None:
     with (
-        trainer_page(browser, trainer.address) as one,
-        trainer_page(browser, trainer.address) as other,
+        trainer_page(browser, trainer.address, width=640, height=480) as one,
+        trainer_page(browser, trainer.address, width=640, height=480) as other,
     ):
         one.slide("Force F (N)", 2.5)
         one.wait_for_force(2.5)

@@ -11,6 +11,7 @@ import numpy as np
 import viser
 
 from app.compression.edge_picture import LUMEN_COLOR, OUTER_COLOR
+from app.compression.image_upload import UploadRefusedError
 from app.compression.organ_workbench import Abandoned, OpenedStack, OrganWorkbench
 from app.simulation.dissection import default_preset, fits
 from app.simulation.preset import presets
@@ -52,6 +53,7 @@ class BuildTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         self._bench = OrganWorkbench(process=workplace.build_process)
+        self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
         )
@@ -81,7 +83,6 @@ class BuildTab:
         self._again = gui.add_button(
             "Read them with these sizes", icon=viser.Icon.REFRESH, color="gray", visible=False
         )
-        self._status = gui.add_html(note(_TELLING, "build-status"))
         self._index = gui.add_slider("Image", min=0, max=1, step=1, initial_value=0, visible=False)
         self._image = gui.add_image(np.zeros((1, 1, 3), np.uint8), format="png", visible=False)
         self._caption = gui.add_html("", visible=False)
@@ -123,14 +124,18 @@ class BuildTab:
         )
 
     def _use_upload(self) -> None:
-        self._again.visible = True
         sent = self._send.value
         pixel, distance = _length(self._pixel.value), _length(self._slice.value)
 
         def read() -> OpenedStack:
-            return self._bench.open_upload(
-                sent.name, sent.content, pixel_mm=pixel, slice_mm=distance, progress=self._tell
-            )
+            self._again.visible = True
+            try:
+                return self._bench.open_upload(
+                    sent.name, sent.content, pixel_mm=pixel, slice_mm=distance, progress=self._tell
+                )
+            except UploadRefusedError:
+                self._again.visible = False  # no sizes help
+                raise
 
         self._make(lambda: self._open(read))
 
@@ -158,6 +163,7 @@ class BuildTab:
                 return
             except ValueError as error:
                 said = f"<b>Not possible:</b> {html.escape(str(error))}."
+                self._workplace.refuse(f"{error}.")  # beside viser's word that the file has come
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."

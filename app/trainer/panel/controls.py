@@ -33,7 +33,7 @@ def on_input(handle: Any, take: Callable[[Any], None]) -> None:
 
     @handle.on_update
     async def _(event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None and handle.visible:
+        if event.client_id is not None and handle.visible and not handle.disabled:
             take(handle.value)
 
 

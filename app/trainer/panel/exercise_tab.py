@@ -83,12 +83,14 @@ class ExerciseTab:
             The run.
         """
         if run.log.exercise is not None:
-            self._workplace.start_exercise(run.log.exercise, run.log.feedback)
+            self._workplace.start_exercise(
+                run.log.exercise, run.log.feedback, run.log.start.grasp_mm
+            )
 
     def take_offers(self) -> None:
-        """Offer the exercises of the duct as it is held now."""
+        """Offer the exercises of the duct, for the grasp that they are set for."""
         session = self._workplace.session
-        key = (session.dissection, session.theory, session.grasp, session.threshold)
+        key = (session.dissection, session.theory, session.task_grasp, session.threshold)
         if key == self._key:
             return
         self._key = key

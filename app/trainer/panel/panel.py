@@ -13,6 +13,8 @@ from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
+from app.trainer.panel.number_fields import keep_number_fields
+from app.trainer.panel.page_style import page_style_html
 from app.trainer.panel.readout import hidden_readout_html, readout_html
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
@@ -25,16 +27,6 @@ DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)
-_OF_PANEL = ":has([data-testid=readout])"
-_NARROW_STYLE = (
-    "<style>@media (max-width:576px){.bd-wide{display:none}"
-    f".mantine-Paper-root{_OF_PANEL},.mantine-Paper-root [style*='width: 20em']{_OF_PANEL}"
-    "{width:100%!important}"
-    f".mantine-Paper-root{_OF_PANEL} .mantine-Tabs-tab"
-    "{padding-left:9px!important;padding-right:9px!important}}</style>"
-)
-"""On a phone the panel is as wide as the screen, where viser makes it two thirds of that, and the
-read-out has its main figures only, so that the duct is seen above it."""
 
 
 class Panel:
@@ -64,12 +56,13 @@ class Panel:
             show_share_button=False,
             brand_color=BRAND,
         )
-        gui.set_panel_label("Blunt dissection")
+        gui.set_panel_label("Controls")
+        keep_number_fields(gui)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         self._readout = gui.add_html("")
         gui.add_html(
-            f"{_NARROW_STYLE}<div data-testid='disclaimer' style='padding:0 14px 6px;"
+            f"{page_style_html()}<div data-testid='disclaimer' style='padding:0 14px 6px;"
             f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
         )
         self._legend = HeatLegend(gui)

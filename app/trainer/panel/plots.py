@@ -1,5 +1,7 @@
 """Plots: uPlot charts in the panel's colours, with a key of their own below."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -56,7 +58,11 @@ def line(label: str, colour: str, width: float = 1.5, dash: tuple[float, ...] = 
         The series.
     """
     series = uplot.Series(
-        label=label, stroke=colour, width=width, points=uplot.Series_Points(show=False)
+        label=label,
+        stroke=colour,
+        width=width,
+        points=uplot.Series_Points(show=False),
+        pxAlign=0,  # whole pixels make a staircase of a slope
     )
     if dash:
         series["dash"] = dash
@@ -86,13 +92,13 @@ def dots(label: str, colour: str) -> uplot.Series:
     )
 
 
-def key_html(entries: tuple[tuple[str, str], ...]) -> str:
-    """Return a plot's key as HTML.
+def key_html(series: Sequence[uplot.Series]) -> str:
+    """Return a plot's key as HTML, each mark drawn as its series is.
 
     Parameters
     ----------
-    entries
-        Colour and meaning of each series; a colour that starts with "." is drawn as a point.
+    series
+        The series, their labels without units.
 
     Returns
     -------
@@ -100,19 +106,28 @@ def key_html(entries: tuple[tuple[str, str], ...]) -> str:
         HTML.
     """
     marks = "".join(
-        f"<span style='white-space:nowrap;margin-right:12px'><span style='display:inline-block;"
-        f"vertical-align:middle;margin-right:5px;background:{colour.lstrip('.')};"
-        + (
-            "width:7px;height:7px;border-radius:4px'"
-            if colour.startswith(".")
-            else "width:14px;height:3px;border-radius:2px'"
-        )
-        + f"></span>{meaning}</span>"
-        for colour, meaning in entries
+        "<span style='white-space:nowrap;margin-right:12px'><span style='display:inline-block;"
+        f"vertical-align:middle;margin-right:5px;{_mark(each)}'></span>{each.get('label')}</span>"
+        for each in series
     )
     return (
         "<div data-testid='plot-key' style='padding:0 12px 8px;font-size:11px;line-height:1.7;"
         f"opacity:.9'>{marks}</div>"
+    )
+
+
+def _mark(series: uplot.Series) -> str:
+    """Return how a series is drawn, as CSS."""
+    colour, width = str(series.get("stroke", "")), series.get("width", 1.0)
+    if not width:
+        return f"width:7px;height:7px;border-radius:4px;background:{colour}"
+    line_css = f"width:20px;height:{max(2.0, width):g}px;background:"
+    if "dash" not in series:
+        return f"{line_css}{colour}"
+    ink, gap = series["dash"]
+    return (
+        f"{line_css}repeating-linear-gradient(90deg,{colour} 0 {ink:g}px,"
+        f"transparent {ink:g}px {ink + gap:g}px)"
     )
 
 

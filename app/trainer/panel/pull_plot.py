@@ -27,6 +27,14 @@ THEORY, PULL, BREAK, CUBIC, EXACT, ANSYS = (
     "#5aa9ff",
     "#e8eaed",
 )
+_SERIES = {
+    "theory": line("chosen theory", THEORY),
+    "pull": line("this pull", PULL, 3.0),
+    "break": line("break", BREAK, 1.5, (6, 4)),
+    "cubic": line("thesis's cubic", CUBIC, 1.2, (5, 3)),
+    "exact": line("exact beam", EXACT, 1.2, (2, 3)),
+    "ansys": dots("ANSYS, by the thesis", ANSYS),
+}
 REFERENCE_POINTS = 50
 SAME_BEAM = 1e-3
 """Relative difference of a beam's numbers from a table's that its rounding explains."""
@@ -91,15 +99,7 @@ class PullPlot:
         self._level = np.nan
         self._chart = gui.add_uplot(
             (np.array([0.0, 1.0]), *[nothing] * 6),
-            (
-                uplot.Series(label="deflection, mm"),
-                line("theory, N", THEORY),
-                line("this pull, N", PULL, 3.0),
-                line("break, N", BREAK, 1.5, (6, 4)),
-                line("thesis's cubic, N", CUBIC, 1.2, (5, 3)),
-                line("exact beam, N", EXACT, 1.2, (2, 3)),
-                dots("ANSYS, N", ANSYS),
-            ),
+            (uplot.Series(label="deflection"), *_SERIES.values()),
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
             axes=axes("deflection (mm)", "force F (N)"),
             legend=uplot.Legend(show=False),
@@ -173,14 +173,10 @@ class PullPlot:
         self._background.do((id(self), "others"), solve)
 
     def _explain(self) -> None:
-        entries = [(PULL, "this pull"), (THEORY, "chosen theory"), (BREAK, "break")]
-        if self._cubic is not None:
-            entries.append((CUBIC, "thesis's cubic"))
-        if self._exact is not None:
-            entries.append((EXACT, "exact beam"))
-        if self._ansys is not None:
-            entries.append(("." + ANSYS, "ANSYS, by the thesis"))
-        self._legend.content = key_html(tuple(entries))
+        there = {"cubic": self._cubic, "exact": self._exact, "ansys": self._ansys}
+        self._legend.content = key_html(
+            [each for name, each in _SERIES.items() if there.get(name, True) is not None]
+        )
 
     def _draw(self) -> None:
         """Send all series on one grid, which has every point that must be hit."""

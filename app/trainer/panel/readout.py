@@ -91,13 +91,12 @@ def readout_html(reading: Reading, state: str = "") -> str:
                 figure(event.force if event else None),
                 "N",
             ),
-            _cell(term("Normal stress", NORMAL), figure(normal), "kPa", small=True),
-            _cell(term("Bending stress", BENDING), figure(bending), "kPa", small=True),
+            _cell(term("Normal stress", NORMAL), figure(normal), "kPa"),
+            _cell(term("Bending stress", BENDING), figure(bending), "kPa"),
             _cell(
                 term("Threshold T", THRESHOLD),
                 figure(check.threshold * KPA_PER_MPA),
                 "kPa",
-                small=True,
             ),
         )
     )
@@ -160,10 +159,9 @@ def _bar(used: float) -> str:
     )
 
 
-def _cell(name: str, value: str, unit: str, *, small: bool = False) -> str:
-    kind = " class='bd-wide'" if small else ""
+def _cell(name: str, value: str, unit: str) -> str:
     return (
-        f"<div{kind}><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
+        f"<div><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
         f"<div style='font-size:16px;font-weight:600;white-space:nowrap'>{value}"
         f"<span style='font-size:11px;font-weight:400;opacity:.75'> {unit}</span></div></div>"
     )

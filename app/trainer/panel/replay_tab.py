@@ -6,7 +6,7 @@ import viser
 
 from app.simulation.run_log import RunFile, read_run, run_json
 from app.trainer.panel.controls import note, number, on_click, on_work
-from app.trainer.panel.result_page import run_csv
+from app.trainer.panel.result_page import run_csv, run_name
 from app.trainer.workplace import Workplace
 
 __all__ = ["ReplayTab"]
@@ -48,7 +48,7 @@ class ReplayTab:
                 icon=viser.Icon.UPLOAD,
                 color="gray",
                 mime_type="application/json",
-                hint="A run.json that was downloaded here, of the same organ",
+                hint="A run that was downloaded here as JSON, of the same organ",
             )
         self._json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
@@ -60,8 +60,8 @@ class ReplayTab:
         on_click(self._this, self._replay_this)
         on_click(self._leave, workplace.leave_replay)
         on_click(self._play, self._play_or_pause)
-        on_click(self._json, lambda: self._download("run.json"))
-        on_click(self._csv, lambda: self._download("run.csv"))
+        on_click(self._json, lambda: self._download("json"))
+        on_click(self._csv, lambda: self._download("csv"))
         on_work(self._time, self._seek)
 
         @self._open.on_upload
@@ -126,12 +126,14 @@ class ReplayTab:
             return self._workplace.session.run_file()
         return self._workplace.last_run
 
-    def _download(self, name: str) -> None:
+    def _download(self, kind: str) -> None:
         run = self._run()
         if run is None:
             return
-        content = run_json(run) if name.endswith("json") else run_csv(run, self._workplace)
-        self._workplace.client.send_file_download(name, content, save_immediately=True)
+        content = run_json(run) if kind == "json" else run_csv(run, self._workplace)
+        self._workplace.client.send_file_download(
+            f"{run_name(run)}.{kind}", content, save_immediately=True
+        )
 
     def _play_or_pause(self) -> None:
         player = self._workplace.player

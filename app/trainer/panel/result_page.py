@@ -1,6 +1,7 @@
 """The result page: how a run has ended, its measures, its plots, and what can be done with it."""
 
 from collections.abc import Callable
+from datetime import datetime
 from typing import Literal
 
 import viser
@@ -13,7 +14,7 @@ from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.workplace import Workplace
 
-__all__ = ["ResultPage", "run_csv"]
+__all__ = ["ResultPage", "run_csv", "run_name"]
 
 FEW = 300
 """Vertices of a duct that is only measured."""
@@ -40,6 +41,24 @@ def run_csv(run: RunFile, workplace: Workplace) -> bytes:
         UTF-8.
     """
     return series_csv(_series(run, workplace)).encode()
+
+
+def run_name(run: RunFile) -> str:
+    """Return a name for a run's files: its exercise, or "pull", and the time now.
+
+    Parameters
+    ----------
+    run
+        The run.
+
+    Returns
+    -------
+    str
+        The name without a suffix, of letters, digits and hyphens.
+    """
+    exercise = run.log.exercise
+    what = "pull" if exercise is None else exercise.title.lower().replace(" ", "-")
+    return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
 class ResultPage:
@@ -87,8 +106,10 @@ class ResultPage:
             json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
             self._closing("Close", viser.Icon.X, lambda: None)
         send = client.send_file_download
-        on_click(csv, lambda: send("run.csv", series_csv(series).encode(), save_immediately=True))
-        on_click(json, lambda: send("run.json", run_json(run), save_immediately=True))
+        name = run_name(run)
+        table = series_csv(series).encode()
+        on_click(csv, lambda: send(f"{name}.csv", table, save_immediately=True))
+        on_click(json, lambda: send(f"{name}.json", run_json(run), save_immediately=True))
 
     def _closing(
         self,

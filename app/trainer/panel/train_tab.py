@@ -93,9 +93,11 @@ class TrainTab:
         visible = workplace.figures_visible
         self.take_ranges()
         live = workplace.player is None and reading.phase is Phase.INTACT
-        # Hidden, not disabled: viser leaves a disabled slider's number field open to typing.
-        _see(self._force, live and visible)
-        _see(self._grasp, live)
+        _see(self._force, workplace.player is None and visible)
+        _see(self._grasp, workplace.player is None)
+        for slider in (self._force, self._grasp):  # a torn duct keeps their place
+            if slider.disabled == live:
+                slider.disabled = not live
         _see(self._heat, visible)
         _see(self._pause, workplace.player is None and not workplace.in_exercise)
         _see(self._reset, workplace.player is None)
@@ -122,8 +124,7 @@ class TrainTab:
         wanted = session.force_wanted if live and visible else 0.0
         step = self._force.step
         _put(self._force, min(max(round(wanted / step) * step, 0.0), self._force.max))
-        if reading.by_hand:
-            _put(self._grasp, round(session.grasp, 1))
+        _put(self._grasp, round(session.grasp, 1))
 
 
 def slider_step(limit: float) -> float:
