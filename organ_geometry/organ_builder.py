@@ -41,7 +41,7 @@ SMALLEST_TOLERANCE_PX = 0.5
 _BACK_CORNERS = 64
 _RAISES = 3
 # Near the smallest tolerance bytes climb steeply.
-_RAISE = 1.2
+_RAISE = 1.1
 
 # What a report warns of.
 LONG_AXIS = 1.5
