@@ -115,10 +115,15 @@ class EncoderSearch:
             if not kept:
                 # What changes between two sections may need keys at less than their distance.
                 kept = [self.nearest(), *self._searched(effort)]
+            whole: list[KeptCode] = []
             for one in sorted(kept, key=lambda one: len(one.data)):
                 thin = self._attempts.thin(one)
-                if not thin.size:
+                if not thin.size and not self._attempts.strays(one):
                     return one
+                if not thin.size:
+                    whole.append(one)
+            if whole:
+                return whole[0]
             # Where the walls cross, sections must be kept more nearly.
             self._attempts.limits[thin] *= _TIGHTER
         index = self._attempts.contours[int(thin[0])].index

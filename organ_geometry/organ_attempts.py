@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from organ_geometry.axis_encoder import ALONG_STEPS, CodedAxis, coded_axis
 from organ_geometry.contour import ContourLoft, SectionContour, centroid_and_radius
 from organ_geometry.edge_changes import EdgePoints
+from organ_geometry.half_curves import closed_outlines, polygon_distances
 from organ_geometry.organ_code import (
     LARGEST_KEY_DEPTH,
     OrganCode,
@@ -33,10 +34,13 @@ OVERALL_PRICE = 0.5
 """The same of the sections, where all together are to be kept to an RMS distance."""
 
 _FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
+# What no numbers keep, so that errors can be said in tolerances.
+_LEAST_SHARE = 1e-9
 _MARGIN, _LEAST_MARGIN = 0.96, 0.6
 _EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
 _NEAR = (30.0, 3000.0, 0.9)
 _PATIENCE = 2
+_STRAYS, _STRAY_CORNERS = 0.4, 32
 # An axis is carried on at its ends until their planes enclose the end sections so nearly.
 _ENCLOSED, _CARRIES = 0.2, 4
 
@@ -140,7 +144,7 @@ class OrganAttempts:
         self._number = tolerance_number(min(within, _LARGEST_SHARE * self._radius))
         stored = tolerance_of(self._number)
         # What the file says is what is promised.
-        self._allowed = max(min(tolerance, stored), np.finfo(np.float64).tiny)
+        self._allowed = max(min(tolerance, stored), _LEAST_SHARE * self._radius)
         self.limits = np.full(len(contours), self._allowed)
         self._overall = self._allowed if overall is None else min(overall, self._allowed)
         # Steps go with the tolerance, but none is so long that it would leave nothing of a section.
@@ -342,3 +346,29 @@ class OrganAttempts:
         at = np.linspace(0.0, 1.0, one.cut.pieces + 1)[thinnest_walls(one.code.organ()) <= 0.0]
         nearest = np.abs(one.cut.places - at[:, np.newaxis]).argmin(axis=1)
         return np.unique(nearest)
+
+    def strays(self, one: KeptCode) -> bool:
+        """Return whether an outline goes where no edge is, which no edge point's distance says.
+
+        Parameters
+        ----------
+        one
+            The numbers.
+
+        Returns
+        -------
+        bool
+            Whether it does, by more than a share of the mean radius.
+        """
+        organ, edges = one.code.organ(), one.cut.outlines
+        stations = np.linspace(0.0, organ.length, len(edges.outer))
+        corners = [closed_outlines(organ.rows_at(stations), _STRAY_CORNERS)]
+        walls = [edges.outer]
+        if edges.lumen is not None:
+            corners.append(closed_outlines(organ.rows_at(stations, "lumen"), _STRAY_CORNERS))
+            walls.append(edges.lumen)
+        return any(
+            float(polygon_distances(outline, edge).max()) > _STRAYS * self._radius
+            for outlines, rings in zip(corners, walls, strict=True)
+            for outline, edge in zip(outlines, rings, strict=True)
+        )

@@ -37,7 +37,7 @@ TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
 _RAISES = 3
 # Near the smallest tolerance bytes climb steeply.
-_RAISE = 1.2
+_RAISE = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

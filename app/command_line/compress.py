@@ -142,6 +142,13 @@ def compress(
             rich_help_panel=_PROMISE,
         ),
     ] = "fewest",
+    effort: Annotated[
+        str,
+        typer.Option(
+            help="quick, or full: tries more ways for some bytes less, ten times as long.",
+            rich_help_panel=_PROMISE,
+        ),
+    ] = "quick",
     sections: Annotated[
         bool, typer.Option("--sections", help="List every section.", rich_help_panel=_REPORT)
     ] = False,
@@ -181,6 +188,7 @@ def compress(
         "seed": _within(area, seed_point(seed)),
         "tolerance_mm": tolerance_mm,
         "tolerance_px": tolerance_px,
+        "effort": chosen("--effort", effort, ("quick", "full")),
         "select": chosen("--select", select, ("fewest", "thesis")),
     }
     when: Any = chosen("--recut", recut, ("auto", "always", "never"))
