@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from benchmarks.tube_images import LEVEL, SIDE, draw_tube_images
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
-from organ_geometry.organ_tracing import trace_organ
-from organ_geometry.stack_reader import read_image_stack
 
 __all__ = ["BuilderRates", "builder_memory", "builder_rates"]
 

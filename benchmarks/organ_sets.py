@@ -12,9 +12,9 @@ from scipy.spatial import KDTree
 
 from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
-from organ_geometry.image_stack import ImageStack
-from organ_geometry.organ_tracing import trace_organ
-from organ_geometry.stack_reader import read_image_stack
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.images.stack_reader import read_image_stack
 
 __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 

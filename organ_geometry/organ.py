@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.half_curves import (
+from organ_geometry.curves.half_curves import (
     HALF_WIDTH,
     ROW_SIZE,
     closed_outlines,

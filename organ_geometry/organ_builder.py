@@ -8,26 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
-from organ_geometry.contour import SectionContour
-from organ_geometry.edges import EdgeMethod, FoundPolarity, Polarity
-from organ_geometry.encoder_search import Effort
-from organ_geometry.fitted_section import FittedSection, fitted_section, section_contour
-from organ_geometry.half_curves import (
-    NotSingleValued,
-)
-from organ_geometry.image_stack import ImageStack
-from organ_geometry.key_sections import check_tolerance
-from organ_geometry.organ import Organ
-from organ_geometry.organ_encoder import (
+from organ_geometry.coding.encoder_search import Effort
+from organ_geometry.coding.organ_encoder import (
     EncodedOrgan,
     Selection,
     encoded_organ,
 )
-from organ_geometry.organ_seed import Seed
-from organ_geometry.organ_tracing import trace_organ
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
+from organ_geometry.contours.contour import SectionContour
+from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, Polarity
+from organ_geometry.contours.organ_seed import Seed
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.curves.fitted_section import FittedSection, fitted_section, section_contour
+from organ_geometry.curves.half_curves import (
+    NotSingleValued,
+)
+from organ_geometry.curves.key_sections import check_tolerance
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.organ import Organ
 from organ_geometry.organ_warnings import organ_warnings
 from organ_geometry.section_report import SectionReport, pooled_rms, section_reports
-from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Progress = Callable[[int, int], None]
 

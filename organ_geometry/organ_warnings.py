@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from organ_geometry.fitted_section import FittedSection
-from organ_geometry.found_section import OTHER_PART
-from organ_geometry.image_stack import ImageStack
+from organ_geometry.contours.found_section import OTHER_PART
+from organ_geometry.contours.slice_ranges import slice_ranges
+from organ_geometry.curves.fitted_section import FittedSection
+from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.organ import Organ
 from organ_geometry.section_report import SectionReport
-from organ_geometry.slice_ranges import slice_ranges
 
 # An axis so many times longer than the stack, and errors of this share of the mean radius.
 LONG_AXIS = 1.5

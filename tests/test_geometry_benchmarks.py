@@ -13,7 +13,7 @@ from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import contour_loft, rings_of
 from benchmarks.surface_distance import TriangleSurface, spread_points, triangle_distances
 from benchmarks.tube_images import SIDE, draw_tube_images
-from organ_geometry.stack_reader import read_image_stack
+from organ_geometry.images.stack_reader import read_image_stack
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
 

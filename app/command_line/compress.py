@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from app.compression.stack_job import StackJob
-    from organ_geometry.image_region import Region
-    from organ_geometry.organ_seed import Seed
+    from organ_geometry.contours.organ_seed import Seed
+    from organ_geometry.images.image_region import Region
 
 __all__ = ["compress"]
 

@@ -41,7 +41,7 @@ def organ_from(path: Path | None) -> "Organ":
     """
     if path is None:
         return shipped_organ()
-    from organ_geometry.organ_file import read_organ
+    from organ_geometry.coding.organ_file import read_organ
 
     return read_organ(path)
 
@@ -55,8 +55,8 @@ def shipped_organ() -> "Organ":
         The bile-duct phantom.
     """
     from assets import BILE_DUCT_PHANTOM
+    from organ_geometry.images.stack_reader import read_image_stack
     from organ_geometry.organ_builder import build_organ
-    from organ_geometry.stack_reader import read_image_stack
 
     return build_organ(read_image_stack(BILE_DUCT_PHANTOM)).organ
 

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.image_stack import GreyImage
-from organ_geometry.traced_organ import TracedSection
+from organ_geometry.contours.traced_organ import TracedSection
+from organ_geometry.images.image_stack import GreyImage
 
 __all__ = ["LUMEN_COLOR", "OUTER_COLOR", "edge_picture"]
 

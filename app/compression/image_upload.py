@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from app.compression.image_extent import UnknownImageError, image_extents
-from organ_geometry.grey_image import ImageStackError
-from organ_geometry.image_files import IMAGE_SUFFIXES
-from organ_geometry.spacing_file import SPACING_FILE
+from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.image_files import IMAGE_SUFFIXES
+from organ_geometry.images.spacing_file import SPACING_FILE
 
 __all__ = ["UploadBounds", "UploadRefusedError", "unpack_upload"]
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from app.compression.build_process import Abandoned, BuildProcess, Progress
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
-from organ_geometry.image_stack import ImageStack, ImageStackError
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_tracing import trace_organ
-from organ_geometry.recut_stack import recut_where_needed
-from organ_geometry.stack_reader import read_image_stack
-from organ_geometry.tolerance_floor import ToleranceTooSmall
-from organ_geometry.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.recut.recut_stack import recut_where_needed
 
 __all__ = ["Abandoned", "OpenedStack", "OrganWorkbench", "PromiseRefusedError"]
 

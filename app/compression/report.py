@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from organ_geometry.image_stack import ImageStack
+from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.organ_builder import BuiltOrgan, SectionReport
 
 __all__ = ["Facts", "facts", "report_lines", "section_lines", "summary_lines"]

@@ -15,10 +15,10 @@ from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
-from organ_geometry.mesh_file import PAINTED_SUFFIXES, ClosedSurface, mesh_content
-from organ_geometry.mesh_file import SUFFIXES as MESH_SUFFIXES
-from organ_geometry.skin import organ_skin
-from organ_geometry.tear import TornPiece
+from organ_geometry.mesh.mesh_file import PAINTED_SUFFIXES, ClosedSurface, mesh_content
+from organ_geometry.mesh.mesh_file import SUFFIXES as MESH_SUFFIXES
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.tear import TornPiece
 from organ_geometry.whole_file import check_target, write_whole
 from physics import BreakEvent, Theory, break_event
 

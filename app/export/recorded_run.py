@@ -10,8 +10,8 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
 from app.simulation.replay import AFTER_TEAR, Replay
-from organ_geometry.skin import organ_skin
-from organ_geometry.tear import TornPiece
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.tear import TornPiece
 
 __all__ = ["RUN", "RecordedRun"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.motion import Motion
-from organ_geometry.skin import BoundSkin
-from organ_geometry.tear import TornPiece
+from organ_geometry.mesh.skin import BoundSkin
+from organ_geometry.mesh.tear import TornPiece
 
 __all__ = ["RimShapes", "rim_shapes"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.snapshot import Snapshot, StillSurface
-from organ_geometry.vtk_file import pvd_content, vtp_content
+from organ_geometry.mesh.vtk_file import pvd_content, vtp_content
 from organ_geometry.whole_file import check_target, write_whole
 
 __all__ = ["check_series_path", "snapshot_content", "write_series"]

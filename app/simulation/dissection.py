@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from app.simulation.preset import DEFAULT_PRESET, OrganBeam, Preset, RoundBeam, preset_named
 from organ_geometry.driving_points import DrivingPoints, driving_points
+from organ_geometry.mesh.tear import TornPiece, torn_pieces
 from organ_geometry.organ import Organ
-from organ_geometry.tear import TornPiece, torn_pieces
 from physics import Beam, Equilibrium, Exact, ExactAlong, RuptureCheck, Theory, VaryingBeam
 
 __all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]

@@ -7,7 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.wall import Wall
-from organ_geometry.skin import Skin
+from organ_geometry.mesh.skin import Skin
 
 __all__ = ["Chain", "Ghost"]
 

@@ -7,8 +7,8 @@ import viser
 from numpy.typing import NDArray
 
 from organ_geometry.driving_points import DrivingPoints
+from organ_geometry.mesh.skin import BoundSkin, Skin, ring_angles
 from organ_geometry.organ import Organ
-from organ_geometry.skin import BoundSkin, Skin, ring_angles
 
 __all__ = ["Overlay"]
 

@@ -20,9 +20,9 @@ from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.plain_tissue import INSIDE, TISSUE
 from app.trainer.stage.stage import Stage
+from organ_geometry.mesh.skin import BoundSkin, organ_skin
+from organ_geometry.mesh.tear import TornPiece
 from organ_geometry.organ import Organ
-from organ_geometry.skin import BoundSkin, organ_skin
-from organ_geometry.tear import TornPiece
 from physics import Pull, check_rupture, critical_stations
 
 __all__ = [

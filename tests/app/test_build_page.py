@@ -15,8 +15,8 @@ from simulated import phantom
 from app.simulation.reading import Phase
 from app.trainer.server import Trainer
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
-from organ_geometry.stack_reader import read_image_stack
 
 
 def downloaded(tab: TrainerPage) -> tuple[str, bytes]:

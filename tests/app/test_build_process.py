@@ -13,8 +13,8 @@ from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
 from app.trainer.background import Background
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
-from organ_geometry.stack_reader import read_image_stack
 
 
 @pytest.fixture(scope="module")

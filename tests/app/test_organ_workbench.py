@@ -17,8 +17,8 @@ from app.compression.image_upload import UploadBounds, UploadRefusedError, unpac
 from app.compression.organ_workbench import Abandoned, OrganWorkbench, PromiseRefusedError
 from app.compression.stack_job import StackJob, compress_stack
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.stack_reader import read_image_stack
-from organ_geometry.traced_organ import TracedSection
+from organ_geometry.contours.traced_organ import TracedSection
+from organ_geometry.images.stack_reader import read_image_stack
 
 BOUNDS = UploadBounds()
 FEW = 12

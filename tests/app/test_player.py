@@ -15,7 +15,7 @@ from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
 from app.trainer.page_text import titled_page
 from app.trainer.player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
-from organ_geometry.skin import organ_skin
+from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
 
 LARGEST = 3_000_000

@@ -15,7 +15,7 @@ from app.simulation.replay import Replay
 from app.simulation.session import Session
 from app.trainer.player import REST_SECONDS
 from app.trainer.run_page import run_page
-from organ_geometry.skin import organ_skin
+from organ_geometry.mesh.skin import organ_skin
 
 EDGE_LENGTH = 1.5
 FIRST_TICK, SEEN_TICK = 10, 25

@@ -9,8 +9,8 @@ from app.simulation.preset import preset_named
 from app.simulation.session import Phase, Session
 from app.simulation.surface_stress import Stresses, SurfaceStress, fibre_shares
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.organ import Organ
-from organ_geometry.skin import organ_skin
 from physics import Equilibrium
 
 

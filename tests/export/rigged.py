@@ -11,10 +11,10 @@ from app.export.order import Order
 from app.export.rigged_organ import rigged_organ
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
-from organ_geometry.gltf_file import metres
-from organ_geometry.shaded_wall import shaded_walls
-from organ_geometry.skin import Skin, organ_skin
-from organ_geometry.tear import TornPiece
+from organ_geometry.mesh.gltf_file import metres
+from organ_geometry.mesh.shaded_wall import shaded_walls
+from organ_geometry.mesh.skin import Skin, organ_skin
+from organ_geometry.mesh.tear import TornPiece
 from physics import Cubic, Exact, Theory
 
 EDGE_LENGTH = 1.2

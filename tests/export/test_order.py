@@ -20,7 +20,7 @@ from app.export.order import SUFFIXES, Order
 from app.export.stress_color import stress_colors
 from app.simulation.dissection import Dissection
 from app.simulation.preset import preset_named
-from organ_geometry.skin import organ_skin
+from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic, check_rupture, critical_stations
 
 EDGE_LENGTH = 1.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.half_curves import fit_half_curves
+from organ_geometry.curves.half_curves import fit_half_curves
 from organ_geometry.organ import Organ
 
 # Samples along each side of a pixel: coverage is then known to better than 1/100 of a pixel.

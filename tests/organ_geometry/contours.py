@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from organ_geometry.contour import SectionContour
+from organ_geometry.contours.contour import SectionContour
 
 RADIUS = 2.5
 LENGTH = 60.0

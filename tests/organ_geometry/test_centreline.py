@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.centreline import NoTube, Tube, centreline
-from organ_geometry.curve_frames import evenly_spaced
-from organ_geometry.deep_way import arc_lengths, deep_way
-from organ_geometry.plane_cut import plane_cut
-from organ_geometry.section_planes import section_planes
+from organ_geometry.recut.centreline import NoTube, Tube, centreline
+from organ_geometry.recut.curve_frames import evenly_spaced
+from organ_geometry.recut.deep_way import arc_lengths, deep_way
+from organ_geometry.recut.plane_cut import plane_cut
+from organ_geometry.recut.section_planes import section_planes
 
 SIZES = np.array([0.5, 0.5, 0.8])
 
@@ -48,7 +48,7 @@ def test_the_deep_way_keeps_to_the_middle() -> None:
 
 
 def test_voxels_are_put_together_where_they_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("organ_geometry.deep_way.MOST_VOXELS", 1500)
+    monkeypatch.setattr("organ_geometry.recut.deep_way.MOST_VOXELS", 1500)
     way = deep_way(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
     stations = arc_lengths(way.points)
     inner = (stations > 2 * RADIUS) & (stations < stations[-1] - 2 * RADIUS)
@@ -113,7 +113,7 @@ def test_planes_turn_so_as_not_to_cross_in_a_bend(monkeypatch: pytest.MonkeyPatc
     tube = Tube(np.full((41, 61, 61), 255, dtype=np.uint8), np.ones(3))
     depths = np.full(len(corner), 1.5)
     turned = section_planes(tube, corner, depths, 3.0)
-    monkeypatch.setattr("organ_geometry.section_planes._TURN_FACTORS", (1.0,))
+    monkeypatch.setattr("organ_geometry.recut.section_planes._TURN_FACTORS", (1.0,))
     assert section_planes(tube, corner, depths, 3.0).crossing > turned.crossing
     # Pixels of 1 mm, up to three depths from the middle.
     assert turned.reach == pytest.approx(5.0)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.edges import SMOOTHING_PX, NoEdgeFound, Polarity, find_edges, find_polarity
+from organ_geometry.contours.edges import (
+    SMOOTHING_PX,
+    NoEdgeFound,
+    Polarity,
+    find_edges,
+    find_polarity,
+)
 
 Cover = Callable[..., NDArray[np.float64]]
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.fit_error import algebraic_distances, normal_distances
-from organ_geometry.half_curves import HalfCurves, fit_half_curves
+from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
+from organ_geometry.curves.half_curves import HalfCurves, fit_half_curves
 
 # A boundary is measured as a polygon of 256 corners.
 POLYGON = 1e-3

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from organ_geometry.half_curves import (
+from organ_geometry.curves.half_curves import (
     RANGE_SHARE,
     ROW_SIZE,
     HalfCurves,

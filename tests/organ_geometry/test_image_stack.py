@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.image_stack import ImageStackError
-from organ_geometry.stack_reader import read_image_stack
+from organ_geometry.images.image_stack import ImageStackError
+from organ_geometry.images.stack_reader import read_image_stack
 
 WriteStack = Callable[..., Path]
 

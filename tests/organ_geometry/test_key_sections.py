@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from organ_geometry.half_curves import closed_outlines
-from organ_geometry.key_sections import key_sections
+from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.curves.key_sections import key_sections
 from organ_geometry.organ import Organ
 
 Tube = Callable[..., Organ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from organ_geometry.masked_levels import (
+from organ_geometry.contours.masked_levels import (
     MANY_PIXELS,
     level_exceeded,
     median_change,

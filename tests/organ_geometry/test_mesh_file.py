@@ -7,10 +7,10 @@ import pytest
 import trimesh
 from tubes import tube
 
-from organ_geometry.mesh_file import SUFFIXES, ClosedSurface, write_mesh
-from organ_geometry.shaded_wall import vertex_normals
-from organ_geometry.skin import organ_skin
-from organ_geometry.tear import torn_pieces
+from organ_geometry.mesh.mesh_file import SUFFIXES, ClosedSurface, write_mesh
+from organ_geometry.mesh.shaded_wall import vertex_normals
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.tear import torn_pieces
 
 
 def parts_of(torn: bool) -> dict[str, ClosedSurface]:

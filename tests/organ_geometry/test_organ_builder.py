@@ -11,21 +11,21 @@ import trimesh
 from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.edge_curve import enclosed_area
-from organ_geometry.edges import find_edges
-from organ_geometry.fit_error import algebraic_distances, normal_distances
-from organ_geometry.half_curves import (
+from organ_geometry.coding.organ_file import organ_from_bytes
+from organ_geometry.coding.surface_distance import wall_distances
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
+from organ_geometry.contours.edge_curve import enclosed_area
+from organ_geometry.contours.edges import find_edges
+from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
+from organ_geometry.curves.half_curves import (
     HalfCurves,
     closed_outlines,
     fit_half_curves,
     polygon_distances,
 )
-from organ_geometry.image_stack import ImageStackError
+from organ_geometry.images.image_stack import ImageStackError
+from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_file import organ_from_bytes
-from organ_geometry.stack_reader import read_image_stack
-from organ_geometry.surface_distance import wall_distances
-from organ_geometry.tolerance_floor import ToleranceTooSmall
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]

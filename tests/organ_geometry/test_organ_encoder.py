@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 from contours import LENGTH, RADIUS, bent_tube, circle, cylinder
 
-from organ_geometry.axis_curve import (
+from organ_geometry.coding.organ_encoder import EncodedOrgan, encoded_organ
+from organ_geometry.coding.section_signals import (
+    extents,
+    fitted_signals,
+    signals_to_rows,
+)
+from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
+from organ_geometry.contours.contour import ContourLoft, centroid_and_radius, even_points
+from organ_geometry.curves.axis_curve import (
     even_axis,
     least_turning,
     natural_cubic,
     natural_cubic_slopes,
     refinement,
 )
-from organ_geometry.contour import ContourLoft, centroid_and_radius, even_points
-from organ_geometry.half_curves import closed_outlines
-from organ_geometry.organ_encoder import EncodedOrgan, encoded_organ
-from organ_geometry.section_signals import (
-    extents,
-    fitted_signals,
-    signals_to_rows,
-)
-from organ_geometry.surface_distance import root_mean_squares, section_distances
-from organ_geometry.tolerance_floor import ToleranceTooSmall
+from organ_geometry.curves.half_curves import closed_outlines
 
 # The floor of two free degree-6 curves on a circle, published as 0.30 % of its radius.
 CIRCLE_FLOOR = 0.0031

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
 from assets.phantom import PIXEL_SPACING, outer_half_axes, section_stations
-from organ_geometry.edge_curve import enclosed_area
-from organ_geometry.edges import EdgeMethod, find_edges
-from organ_geometry.half_curves import polygon_distances
-from organ_geometry.image_stack import ImageStack, ImageStackError
-from organ_geometry.organ_tracing import trace_organ
-from organ_geometry.slice_ranges import slice_ranges
-from organ_geometry.stack_reader import read_image_stack
-from organ_geometry.traced_organ import TracedOrgan
+from organ_geometry.contours.edge_curve import enclosed_area
+from organ_geometry.contours.edges import EdgeMethod, find_edges
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.contours.slice_ranges import slice_ranges
+from organ_geometry.contours.traced_organ import TracedOrgan
+from organ_geometry.curves.half_curves import polygon_distances
+from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.stack_reader import read_image_stack
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]

@@ -10,13 +10,13 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from organ_geometry.edges import find_edges
-from organ_geometry.grey_image import GreyImage
-from organ_geometry.image_stack import ImageStack, ImageStackError
-from organ_geometry.image_volume import VolumeSlices
-from organ_geometry.organ_voxels import half_level, organ_voxels
-from organ_geometry.recut_stack import recut, recut_where_needed
-from organ_geometry.stack_reader import read_image_stack
+from organ_geometry.contours.edges import find_edges
+from organ_geometry.images.grey_image import GreyImage
+from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.image_volume import VolumeSlices
+from organ_geometry.images.stack_reader import read_image_stack
+from organ_geometry.recut.organ_voxels import half_level, organ_voxels
+from organ_geometry.recut.recut_stack import recut, recut_where_needed
 
 # A stack that stands obliquely, with pixels that are not square and slices further apart.
 PIXEL = np.array([0.5, 0.6])

@@ -6,8 +6,8 @@ import trimesh
 from scipy.spatial import KDTree
 from tubes import mesh_of, tube
 
-from organ_geometry.skin import organ_skin
-from organ_geometry.tear import torn_pieces
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.tear import torn_pieces
 
 UP = np.array([0.0, 0.0, 1.0])
 

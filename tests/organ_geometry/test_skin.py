@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from tubes import LENGTH, mesh_of, tube
 
 from organ_geometry.driving_points import DrivingPoints, driving_points
-from organ_geometry.skin import _blend, organ_skin
-from organ_geometry.tear import torn_pieces
+from organ_geometry.mesh.skin import _blend, organ_skin
+from organ_geometry.mesh.tear import torn_pieces
 
 
 def bend(points: DrivingPoints, height: float) -> np.ndarray:

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from tubes import LENGTH, RADIUS, mesh_of, tube
 
-from organ_geometry.skin import organ_skin
-from organ_geometry.tear import _draw_back, torn_pieces
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.tear import _draw_back, torn_pieces
 
 UP = np.array([0.0, 0.0, 1.0])
 EDGE = 0.6

@@ -8,8 +8,8 @@ from tubes import tube
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from organ_geometry.skin import organ_skin
-from organ_geometry.vtk_file import vtp_content
+from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.vtk_file import vtp_content
 
 
 @pytest.mark.parametrize("wall", [None, 1.0])

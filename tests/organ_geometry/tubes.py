@@ -3,9 +3,9 @@
 import numpy as np
 import trimesh
 
-from organ_geometry.half_curves import fit_half_curves
+from organ_geometry.curves.half_curves import fit_half_curves
+from organ_geometry.mesh.skin import Skin
 from organ_geometry.organ import Organ
-from organ_geometry.skin import Skin
 
 LENGTH = 50.8
 RADIUS = 4.445

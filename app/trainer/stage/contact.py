@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
-from organ_geometry.skin import Skin
+from organ_geometry.mesh.skin import Skin
 
 __all__ = ["BITE", "Contact", "HookPlace"]
 

@@ -15,7 +15,7 @@ from app.trainer.stage.tone import linear_light
 from app.trainer.stage.underlay import Underlay
 from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
-from organ_geometry.skin import Skin
+from organ_geometry.mesh.skin import Skin
 
 __all__ = ["WET", "Tissue", "TornEnd", "raise_wall"]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.solids import grid_faces
 from app.trainer.stage.wall import Wall
-from organ_geometry.skin import ring_angles
+from organ_geometry.mesh.skin import ring_angles
 
 __all__ = ["Vessels", "pose_vessels"]
 

@@ -1,0 +1,1 @@
+"""The organ file: an organ in few bytes."""

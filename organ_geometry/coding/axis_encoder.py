@@ -1,0 +1,174 @@
+"""The axis in whole numbers: a few keys near the sections' centroids, in few bits."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.key_lattice import descend
+from organ_geometry.coding.organ_code import LARGEST_AXIS_DEPTH, axis_keys, chord_frame
+from organ_geometry.curves.axis_curve import (
+    key_levels,
+    natural_cubic,
+    natural_cubic_slopes,
+    refinement,
+)
+
+ALONG_STEPS = 2
+"""The axis may be off along its chord by 2^2 times what it may be off across it."""
+
+_LARGEST_SIZE = 12
+_SIZES = np.arange(1.0, _LARGEST_SIZE + 1)
+# A zero, or a sign and a size: what they take where little is known of them.
+_BITS = np.tile(np.concatenate([[0.7], 2.5 + 2.0 * np.log2(_SIZES)]), (2, 1))
+_FIT_ROUNDS = 5
+_CENTROIDS_A_KEY = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CodedAxis:
+    """An axis in whole numbers.
+
+    Attributes
+    ----------
+    ends, bends
+        As in `OrganCode`.
+    step
+        The step, mm.
+    keys
+        (K, 3) the keys that they give, mm.
+    cost
+        Its squared error and the price of its bits, mm^2.
+    """
+
+    ends: NDArray[np.int64]
+    bends: NDArray[np.int64]
+    step: float
+    keys: NDArray[np.float64]
+    cost: float
+
+
+def coded_axis(
+    centroids: NDArray[np.float64],
+    depth: int,
+    step: float,
+    price: float,
+    reach: tuple[float, float] = (0.0, 0.0),
+) -> CodedAxis:
+    """Return an axis of 2^depth + 1 keys.
+
+    Parameters
+    ----------
+    centroids
+        (S, 3) centroids of the sections, mm.
+    depth
+        Number of levels of keys.
+    step
+        The step, mm.
+    price
+        Squared error, mm^2, that a bit is worth.
+    reach
+        How far the axis goes on beyond the first and the last centroid, mm.
+
+    Returns
+    -------
+    CodedAxis
+        The axis.
+    """
+    return _coded(centroids, 2**depth + 1, step, price, reach)
+
+
+def most_levels(sections: int) -> int:
+    """Return the most levels of keys that sections can fix.
+
+    Parameters
+    ----------
+    sections
+        Number of sections.
+
+    Returns
+    -------
+    int
+        The number, one or more.
+    """
+    return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
+
+
+def _coded(
+    targets: NDArray[np.float64],
+    count: int,
+    step: float,
+    price: float,
+    reach: tuple[float, float] = (0.0, 0.0),
+) -> CodedAxis:
+    """Return the axis of a number of keys."""
+    keys, places = _fitted(targets, count, reach)
+    first = np.asarray(np.round(keys[0] / step), dtype=np.int64)
+    chord = np.asarray(np.round(keys[-1] / step), dtype=np.int64) - first
+    if not chord.any():
+        chord[int(np.abs(keys[-1] - keys[0]).argmax())] = 1
+    ends = np.stack([first, chord])
+    frame = chord_frame(np.asarray(chord * step, dtype=np.float64))
+    unit = np.array([math.ldexp(step, ALONG_STEPS), step, step])
+    weights = natural_cubic(places, count)
+    tangents = (natural_cubic_slopes(places, count) @ keys) @ frame.T
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    across = np.eye(3) - tangents[:, :, np.newaxis] * tangents[:, np.newaxis, :]
+    straight = np.asarray(
+        np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord * step + first * step, dtype=np.float64
+    )
+    wanted = np.einsum("sij,sj->si", across, (targets - weights @ straight) @ frame.T).ravel()
+    depth = (count - 1).bit_length() - 1
+    levels = key_levels(depth)
+    inner = np.flatnonzero(levels > 0)
+    columns = (weights @ refinement(depth))[:, inner]
+    # One row for each section and direction, one column for each key and direction.
+    design = columns[:, np.newaxis, :, np.newaxis] * (across * unit)[:, :, np.newaxis, :]
+    design = design.reshape(3 * len(targets), -1)
+    products, sums = 0.5 * design.T @ design, 0.5 * design.T @ wanted
+    numbers = np.zeros(design.shape[1], dtype=np.int64)
+    prices, rows = price * _BITS, np.zeros(len(numbers), dtype=np.intp)
+    for level in range(1, depth + 1):
+        known = np.flatnonzero(np.repeat(levels[inner] <= level, 3))
+        chosen = numbers[known]
+        descend(
+            np.ascontiguousarray(products[np.ix_(known, known)]),
+            sums[known], rows[known], prices, chosen, 20,
+        )  # fmt: skip
+        numbers[known] = chosen
+    bends = np.zeros((count, 3), dtype=np.int64)
+    bends[inner] = numbers.reshape(-1, 3)
+    away = wanted - design @ numbers
+    bits = _BITS[0, np.minimum(np.abs(numbers), _LARGEST_SIZE)].sum()
+    cost = 0.5 * float(away @ away) + price * float(bits)
+    return CodedAxis(ends, bends, step, axis_keys(ends, bends, step, ALONG_STEPS), cost)
+
+
+def _fitted(
+    targets: NDArray[np.float64], count: int, reach: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (K, 3) least-squares keys and the (S,) places of the targets along them."""
+    steps = np.linalg.norm(np.diff(targets, axis=0), axis=1)
+    places = np.concatenate([[0.0], np.cumsum(steps)])
+    length = max(float(places[-1]), np.finfo(np.float64).tiny)
+    whole = length + reach[0] + reach[1]
+    places = (places + reach[0]) / whole
+    keys = _least_squares(targets, places, count)
+    for _ in range(_FIT_ROUNDS):
+        slopes = natural_cubic_slopes(places, count) @ keys
+        away = targets - natural_cubic(places, count) @ keys
+        squared = np.maximum((slopes * slopes).sum(axis=1), np.finfo(np.float64).tiny)
+        places = places + 0.7 * (away * slopes).sum(axis=1) / squared
+        places = np.maximum.accumulate(places) + 1e-9 * np.arange(len(places))
+        places = (places - places[0]) / (places[-1] - places[0])
+        places = (places * length + reach[0]) / whole
+        keys = _least_squares(targets, places, count)
+    return keys, places
+
+
+def _least_squares(
+    targets: NDArray[np.float64], places: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    weights = natural_cubic(places, count)
+    return np.asarray(np.linalg.lstsq(weights, targets, rcond=1e-6)[0], dtype=np.float64)

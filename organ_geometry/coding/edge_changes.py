@@ -1,0 +1,245 @@
+"""Edge points of slices, and how their distances to an organ change with its sections' signals.
+
+To first order a point's distance changes by what moves its foot on the outline along the normal
+there: the half-curves at the foot's u, the half width and the middle. The foot's own way along the
+outline does not count.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.key_lattice import differences_to_values
+from organ_geometry.coding.organ_cut import OrganCut
+from organ_geometry.coding.section_signals import CIRCLE
+
+_HALF_CORNERS = 48
+_U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
+_POINTS = 36
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgePoints:
+    """Some edge points of every slice, in the sections of one axis that they lie in.
+
+    Attributes
+    ----------
+    slices
+        (N,) slice of each point, growing.
+    lumen
+        (N,) whether it lies on the lumen's edge.
+    place
+        (N, 2) where it is in its section, mm.
+    at
+        (N,) where its section is, in pieces between candidates for key sections.
+    weights
+        (N,) weight of its squared distance in its slice's mean.
+    beyond
+        (S,) mean squared distance of each slice's points to an end's plane, mm^2.
+    """
+
+    slices: NDArray[np.intp]
+    lumen: NDArray[np.bool_]
+    place: NDArray[np.float64]
+    at: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    beyond: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, cut: OrganCut, most: int = _POINTS) -> "EdgePoints":
+        """Return points of a cut's slices.
+
+        Parameters
+        ----------
+        cut
+            The cut.
+        most
+            About how many points of an edge are enough.
+
+        Returns
+        -------
+        EdgePoints
+            The points.
+        """
+        count = len(cut.places)
+        parts: list[tuple[NDArray[np.float64], ...]] = []
+        for wall, (located, section) in enumerate(cut.edges):
+            points = np.bincount(section, minlength=count)
+            starts = np.cumsum(points) - points
+            number = np.arange(len(section)) - starts[section]
+            some = np.flatnonzero(number % np.maximum(1, points // most)[section] == 0)
+            taken = np.bincount(section[some], minlength=count)
+            at = (located.piece[some] + located.share[some]) * (cut.candidates / cut.pieces)
+            stands_for = (points / np.maximum(taken, 1))[section[some]]
+            parts.append((
+                section[some].astype(np.float64), np.full(len(some), float(wall)), at, stands_for,
+                located.beyond[some], located.place[some, 0], located.place[some, 1],
+            ))  # fmt: skip
+        table = np.concatenate([np.stack(part) for part in parts], axis=1)
+        table = table[:, np.argsort(table[0], kind="stable")]
+        slices = table[0].astype(np.intp)
+        weights = table[3] / np.bincount(slices, table[3], count)[slices]
+        return cls(
+            slices=slices,
+            lumen=table[1] > 0.0,
+            place=np.ascontiguousarray(table[5:].T),
+            at=table[2],
+            weights=weights,
+            beyond=np.bincount(slices, weights * table[4] ** 2, count).astype(np.float64),
+        )
+
+    def shares(self, keys: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the weights of stored differences in the points' signals.
+
+        Parameters
+        ----------
+        keys
+            (K,) key sections.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (K, N) weights.
+        """
+        values = np.ascontiguousarray(differences_to_values(keys).T)
+        before, share = self._between(keys)
+        return values[:, before] * (1.0 - share) + values[:, before + 1] * share
+
+    def distances(
+        self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the points' distances, and how they change with the walls' signals.
+
+        Parameters
+        ----------
+        keys
+            (K,) key sections.
+        stored
+            (W, K, 16) stored differences, of the outer boundary and then of the lumen.
+        steps
+            (16,) steps of the signals, mm.
+
+        Returns
+        -------
+        tuple[NDArray[np.float64], NDArray[np.float64]]
+            (N,) distances, mm, and (W, 16, N) their changes with the signals of each wall.
+        """
+        values = differences_to_values(keys)
+        before, share = self._between(keys)
+        lumen, share = self.lumen, share[:, np.newaxis]
+        outer = (values @ stored[0]) * steps
+        signals = outer[before] * (1.0 - share) + outer[before + 1] * share
+        if len(stored) > 1:
+            own = (values @ stored[1]) * steps
+            own = own[before] * (1.0 - share) + own[before + 1] * share
+            signals += own * lumen[:, np.newaxis]
+        away, changes = _linearised(self.place, signals, CIRCLE, _U)
+        walls = [changes] if len(stored) == 1 else [changes, changes * lumen]
+        return away, np.stack(walls)
+
+    def _between(self, keys: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Return the (N,) keys before the points, and shares of the way to the next."""
+        before = np.clip(np.searchsorted(keys, self.at, side="right") - 1, 0, len(keys) - 2)
+        share = (self.at - keys[before]) / (keys[before + 1] - keys[before])
+        return before, np.clip(share, 0.0, 1.0)
+
+
+@numba.njit(cache=True)
+def _linearised(
+    places: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    circle: NDArray[np.float64],
+    corners: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return distances of points to outlines, and how they change with the outlines' signals.
+
+    Parameters
+    ----------
+    places
+        (N, 2) points in their sections, mm.
+    signals
+        (N, 16) signals of their sections, mm.
+    circle
+        (7,) coefficients of a half-circle.
+    corners
+        (C,) u of the corners of a half-curve, falling.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]]
+        (N,) distances and (16, N) their changes with each signal.
+    """
+    count, half = len(places), len(corners)
+    total = 2 * half
+    away = np.empty(count)
+    changes = np.empty((16, count))
+    basis = np.empty((half, 7))
+    round_half = np.zeros(half)
+    for c in range(half):
+        u = corners[c]
+        basis[c, 0] = 1.0
+        basis[c, 1] = 2.0 * u
+        for k in range(2, 7):
+            basis[c, k] = 2.0 * u * basis[c, k - 1] - basis[c, k - 2]
+        for k in range(7):
+            round_half[c] += circle[k] * basis[c, k]
+    xs, ys = np.empty(total), np.empty(total)
+    unit = np.empty(7)
+    for p in range(count):
+        a, e = signals[p, 0], signals[p, 1]
+        for c in range(half):
+            up = a * round_half[c]
+            middle = 0.0
+            for k in range(7):
+                up += signals[p, 2 + k] * basis[c, k]
+                middle += signals[p, 9 + k] * basis[c, k]
+            xs[c] = xs[total - 1 - c] = e + a * corners[c]
+            ys[c] = middle + up
+            ys[total - 1 - c] = middle - up
+        px, py = places[p, 0], places[p, 1]
+        best, at, part = np.inf, 0, 0.0
+        x0, y0 = xs[total - 1], ys[total - 1]
+        for c in range(total):
+            sx, sy, tx, ty = xs[c] - x0, ys[c] - y0, px - x0, py - y0
+            squared = sx * sx + sy * sy
+            share = 0.0
+            if squared > 0.0:
+                share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+            tx -= share * sx
+            ty -= share * sy
+            near = tx * tx + ty * ty
+            if near < best:
+                best, at, part = near, c, share
+            x0, y0 = xs[c], ys[c]
+        before = at - 1 if at > 0 else total - 1
+        u0 = corners[before] if before < half else corners[total - 1 - before]
+        u1 = corners[at] if at < half else corners[total - 1 - at]
+        side0 = 1.0 if before < half else -1.0
+        side1 = 1.0 if at < half else -1.0
+        u = u0 + part * (u1 - u0)
+        side = side0 + part * (side1 - side0)
+        nx = px - (xs[before] + part * (xs[at] - xs[before]))
+        ny = py - (ys[before] + part * (ys[at] - ys[before]))
+        size = math.sqrt(best)
+        if size > 1e-9 * abs(a):
+            nx, ny = nx / size, ny / size
+        else:
+            nx, ny = ys[at] - ys[before], xs[before] - xs[at]
+            length = max(math.hypot(nx, ny), 1e-300)
+            nx, ny = nx / length, ny / length
+        away[p] = size
+        unit[0] = 1.0
+        unit[1] = 2.0 * u
+        for k in range(2, 7):
+            unit[k] = 2.0 * u * unit[k - 1] - unit[k - 2]
+        bulge = 0.0
+        for k in range(7):
+            bulge += circle[k] * unit[k]
+            changes[2 + k, p] = -ny * side * unit[k]
+            changes[9 + k, p] = -ny * unit[k]
+        changes[0, p] = -(nx * u + ny * side * bulge)
+        changes[1, p] = -nx
+    return away, changes

@@ -1,0 +1,283 @@
+"""The search for the fewest bytes: which axis, which steps, and which numbers in them."""
+
+from collections.abc import Iterator, Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from organ_geometry.coding.axis_encoder import CodedAxis, coded_axis, most_levels
+from organ_geometry.coding.organ_attempts import AXIS_PRICE, KeptCode, OrganAttempts
+from organ_geometry.coding.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
+from organ_geometry.coding.organ_cut import OrganCut, best_turn
+from organ_geometry.coding.section_signals import signals_to_rows
+from organ_geometry.contours.contour import SectionContour
+from organ_geometry.curves.key_sections import key_sections
+
+Effort: TypeAlias = Literal["quick", "full"]
+Tries: TypeAlias = Literal["quick", "full", "nearest"]
+
+# Steps in tolerances: of the axis, of half-curves, of these where none of them will do.
+_AXIS_STEPS = {"quick": (1.0, 2.0), "full": (1.0, 1.5, 2.0, 3.0), "nearest": (1.0,)}
+_STEPS = {"quick": (0.75, 0.5, 1.0), "full": (0.75, 0.5, 0.875, 1.0, 0.625)}
+_FINER_STEPS = (0.35, 0.25, 0.15)
+_FINEST_STEP = 1.0 / 16.0
+# What a bit is worth in the sections that the search for fewer bits begins with.
+_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.05, 0.3)}
+_BEST_AXES = {"quick": 2, "full": 4}
+_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "nearest": (1, 0)}
+_ROUNDS = {"quick": 6, "full": 10}
+_FEW_ROUNDS = 3
+_TIGHTENINGS, _TIGHTER = 3, 0.6
+_NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
+
+
+class NotKept(Exception):  # noqa: N818
+    """No attempt kept the tolerance.
+
+    Attributes
+    ----------
+    section
+        The section that was off furthest in the nearest attempt.
+    nearest_mm, overall_mm
+        Its RMS distance there, and that of all sections, mm.
+    way
+        Levels of the axis and of the candidates for key sections there.
+    """
+
+    def __init__(
+        self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int]
+    ) -> None:
+        super().__init__(section, nearest_mm, overall_mm, way)
+        self.way = way
+        self.section = section
+        self.nearest_mm = nearest_mm
+        self.overall_mm = overall_mm
+
+
+class EncoderSearch:
+    """Searches for an organ's numbers.
+
+    Parameters
+    ----------
+    contours
+        Two or more sections in order.
+    tolerance
+        Largest RMS distance of a section's edge points to the organ, mm.
+    overall
+        Largest RMS distance of all of them, mm, or None.
+    hollow
+        Whether all sections have a lumen that counts.
+    left_handed
+        Whether right, down and along the stack are left-handed in the images.
+    units
+        What the lengths are called.
+    """
+
+    def __init__(
+        self,
+        contours: Sequence[SectionContour],
+        tolerance: float,
+        overall: float | None,
+        *,
+        hollow: bool,
+        left_handed: bool,
+        units: str,
+    ) -> None:
+        self._attempts = OrganAttempts(
+            contours, tolerance, overall, hollow=hollow, left_handed=left_handed, units=units
+        )
+        self._turn: int | None = None
+        self._middle = 1
+
+    def in_fewest_bytes(self, effort: Effort = "quick") -> KeptCode:
+        """Return the numbers of fewest bytes that keep the tolerance.
+
+        Parameters
+        ----------
+        effort
+            How much is tried.
+
+        Returns
+        -------
+        KeptCode
+            The numbers.
+
+        Raises
+        ------
+        NotKept
+            If none keep it.
+        ValueError
+            If a lumen is not inside its outer boundary.
+        """
+        thin = np.zeros(0, dtype=np.intp)
+        for _ in range(1 + _TIGHTENINGS):
+            kept = self._searched(effort)
+            if not kept:
+                # What changes between two sections may need keys at less than their distance.
+                kept = [self.nearest(), *self._searched(effort)]
+            whole: list[KeptCode] = []
+            for one in sorted(kept, key=lambda one: len(one.data)):
+                thin = self._attempts.thin(one)
+                if not thin.size and not self._attempts.strays(one):
+                    return one
+                if not thin.size:
+                    whole.append(one)
+            if whole:
+                return whole[0]
+            # Where the walls cross, sections must be kept more nearly.
+            self._attempts.limits[thin] *= _TIGHTER
+        index = self._attempts.contours[int(thin[0])].index
+        raise ValueError(
+            f"the lumen of section {index} is not inside its outer boundary: images with a wall "
+            f"between them are needed, or a smaller tolerance"
+        )
+
+    def _searched(self, effort: Effort) -> list[KeptCode]:
+        """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
+        steps, starts, rounds = _STEPS[effort], _START_PRICES[effort], _ROUNDS[effort]
+        kept: list[KeptCode] = []
+        tried: list[tuple[float, int, CodedAxis, OrganCut]] = []
+        for scale, axis, cut in self._axes(effort):
+            found = self._attempts.descended(scale, axis, cut, steps[0], starts[0], _FEW_ROUNDS)
+            kept += [one for one in found if one.worst <= 1.0]
+            if found:
+                size = len(found[-1].data) * max(1.0, found[-1].worst)
+                tried.append((size, scale, axis, cut))
+        tried.sort(key=lambda one: one[0])
+        # The axis of most promise is tried with all steps, the next with some.
+        for number, (_, scale, axis, cut) in enumerate(tried[: _BEST_AXES[effort]]):
+            for step in steps if number == 0 or effort == "full" else steps[:2]:
+                for start in starts:
+                    kept += self._kept(scale, axis, cut, step, start, rounds)
+        for step in _FINER_STEPS:
+            if kept:
+                break
+            for _, scale, axis, cut in tried[:2]:
+                kept += self._kept(scale, axis, cut, step, starts[0], rounds)
+        return kept
+
+    def nearest(self, way: tuple[int, int] | None = None) -> KeptCode:
+        """Return the numbers in finest steps that come nearest to the sections.
+
+        Parameters
+        ----------
+        way
+            Levels of the axis and of the candidates for key sections, if they are chosen already.
+
+        Returns
+        -------
+        KeptCode
+            The numbers.
+
+        Raises
+        ------
+        NotKept
+            If they do not keep the tolerance.
+        ValueError
+            If the sections make no organ.
+        """
+        attempts = self._attempts
+        first = attempts.depth
+        ways = (
+            [(levels, first) for levels, _ in self._settings("nearest")] if way is None else [way]
+        )
+        found: list[tuple[float, tuple[int, int], KeptCode]] = []
+        while ways:
+            levels, attempts.depth = ways.pop(0)
+            scale = scale_number(attempts.usual)
+            axis, cut = attempts.cut(levels, attempts.tolerance * scale_of(scale))
+            keys = np.arange(cut.candidates + 1, dtype=np.intp)
+            tried = attempts.descended(
+                scale, axis, cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
+            )
+            found += [(one.worst, (levels, attempts.depth), one) for one in tried]
+            found = sorted(found, key=lambda one: one[0])[:1]
+            if found and found[0][0] <= 1.0:
+                return found[0][2]
+            deeper = attempts.depth + 1
+            if (
+                not ways
+                and way is None
+                and found
+                and deeper <= min(first + _FINER_CANDIDATES, LARGEST_KEY_DEPTH)
+            ):
+                ways = [(found[0][1][0], deeper)]
+        if not found:
+            raise ValueError("the sections make no organ: their widths vanish")
+        _, nearest, best = found[0]
+        attempts.depth = first
+        worst = int(best.rms.argmax())
+        index = attempts.contours[worst].index
+        raise NotKept(index, float(best.rms[worst]), best.overall, nearest)
+
+    def by_the_thesis(self) -> KeptCode:
+        """Return the numbers of the key sections that the thesis's rule keeps.
+
+        Returns
+        -------
+        KeptCode
+            The numbers.
+
+        Raises
+        ------
+        NotKept
+            If no numbers keep the tolerance.
+        """
+        exact = self.nearest()
+        cut = exact.cut
+        finer = cut.samples // cut.candidates
+        rows = [signals_to_rows(fit[::finer]) for fit in cut.encoder.fits]
+        lumen = rows[1] if len(rows) > 1 else None
+        threshold = self._attempts.tolerance
+        scale = scale_number(0.25 * self._attempts.usual)
+        step = self._attempts.tolerance * scale_of(scale)
+        weights = np.full(cut.samples + 1, len(self._attempts.contours) / (cut.samples + 1))
+        for _ in range(24):
+            keys = key_sections(rows[0], lumen, threshold)
+            sections = cut.encoder.coded(
+                step, _START_PRICES["quick"][0] * step * step, weights, keys
+            )
+            attempt = self._attempts.measured(
+                exact.code.axis_scale, exact.code, cut, scale, sections
+            )
+            if attempt is not None and attempt.worst <= 1.0:
+                return attempt
+            threshold *= 0.8
+        return exact
+
+    def _settings(self, effort: Tries) -> Iterator[tuple[int, float]]:
+        """Yield levels of the axis, and its step as a share of what lengths go with."""
+        attempts = self._attempts
+        most = most_levels(len(attempts.centroids))
+        unit = attempts.tolerance * scale_of(scale_number(attempts.usual))
+        if self._turn is None:
+            costs = [
+                coded_axis(attempts.centroids, levels, unit, AXIS_PRICE * unit**2).cost
+                for levels in range(1, most + 1)
+            ]
+            self._middle = 1 + int(np.argmin(costs))
+            _, cut = attempts.cut(self._middle, unit)
+            self._turn = attempts.turn = best_turn(cut.outlines.outer)
+        for more in _LEVELS[effort]:
+            if 1 <= self._middle + more <= most:
+                for share in _AXIS_STEPS[effort]:
+                    yield self._middle + more, share
+
+    def _axes(self, effort: Effort) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
+        """Yield axes of several steps and numbers of keys, and the contours cut across them."""
+        for levels, share in self._settings(effort):
+            scale = scale_number(share * self._attempts.usual)
+            yield scale, *self._attempts.cut(levels, self._attempts.tolerance * scale_of(scale))
+
+    def _kept(
+        self,
+        scale: int,
+        axis: CodedAxis,
+        cut: OrganCut,
+        step: float,
+        start: float,
+        rounds: int,
+    ) -> list[KeptCode]:
+        """Return the attempts that keep the tolerance."""
+        found = self._attempts.descended(scale, axis, cut, step, start, rounds)
+        return [one for one in found if one.worst <= 1.0]

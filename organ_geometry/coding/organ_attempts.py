@@ -1,0 +1,374 @@
+"""Attempts at an organ's numbers: an axis, steps, and what is stored in them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.axis_encoder import ALONG_STEPS, CodedAxis, coded_axis
+from organ_geometry.coding.edge_changes import EdgePoints
+from organ_geometry.coding.organ_code import (
+    LARGEST_KEY_DEPTH,
+    OrganCode,
+    scale_number,
+    scale_of,
+    signal_steps,
+    tolerance_number,
+    tolerance_of,
+)
+from organ_geometry.coding.organ_cut import OrganCut
+from organ_geometry.coding.organ_file import code_bytes
+from organ_geometry.coding.section_encoder import CodedSections
+from organ_geometry.coding.section_signals import WIDTH
+from organ_geometry.coding.slice_descent import Aim, fewer_bits
+from organ_geometry.coding.wall_thickness import thinnest_walls
+from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
+from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+
+AXIS_PRICE = 0.2
+"""Squared error, summed over the sections, that a bit of the axis is worth, in squared steps."""
+OVERALL_PRICE = 0.5
+"""The same of the sections, where all together are to be kept to an RMS distance."""
+
+_FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
+# What no numbers keep, so that errors can be said in tolerances.
+_LEAST_SHARE = 1e-9
+_MARGIN, _LEAST_MARGIN = 0.96, 0.6
+_EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
+_NEAR = (30.0, 3000.0, 0.9)
+_PATIENCE = 2
+_STRAYS, _STRAY_CORNERS = 0.4, 32
+# An axis is carried on at its ends until their planes enclose the end sections so nearly.
+_ENCLOSED, _CARRIES = 0.2, 4
+
+
+@dataclass(frozen=True, eq=False)
+class KeptCode:
+    """Numbers of an organ, and how well they keep its sections.
+
+    Attributes
+    ----------
+    code
+        The numbers.
+    cut
+        The contours cut across their axis.
+    rms
+        (S,) RMS distance of each section's edge points, mm.
+    overall
+        That of all edge points, mm.
+    worst
+        The largest of `rms` in tolerances, or of `overall` in what that may be, if larger.
+    """
+
+    code: OrganCode
+    cut: OrganCut
+    rms: NDArray[np.float64]
+    overall: float
+    worst: float
+
+    @cached_property
+    def data(self) -> bytes:
+        """Content of the file."""
+        return code_bytes(self.code)
+
+
+class OrganAttempts:
+    """Makes an organ's numbers in steps of any size, and measures how well they keep its sections.
+
+    Parameters
+    ----------
+    contours
+        Two or more sections in order.
+    tolerance
+        Largest RMS distance of a section's edge points to the organ, mm.
+    overall
+        Largest RMS distance of all of them, mm, or None.
+    hollow
+        Whether all sections have a lumen that counts.
+    left_handed
+        Whether right, down and along the stack are left-handed in the images.
+    units
+        What the lengths are called.
+
+    Attributes
+    ----------
+    contours
+        The sections.
+    centroids
+        (S, 3) their centroids, mm.
+    tolerance
+        The tolerance as the file says it, mm.
+    limits
+        (S,) RMS distance that each section may have, mm.
+    usual
+        What lengths go with, in tolerances: one, if no section is too small for it.
+    turn
+        How far half-curves are turned in their sections, as in `OrganCode`.
+    depth
+        There are 2^depth + 1 candidates for key sections.
+    """
+
+    def __init__(
+        self,
+        contours: Sequence[SectionContour],
+        tolerance: float,
+        overall: float | None,
+        *,
+        hollow: bool,
+        left_handed: bool,
+        units: str,
+    ) -> None:
+        self.contours = contours
+        self._units = units
+        self._hollow = hollow
+        self.turn = 0
+        self._left_handed = left_handed
+        self.depth = min(
+            max(1, math.ceil(math.log2(max(2, len(contours) - 1)) - 0.4)), LARGEST_KEY_DEPTH
+        )
+        normals = np.array([contour.normal for contour in contours])
+        measures = [centroid_and_radius(contour.outer) for contour in contours]
+        self.centroids = np.array([centroid for centroid, _ in measures])
+        self._radius = float(np.mean([radius for _, radius in measures]))
+        self._lofts = [ContourLoft.through([contour.outer for contour in contours], normals)]
+        counts = [len(contour.outer) for contour in contours]
+        if hollow:
+            lumens = [contour.lumen for contour in contours if contour.lumen is not None]
+            self._lofts.append(ContourLoft.through(lumens, normals))
+            counts = [a + len(b) for a, b in zip(counts, lumens, strict=True)]
+        self._shares = np.array(counts) / sum(counts)
+        within = max(tolerance, _FINEST_SHARE * self._radius)
+        self._number = tolerance_number(min(within, _LARGEST_SHARE * self._radius))
+        stored = tolerance_of(self._number)
+        # What the file says is what is promised.
+        self._allowed = max(min(tolerance, stored), _LEAST_SHARE * self._radius)
+        self.limits = np.full(len(contours), self._allowed)
+        self._overall = self._allowed if overall is None else min(overall, self._allowed)
+        # Steps go with the tolerance, but none is so long that it would leave nothing of a section.
+        narrowest = min(float(np.ptp(contour.outer @ contour.x_dir)) for contour in contours)
+        longest = _COARSEST_SHARE * min(self._radius, 0.5 * narrowest)
+        self._unit = min(stored, max(1.25 * self._overall, _FINEST_SHARE * self._radius), longest)
+        self.usual = self._unit / stored
+        self.tolerance = stored
+
+    def cut(self, levels: int, step: float) -> tuple[CodedAxis, OrganCut]:
+        """Return an axis whose ends' planes enclose the end sections, and the contours cut by it.
+
+        Parameters
+        ----------
+        levels
+            The axis has 2^levels + 1 keys.
+        step
+            Its step, mm.
+
+        Returns
+        -------
+        tuple[CodedAxis, OrganCut]
+            Both.
+        """
+        reach = [0.0, 0.0]
+        found: list[tuple[float, CodedAxis, OrganCut]] = []
+        for _ in range(_CARRIES):
+            axis = coded_axis(
+                self.centroids, levels, step, AXIS_PRICE * step * step, (reach[0], reach[1])
+            )
+            cut = OrganCut(
+                self.contours, self._lofts, self.centroids, axis.keys, self.depth,
+                4.0 * self._radius, self.turn, left_handed=self._left_handed,
+            )  # fmt: skip
+            located, section = cut.edges[0]
+            beyond = [located.beyond[section == end] for end in (0, len(self.contours) - 1)]
+            rms = [float(np.sqrt(np.mean(away * away))) for away in beyond]
+            found.append((max(rms), axis, cut))
+            if max(rms) <= _ENCLOSED * self._unit:
+                break
+            for end in (0, 1):
+                if rms[end] > 0.5 * _ENCLOSED * self._unit:
+                    reach[end] += 1.05 * float(beyond[end].max())
+        _, axis, cut = min(found, key=lambda one: one[0])
+        return axis, cut
+
+    def descended(
+        self,
+        axis_scale: int,
+        axis: CodedAxis,
+        cut: OrganCut,
+        share: float,
+        start: float,
+        rounds: int,
+        *,
+        keys: NDArray[np.intp] | None = None,
+        near: bool = False,
+    ) -> list[KeptCode]:
+        """Return attempts in steps of a size, each of lower cost than the one before.
+
+        Parameters
+        ----------
+        axis_scale
+            Step of the axis, see `scale_of`.
+        axis
+            The axis.
+        cut
+            The contours cut across it.
+        share
+            Step of half-curves, as a share of what lengths go with.
+        start
+            What a bit is worth in the first attempt, in squared steps.
+        rounds
+            Most attempts after the first.
+        keys
+            (K,) the key sections of the first attempt, if they are chosen already.
+        near
+            Whether to come as near to the sections as the steps allow.
+
+        Returns
+        -------
+        list[KeptCode]
+            The attempts; none if the steps leave nothing of a section.
+        """
+        scale = scale_number(share * self.usual)
+        step = self.tolerance * scale_of(scale)
+        weights = np.full(cut.samples + 1, len(self.contours) / (cut.samples + 1))
+        sections = cut.encoder.coded(step, start * step**2, weights, keys)
+        points = EdgePoints.of(cut)
+        everywhere, beyond, margin = _NEAR if near else (_EVERYWHERE, _BEYOND, _MARGIN)
+        if not near and self._overall < self._allowed:
+            everywhere = (self._allowed / step) ** 2 / OVERALL_PRICE
+        found: list[KeptCode] = []
+        still = 0
+        for _ in range(rounds + 1):
+            attempt = self.measured(axis_scale, axis, cut, scale, sections)
+            if attempt is None:
+                break
+            found.append(attempt)
+            if near and attempt.worst <= 1.0:
+                break
+            excess = float((attempt.rms / self.limits).max())
+            if 1.0 < excess < 1.1:
+                margin = max(margin - (excess**2 - 1.0), _LEAST_MARGIN)
+            if excess > 1.0:
+                beyond = min(2.0 * beyond, _MOST_BEYOND)
+            if self._overall < self._allowed:
+                everywhere *= min(max(attempt.overall / self._overall, 0.85), 1.2) ** 4
+                everywhere = max(everywhere, _EVERYWHERE)
+            stored = (
+                [sections.outer] if sections.lumen is None else [sections.outer, sections.lumen]
+            )
+            chosen, numbers = fewer_bits(
+                points,
+                sections.keys,
+                np.stack(stored),
+                signal_steps(step),
+                self.limits,
+                attempt.rms,
+                Aim(everywhere, beyond, margin),
+            )
+            same = len(chosen) == len(sections.keys) and np.array_equal(numbers, np.stack(stored))
+            sections = CodedSections(chosen, numbers[0], numbers[1] if len(numbers) > 1 else None)
+            still = still + 1 if same else 0
+            if (same and attempt.worst <= 1.0) or still == _PATIENCE:
+                break
+        return found
+
+    def measured(
+        self,
+        axis_scale: int,
+        axis: CodedAxis | OrganCode,
+        cut: OrganCut,
+        scale: int,
+        sections: CodedSections,
+    ) -> KeptCode | None:
+        """Return how well numbers keep the sections, or None if they make no organ.
+
+        Parameters
+        ----------
+        axis_scale
+            Step of the axis, see `scale_of`.
+        axis
+            The axis.
+        cut
+            The contours cut across it.
+        scale
+            Step of half-curves, see `scale_of`.
+        sections
+            What is stored of the sections.
+
+        Returns
+        -------
+        KeptCode or None
+            The numbers.
+        """
+        code = OrganCode(
+            units=self._units,
+            left_handed=self._left_handed,
+            tolerance=self._number,
+            axis_scale=axis_scale,
+            along_steps=ALONG_STEPS,
+            start_axis=cut.start_axis,
+            roll=cut.roll,
+            turn=cut.turn,
+            tilts=cut.tilts,
+            ends=axis.ends,
+            bends=axis.bends,
+            section_scale=scale,
+            candidates=cut.candidates,
+            keys=sections.keys,
+            outer=sections.outer,
+            lumen=sections.lumen,
+        )
+        walls = code.signals()
+        # Steps as long as a section is wide may leave none of it.
+        if any((signals[:, WIDTH] <= 0.0).any() for signals in walls):
+            return None
+        rms = cut.section_rms(code.keys, walls)
+        overall = math.sqrt(float(self._shares @ (rms * rms)))
+        worst = max(float((rms / self.limits).max()), overall / self._overall)
+        return KeptCode(code, cut, rms, overall, worst)
+
+    def thin(self, one: KeptCode) -> NDArray[np.intp]:
+        """Return the sections next to which the lumen is not inside the outer boundary.
+
+        Parameters
+        ----------
+        one
+            The numbers.
+
+        Returns
+        -------
+        NDArray[np.intp]
+            (T,) the sections, growing.
+        """
+        if not self._hollow:
+            return np.zeros(0, dtype=np.intp)
+        at = np.linspace(0.0, 1.0, one.cut.pieces + 1)[thinnest_walls(one.code.organ()) <= 0.0]
+        nearest = np.abs(one.cut.places - at[:, np.newaxis]).argmin(axis=1)
+        return np.unique(nearest)
+
+    def strays(self, one: KeptCode) -> bool:
+        """Return whether an outline goes where no edge is, which no edge point's distance says.
+
+        Parameters
+        ----------
+        one
+            The numbers.
+
+        Returns
+        -------
+        bool
+            Whether it does, by more than a share of the mean radius.
+        """
+        organ, edges = one.code.organ(), one.cut.outlines
+        stations = np.linspace(0.0, organ.length, len(edges.outer))
+        corners = [closed_outlines(organ.rows_at(stations), _STRAY_CORNERS)]
+        walls = [edges.outer]
+        if edges.lumen is not None:
+            corners.append(closed_outlines(organ.rows_at(stations, "lumen"), _STRAY_CORNERS))
+            walls.append(edges.lumen)
+        return any(
+            float(polygon_distances(outline, edge).max()) > _STRAYS * self._radius
+            for outlines, rings in zip(corners, walls, strict=True)
+            for outline, edge in zip(outlines, rings, strict=True)
+        )

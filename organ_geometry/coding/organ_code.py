@@ -1,0 +1,391 @@
+"""An organ in whole numbers, as its file holds it, and the organ that they give."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.key_lattice import differences_to_values
+from organ_geometry.coding.section_signals import ASIDE, SIGNALS, WIDTH, signals_to_rows
+from organ_geometry.curves.axis_curve import even_axis, least_turning, refinement
+from organ_geometry.organ import Organ
+
+ROLLS = 256
+TURNS = 32
+"""Parts of half a turn by which the sections' half-curves may be turned in them."""
+TILTS = 64
+TILTED_PART = 0.25
+"""Share of the length over which the sections turn from an end's plane to those across the axis."""
+SPAN_STEPS = 2
+"""Width and middle are kept in steps twice as long: half-curves take up what they leave."""
+LARGEST_AXIS_DEPTH = 7
+LARGEST_KEY_DEPTH = 12
+_FEWEST_AXIS_PIECES = 256
+_TOLERANCE_PARTS = 64
+_TOLERANCE_BIAS = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrganCode:
+    """An organ as whole numbers.
+
+    Attributes
+    ----------
+    units
+        What the lengths are called.
+    left_handed
+        Whether x_dir, y_dir and the way along the axis are a left-handed frame.
+    tolerance
+        Number of the tolerance, see `tolerance_of`.
+    axis_scale
+        Step of the axis in tolerances, see `scale_of`.
+    along_steps
+        Steps of the axis along its chord are longer by 2 to this power.
+    start_axis
+        0, 1 or 2: the axis of space from which x_dir is turned at the first point.
+    roll
+        That turn, in 1/256.
+    turn
+        How far the half-curves' x is turned from there towards y, in 1/32 of half a turn.
+    tilts
+        (2, 2) how far the normals of the first and the last section lean out of the axis, along
+        x_dir and y_dir there, in 1/64.
+    ends
+        (2, 3) first end of the axis, and from there to the last, in steps.
+    bends
+        (2^La + 1, 3) stored differences of the axis's keys, in steps along the chord and two
+        directions across it; the rows of the ends are zero.
+    section_scale
+        Step of the sections' signals in tolerances.
+    candidates
+        Number of equal pieces along the axis at whose ends key sections can be, 2^L.
+    keys
+        (K,) which ends of pieces are key sections, growing from 0 to the number of pieces.
+    outer
+        (K, 16) stored differences of the outer boundary's signals, in steps.
+    lumen
+        (K, 16) those of the lumen's signals less the outer ones, or None.
+    """
+
+    units: str
+    left_handed: bool
+    tolerance: int
+    axis_scale: int
+    along_steps: int
+    start_axis: int
+    roll: int
+    turn: int
+    tilts: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    bends: NDArray[np.int64]
+    section_scale: int
+    candidates: int
+    keys: NDArray[np.intp]
+    outer: NDArray[np.int64]
+    lumen: NDArray[np.int64] | None
+
+    @property
+    def axis_step(self) -> float:
+        """Step in which the axis is kept, mm."""
+        return tolerance_of(self.tolerance) * scale_of(self.axis_scale)
+
+    @property
+    def section_step(self) -> float:
+        """Step in which the sections' signals are kept, mm."""
+        return tolerance_of(self.tolerance) * scale_of(self.section_scale)
+
+    def signals(self) -> list[NDArray[np.float64]]:
+        """Return the signals at the key sections.
+
+        Returns
+        -------
+        list[NDArray[np.float64]]
+            (K, 16) those of the outer boundary, then those of the lumen if there is one, mm.
+        """
+        steps = signal_steps(self.section_step)
+        values = differences_to_values(self.keys)
+        outer = (values @ self.outer) * steps
+        if self.lumen is None:
+            return [outer]
+        return [outer, outer + (values @ self.lumen) * steps]
+
+    def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
+        """Return the organ.
+
+        Parameters
+        ----------
+        name
+            What it is called.
+        encoded
+            Content of its file.
+
+        Returns
+        -------
+        Organ
+            The organ.
+
+        Raises
+        ------
+        ValueError
+            If the numbers make no organ.
+        """
+        tolerance = tolerance_of(self.tolerance)
+        pieces = axis_pieces(self.candidates)
+        points, frames = axis_and_frames(
+            axis_keys(
+                self.ends,
+                self.bends,
+                self.axis_step,
+                self.along_steps,
+            ),
+            pieces,
+            self.start_axis,
+            self.roll,
+            self.tilts,
+            self.turn,
+            left_handed=self.left_handed,
+        )
+        walls = [signals_to_rows(signals) for signals in self.signals()]
+        return Organ(
+            axis=points,
+            frames=frames,
+            keys=self.keys * (pieces // self.candidates),
+            outer=walls[0],
+            lumen=walls[1] if len(walls) > 1 else None,
+            units=self.units,
+            tolerance_mm=tolerance,
+            turn=self.turn * math.pi / TURNS,
+            name=name,
+            encoded=encoded,
+        )
+
+
+def axis_pieces(candidates: int) -> int:
+    """Return into how many pieces of equal length an organ's axis is divided.
+
+    Parameters
+    ----------
+    candidates
+        Number of pieces between candidates for key sections, a power of two.
+
+    Returns
+    -------
+    int
+        The number, a multiple of that.
+    """
+    return max(_FEWEST_AXIS_PIECES, 2 * candidates)
+
+
+def signal_steps(step: float) -> NDArray[np.float64]:
+    """Return the (16,) steps of a section's signals, mm.
+
+    Parameters
+    ----------
+    step
+        Step of half-curves' coefficients, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (16,) steps, mm.
+    """
+    steps = np.full(SIGNALS, step)
+    steps[[WIDTH, ASIDE]] *= SPAN_STEPS
+    return steps
+
+
+def tolerance_of(number: int) -> float:
+    """Return a tolerance from its number.
+
+    Parameters
+    ----------
+    number
+        From 0 to 4095.
+
+    Returns
+    -------
+    float
+        (1 + n mod 64 / 64) 2^(n div 64 - 32), mm.
+    """
+    power, part = divmod(number, _TOLERANCE_PARTS)
+    return math.ldexp(1.0 + part / _TOLERANCE_PARTS, power - _TOLERANCE_BIAS)
+
+
+def tolerance_number(tolerance: float) -> int:
+    """Return the number of the largest tolerance that is kept and not above a given one.
+
+    Parameters
+    ----------
+    tolerance
+        RMS distance, mm.
+
+    Returns
+    -------
+    int
+        From 0 to 4095.
+    """
+    part, power = math.frexp(max(tolerance, math.ldexp(1.0, -_TOLERANCE_BIAS)))
+    number = (power - 1 + _TOLERANCE_BIAS) * _TOLERANCE_PARTS
+    number += math.floor((2.0 * part - 1.0) * _TOLERANCE_PARTS)
+    return min(number, 64 * _TOLERANCE_PARTS - 1)
+
+
+def scale_of(number: int) -> float:
+    """Return a step in tolerances from its number.
+
+    Parameters
+    ----------
+    number
+        From 0 to 63.
+
+    Returns
+    -------
+    float
+        (4 + n mod 4) 2^(n div 4 - 16).
+    """
+    power, part = divmod(number, 4)
+    return math.ldexp(4.0 + part, power - 16)
+
+
+def scale_number(scale: float) -> int:
+    """Return the number of the step nearest below a scale.
+
+    Parameters
+    ----------
+    scale
+        Step in tolerances.
+
+    Returns
+    -------
+    int
+        From 0 to 63.
+    """
+    part, power = math.frexp(scale)
+    number = 4 * (power + 13) + math.floor((2.0 * part - 1.0) * 4.0)
+    return min(max(number, 0), 63)
+
+
+def axis_keys(
+    ends: NDArray[np.int64], bends: NDArray[np.int64], step: float, along_steps: int
+) -> NDArray[np.float64]:
+    """Return the keys of an axis.
+
+    Parameters
+    ----------
+    ends
+        (2, 3) first end and the way to the last, in steps.
+    bends
+        (K, 3) stored differences along the chord and across it, in steps.
+    step
+        The step, mm.
+    along_steps
+        Steps along the chord are longer by 2 to this power.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (K, 3) keys, mm.
+    """
+    count = len(bends)
+    first, chord = ends[0] * step, ends[1] * step
+    frame = chord_frame(chord)
+    steps = np.array([math.ldexp(step, along_steps), step, step])
+    straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord + first
+    depth = (count - 1).bit_length() - 1
+    return np.asarray(straight + (refinement(depth) @ (bends * steps)) @ frame, dtype=np.float64)
+
+
+def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unit directions along a chord and across it.
+
+    Parameters
+    ----------
+    chord
+        (3,) from the first end to the last, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (3, 3) rows: along; across, the chord's smallest component set against it; and their cross
+        product. Of components of one size, the first counts as the smallest.
+
+    Raises
+    ------
+    ValueError
+        If the chord has no length.
+    """
+    length = math.sqrt(float(chord @ chord))
+    if not length > 0.0:
+        raise ValueError("the two ends of the axis must be apart, above 0 mm")
+    along = chord / length
+    unit = np.eye(3)[int(np.abs(chord).argmin())]
+    across = unit - float(unit @ along) * along
+    across = across / math.sqrt(float(across @ across))
+    return np.asarray(np.stack([along, across, np.cross(along, across)]), dtype=np.float64)
+
+
+def axis_and_frames(
+    keys: NDArray[np.float64],
+    pieces: int,
+    start_axis: int,
+    roll: int,
+    tilts: NDArray[np.int64],
+    turn: int = 0,
+    *,
+    left_handed: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return an axis at equal arc length and the frames along it.
+
+    Parameters
+    ----------
+    keys
+        (K, 3) keys of the natural cubic spline, mm.
+    pieces
+        Number of equal pieces N.
+    start_axis
+        0, 1 or 2: axis of space from which x_dir is turned at the first point.
+    roll
+        That turn about the axis, in 1/256.
+    tilts
+        (2, 2) lean of the normals at both ends along x_dir and y_dir, in 1/64.
+    turn
+        How far x_dir and y_dir are turned at last, in 1/32 of half a turn.
+    left_handed
+        Whether the frames are left-handed.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]]
+        (N + 1, 3) points, mm, and (N + 1, 3, 3) frames, columns x_dir, y_dir and normal.
+    """
+    points, tangents = even_axis(np.asarray(keys, dtype=np.float64), pieces)
+    unit = np.eye(3)[start_axis]
+    across = unit - float(unit @ tangents[0]) * tangents[0]
+    across = across / max(math.sqrt(float(across @ across)), np.finfo(np.float64).tiny)
+    side = np.cross(tangents[0], across)
+    quarter, rest = divmod(roll, ROLLS // 4)
+    # Quarter turns are exact, so that frames along the axes of space stay exact.
+    cosine, sine = math.cos(2.0 * math.pi * rest / ROLLS), math.sin(2.0 * math.pi * rest / ROLLS)
+    for _ in range(quarter):
+        cosine, sine = -sine, cosine
+    x_dirs = least_turning(points, tangents, cosine * across + sine * side)
+    sign = -1.0 if left_handed else 1.0
+    y_dirs = np.cross(tangents, x_dirs) * sign
+    normals = tangents
+    if tilts.any():
+        # The first and the last section lie as their images do, those between turn out of that.
+        along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_PART
+        for end, way in ((0, along), (1, along[::-1])):
+            x_lean, y_lean = tilts[end] / TILTS
+            rest = np.clip(1.0 - way, 0.0, 1.0)
+            part = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
+            normals = normals + part * (x_lean * x_dirs + y_lean * y_dirs)
+        normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
+        x_dirs = x_dirs - (x_dirs * normals).sum(axis=1, keepdims=True) * normals
+        x_dirs = x_dirs / np.sqrt((x_dirs * x_dirs).sum(axis=1, keepdims=True))
+        y_dirs = np.cross(normals, x_dirs) * sign
+    if turn:
+        cosine, sine = math.cos(turn * math.pi / TURNS), math.sin(turn * math.pi / TURNS)
+        x_dirs, y_dirs = cosine * x_dirs + sine * y_dirs, cosine * y_dirs - sine * x_dirs
+    return points, np.stack([x_dirs, y_dirs, normals], axis=2)

@@ -1,0 +1,210 @@
+"""An organ's contours cut across its axis, in frames that lie as the images do."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.organ_code import ROLLS, TILTS, TURNS, axis_and_frames, axis_pieces
+from organ_geometry.coding.section_encoder import Outlines, SectionEncoder
+from organ_geometry.coding.section_signals import extents, fitted_signals, signals_to_rows
+from organ_geometry.coding.surface_distance import LocatedPoints
+from organ_geometry.contours.contour import ContourLoft, SectionContour
+from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+
+_TURN_STEP, _TURNED_OUTLINES, _TURN_PAYS = 2, 32, 0.7
+# An end section leans out of the axis by up to 1 in 1/4.
+_STEEPEST = 0.25
+
+
+class OrganCut:
+    """An organ's contours cut across one axis.
+
+    Parameters
+    ----------
+    contours
+        The S sections.
+    lofts
+        The loft through their outer boundaries, and that through their lumens if they count.
+    centroids
+        (S, 3) their centroids, mm.
+    keys
+        (K, 3) keys of the axis, mm.
+    depth
+        There are 2^depth + 1 candidates for key sections.
+    far
+        How far the lofts are carried on beyond both ends, mm.
+    turn
+        How far half-curves are turned in their sections, as in `OrganCode`.
+    left_handed
+        Whether frames are left-handed.
+
+    Attributes
+    ----------
+    candidates
+        Number of pieces between candidates.
+    samples
+        Number of pieces between outlines, a multiple of that.
+    start_axis, roll, turn, tilts
+        The frames, as in `OrganCode`.
+    places
+        (S,) place of each section along the axis, from 0 to 1.
+    outlines
+        The contours at equal distances along the axis.
+    encoder
+        Codes them.
+    pieces
+        Number of pieces of the axis that a reader will have.
+    edges
+        For each wall its edge points in their sections, and the (N,) slices that they are of.
+    """
+
+    def __init__(
+        self,
+        contours: Sequence[SectionContour],
+        lofts: Sequence[ContourLoft],
+        centroids: NDArray[np.float64],
+        keys: NDArray[np.float64],
+        depth: int,
+        far: float,
+        turn: int = 0,
+        *,
+        left_handed: bool,
+    ) -> None:
+        self.turn = turn
+        self.candidates = 2**depth
+        self.samples = (1 if self.candidates + 1 >= len(contours) else 2) * self.candidates
+        samples, hand = self.samples, left_handed
+        upright = np.zeros((2, 2), dtype=np.int64)
+        _, frames = axis_and_frames(keys, samples, 0, 0, upright, left_handed=hand)
+        start = self.start_axis = int(np.abs(frames[0, :, 2]).argmin())
+        points, frames = axis_and_frames(keys, samples, start, 0, upright, left_handed=hand)
+        at = np.asarray(
+            np.round(_places(centroids, points, frames[:, :, 2]) * samples), dtype=np.intp
+        )
+        right = np.array([contour.x_dir for contour in contours])
+        local = np.einsum("si,sij->sj", right, frames[at])
+        angle = math.atan2(float(local[:, 1].sum()), float(local[:, 0].sum()))
+        angle *= -1.0 if hand else 1.0
+        self.roll = round(angle * ROLLS / (2.0 * math.pi)) % ROLLS
+        points, frames = axis_and_frames(keys, samples, start, self.roll, upright, left_handed=hand)
+        for end, contour in ((0, contours[0]), (-1, contours[-1])):
+            lean_x, lean_y, onwards = contour.normal @ frames[end]
+            upright[end] = np.round(
+                np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * TILTS
+            ).astype(np.int64)
+        self.tilts = upright
+        points, frames = axis_and_frames(
+            keys, samples, start, self.roll, upright, turn, left_handed=hand
+        )
+        self.places = _places(centroids, points, frames[:, :, 2])
+        numbers = np.interp(
+            np.linspace(0.0, 1.0, samples + 1), self.places, np.arange(len(self.places))
+        )
+        normals = frames[:, :, 2]
+        walls: list[NDArray[np.float64]] = []
+        for loft in lofts:
+            longer = loft.extended(-far * normals[0], far * normals[-1])
+            rings = longer.cuts(points, normals, numbers + 1.0) - points[:, np.newaxis, :]
+            walls.append(rings @ frames[:, :, :2])
+        self.outlines = Outlines(walls[0], walls[1] if len(walls) > 1 else None)
+        self.encoder = SectionEncoder(self.outlines, self.candidates)
+        self._locate(contours, keys, left_handed=hand, hollow=len(walls) > 1)
+
+    def _locate(
+        self,
+        contours: Sequence[SectionContour],
+        keys: NDArray[np.float64],
+        *,
+        left_handed: bool,
+        hollow: bool,
+    ) -> None:
+        """Find out where the edge points lie across the axis that a reader will have."""
+        self.pieces = axis_pieces(self.candidates)
+        axis, frames = axis_and_frames(
+            keys, self.pieces, self.start_axis, self.roll, self.tilts, self.turn,
+            left_handed=left_handed,
+        )  # fmt: skip
+        self.edges: list[tuple[LocatedPoints, NDArray[np.intp]]] = []
+        for wall in ("outer", "lumen") if hollow else ("outer",):
+            edges = [getattr(contour, wall) for contour in contours]
+            section = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
+            near = self.places[section] * self.pieces
+            located = LocatedPoints.along(np.concatenate(edges), near, axis, frames)
+            self.edges.append((located, section))
+
+    def section_rms(
+        self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Return the RMS distance of each section's edge points to decoded signals.
+
+        Parameters
+        ----------
+        keys
+            (K,) key sections.
+        walls
+            (K, 16) signals of each boundary there, mm.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (S,) mm.
+        """
+        pieces = np.arange(self.pieces + 1)
+        at = keys * (self.pieces // self.candidates)
+        before = np.clip(np.searchsorted(at, pieces, side="right") - 1, 0, len(at) - 2)
+        share = ((pieces - at[before]) / (at[before + 1] - at[before]))[:, np.newaxis]
+        squares, counts = np.zeros(len(self.places)), np.zeros(len(self.places))
+        for (located, section), signals in zip(self.edges, walls, strict=True):
+            rows = signals_to_rows(signals)
+            away = located.distances(rows[before] * (1.0 - share) + rows[before + 1] * share)
+            squares += np.bincount(section, away * away, len(squares))
+            counts += np.bincount(section, minlength=len(squares))
+        return np.sqrt(squares / counts)
+
+
+def best_turn(outlines: NDArray[np.float64]) -> int:
+    """Return how far half-curves are best turned in their sections to lie near outlines.
+
+    Parameters
+    ----------
+    outlines
+        (M, P, 2) points around each section, mm.
+
+    Returns
+    -------
+    int
+        The turn, in 1/32 of half a turn; 0 where another would do little.
+    """
+    some = outlines[:: max(1, len(outlines) // _TURNED_OUTLINES)]
+    errors = np.empty(TURNS // _TURN_STEP)
+    for number in range(len(errors)):
+        angle = number * _TURN_STEP * math.pi / TURNS
+        turned = some @ np.array(
+            [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+        )
+        corners = closed_outlines(signals_to_rows(fitted_signals(turned, extents(turned))), 64)
+        errors[number] = sum(
+            float((polygon_distances(ring[::2], near) ** 2).sum())
+            for ring, near in zip(turned, corners, strict=True)
+        )
+    best = int(errors.argmin())
+    return best * _TURN_STEP if errors[best] < _TURN_PAYS * errors[0] else 0
+
+
+def _places(
+    centroids: NDArray[np.float64], points: NDArray[np.float64], tangents: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return where along the axis the centroids are, from 0 to 1, growing."""
+    last = len(points) - 1
+    window = 8 + 4 * (last // len(centroids) + 1)
+    piece = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean())
+    places = np.empty(len(centroids))
+    near = 0
+    for number, centroid in enumerate(centroids):
+        start = max(0, near - window)
+        around = points[start : near + window + 1] - centroid
+        near = start + int(np.einsum("ij,ij->i", around, around).argmin())
+        places[number] = near + float((centroid - points[near]) @ tangents[near]) / piece
+    return np.clip(np.maximum.accumulate(places) / last, 0.0, 1.0)

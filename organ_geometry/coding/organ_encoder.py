@@ -1,0 +1,127 @@
+"""From section contours to the organ in fewest bytes that keeps every section to a tolerance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.encoder_search import Effort, EncoderSearch, NotKept
+from organ_geometry.coding.organ_attempts import KeptCode
+from organ_geometry.coding.organ_file import organ_from_bytes
+from organ_geometry.coding.section_encoder import Outlines
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall, smallest_kept
+from organ_geometry.contours.contour import SectionContour
+from organ_geometry.organ import Organ
+
+Selection: TypeAlias = Literal["fewest", "thesis"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EncodedOrgan:
+    """An organ, decoded from its file's content, and where its sections are.
+
+    Attributes
+    ----------
+    organ
+        The organ; it carries the content of its file.
+    places
+        (S,) place of each section along it, from 0 to 1.
+    outlines
+        What the contours are at equal distances along it.
+    """
+
+    organ: Organ
+    places: NDArray[np.float64]
+    outlines: Outlines
+
+
+def encoded_organ(
+    contours: Sequence[SectionContour],
+    tolerance: float,
+    *,
+    overall: float | None = None,
+    hollow: bool = False,
+    left_handed: bool = False,
+    select: Selection = "fewest",
+    effort: Effort = "quick",
+    units: str = "mm",
+    name: str = "",
+) -> EncodedOrgan:
+    """Return the organ that keeps every section to a tolerance in few bytes.
+
+    Parameters
+    ----------
+    contours
+        Two or more sections in order.
+    tolerance
+        Largest RMS distance of a section's edge points to the organ, mm.
+    overall
+        Largest RMS distance of all sections' edge points together, mm. Default: the tolerance,
+        which leaves it to the sections.
+    hollow
+        Whether all sections have a lumen that counts.
+    left_handed
+        Whether right, down and along the stack are left-handed in the images.
+    select
+        How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
+        section with the last key section.
+    effort
+        "quick" tries a few axes and steps, "full" many, for some bytes less.
+    units
+        What the lengths are called.
+    name
+        What the organ is called.
+
+    Returns
+    -------
+    EncodedOrgan
+        The organ, decoded from what its file holds.
+
+    Raises
+    ------
+    ToleranceTooSmall
+        If a section cannot be kept to the tolerance; one near the smallest that can is named.
+    ValueError
+        If there are fewer than two sections, or the lumen of one is not inside it.
+    """
+    if len(contours) < 2:
+        raise ValueError(f"an organ needs two or more sections, not {len(contours)}")
+
+    def search(limit: float, whole: float | None) -> EncoderSearch:
+        return EncoderSearch(
+            contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
+        )
+
+    own = search(tolerance, overall)
+    try:
+        kept = own.by_the_thesis() if select == "thesis" else own.in_fewest_bytes(effort)
+    except NotKept as error:
+        missed = error
+        if missed.nearest_mm <= tolerance:
+            raise ToleranceTooSmall(
+                f"{overall:.4g} mm over all sections cannot be kept by two degree-6 curves a "
+                f"boundary: {missed.overall_mm:.4g} mm can",
+                missed.overall_mm,
+            ) from None
+
+        def can(limit: float) -> bool:
+            try:
+                search(limit, None).nearest(missed.way)
+            except NotKept:
+                return False
+            return True
+
+        smallest = smallest_kept(can, tolerance, missed.nearest_mm)
+        raise ToleranceTooSmall(
+            f"a tolerance of {tolerance:.4g} mm cannot be kept by two degree-6 curves a "
+            f"boundary: section {missed.section} needs {smallest:.4g} mm",
+            smallest,
+        ) from None
+    return _decoded(kept, name)
+
+
+def _decoded(kept: KeptCode, name: str) -> EncodedOrgan:
+    organ = organ_from_bytes(kept.data, name)
+    return EncodedOrgan(organ, kept.cut.places, kept.cut.outlines)

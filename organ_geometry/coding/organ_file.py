@@ -1,0 +1,361 @@
+"""The organ file: an organ in few bytes, checked when it is read (docs/organ-format.md)."""
+
+import binascii
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.coding.key_lattice import known_order
+from organ_geometry.coding.organ_code import (
+    LARGEST_KEY_DEPTH,
+    OrganCode,
+)
+from organ_geometry.coding.section_signals import SIGNALS, WIDTH
+from organ_geometry.coding.symbol_coder import SymbolError, SymbolReader, SymbolWriter
+from organ_geometry.curves.axis_curve import key_levels
+from organ_geometry.organ import Organ
+from organ_geometry.whole_file import write_whole
+
+MAGIC = b"\x89o"
+VERSION = 2
+LARGEST_FILE_BYTES = 2**20
+LONGEST_UNITS = 15
+
+_FIRST_MAGIC = b"\x89organ\r\n"
+_HEADER_BYTES = len(MAGIC) + 3
+
+
+class OrganFileError(ValueError):
+    """An organ file that cannot be read or written, with one line saying what is wrong."""
+
+
+def write_organ(organ: Organ, path: Path) -> int:
+    """Write an organ to a file, which appears complete or not at all.
+
+    Parameters
+    ----------
+    organ
+        An organ that was built from images or read from a file.
+    path
+        The file; one that exists is replaced.
+
+    Returns
+    -------
+    int
+        Size of the file, bytes.
+
+    Raises
+    ------
+    OrganFileError
+        If the organ has no file's content, or was changed since it had.
+    ValueError
+        If the file cannot be written.
+    """
+    if not organ.encoded:
+        raise OrganFileError("only an organ that was built from images can be written")
+    stored = organ_from_bytes(organ.encoded)
+    for field in ("axis", "frames", "keys", "outer", "lumen"):
+        if not np.array_equal(getattr(stored, field), getattr(organ, field)):
+            raise OrganFileError(f"the organ's {field} is not what was built: build it again")
+    write_whole(Path(path), organ.encoded)
+    return len(organ.encoded)
+
+
+def read_organ(path: Path) -> Organ:
+    """Return the organ of a file.
+
+    Parameters
+    ----------
+    path
+        An organ file; the organ is called what the file is.
+
+    Returns
+    -------
+    Organ
+        The organ, to the bit what was written.
+
+    Raises
+    ------
+    OrganFileError
+        If there is no such file, or it is foreign, of another version, truncated, damaged or not an
+        organ.
+    """
+    source = Path(path)
+    try:
+        with source.open("rb") as file:
+            data = file.read(LARGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise OrganFileError(f"cannot read {source}: {error.strerror or error}") from error
+    try:
+        return organ_from_bytes(data, name=source.stem)
+    except OrganFileError as error:
+        raise OrganFileError(f"{source}: {error}") from error
+
+
+def organ_from_bytes(data: bytes, name: str = "") -> Organ:
+    """Return the organ of a file's content.
+
+    Parameters
+    ----------
+    data
+        The file.
+    name
+        What the organ is called.
+
+    Returns
+    -------
+    Organ
+        The organ.
+
+    Raises
+    ------
+    OrganFileError
+        If the data is foreign, of another version, truncated, damaged or not an organ.
+    """
+    code = code_from_bytes(data)
+    try:
+        return code.organ(name, data)
+    except ValueError as error:
+        raise OrganFileError(f"does not hold an organ: {error}") from error
+
+
+def code_bytes(code: OrganCode) -> bytes:
+    """Return the content of the file of an organ in whole numbers.
+
+    Parameters
+    ----------
+    code
+        The organ.
+
+    Returns
+    -------
+    bytes
+        The file.
+
+    Raises
+    ------
+    OrganFileError
+        If a number is too large.
+    """
+    writer = SymbolWriter()
+    try:
+        _pass_code(writer, code)
+    except SymbolError as error:
+        raise OrganFileError(f"an organ file cannot hold this organ: {error}") from error
+    start = MAGIC + bytes([VERSION])
+    packed = writer.as_bytes()
+    return start + _checksum(start, packed) + packed
+
+
+def code_from_bytes(data: bytes) -> OrganCode:
+    """Return the whole numbers of a file's content.
+
+    Parameters
+    ----------
+    data
+        The file.
+
+    Returns
+    -------
+    OrganCode
+        The organ in whole numbers.
+
+    Raises
+    ------
+    OrganFileError
+        If the data is foreign, of another version, truncated or damaged.
+    """
+    if len(data) > LARGEST_FILE_BYTES:
+        raise OrganFileError(f"larger than an organ file may be, {LARGEST_FILE_BYTES} bytes")
+    if len(data) > len(MAGIC) and _FIRST_MAGIC[: len(data)] == data[: len(_FIRST_MAGIC)]:
+        raise OrganFileError(
+            f"organ file of version 1; this program reads version {VERSION}: build it again from "
+            f"its images"
+        )
+    if not data or data[: len(MAGIC)] != MAGIC[: len(data)]:
+        raise OrganFileError("not an organ file")
+    if len(data) < _HEADER_BYTES:
+        raise OrganFileError(f"truncated: {len(data)} bytes, the header alone has {_HEADER_BYTES}")
+    version = data[len(MAGIC)]
+    if version != VERSION:
+        raise OrganFileError(
+            f"organ file of version {version}; this program reads version {VERSION}"
+        )
+    packed = data[_HEADER_BYTES:]
+    if _checksum(data[: len(MAGIC) + 1], packed) != data[len(MAGIC) + 1 : _HEADER_BYTES]:
+        raise OrganFileError("truncated or damaged: the checksum does not fit")
+    try:
+        code = _pass_code(SymbolReader(packed), None)
+        again = code_bytes(code)
+    except SymbolError as error:
+        raise OrganFileError(f"damaged: {error}") from error
+    # What the checksum lets pass by chance seldom is what a writer makes of its numbers.
+    if again != data:
+        raise OrganFileError("truncated or damaged: its numbers are not written like this")
+    return code
+
+
+def _checksum(start: bytes, packed: bytes) -> bytes:
+    return binascii.crc_hqx(packed, binascii.crc_hqx(start, 0xFFFF)).to_bytes(2, "big")
+
+
+def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) -> OrganCode:
+    """Write an organ's numbers, or read them if none are given."""
+    # A reader ignores what it is passed, so that one order of numbers serves both ways.
+    code = _BLANK if given is None else given
+    hollow = numbers.plain(int(code.lumen is not None), 1)
+    left_handed = numbers.plain(int(code.left_handed), 1)
+    units = _pass_units(numbers, code.units)
+    tolerance = numbers.plain(code.tolerance, 12)
+    axis_scale = numbers.plain(code.axis_scale, 6)
+    along_steps = numbers.plain(code.along_steps, 2)
+    start_axis = numbers.plain(code.start_axis, 2)
+    roll = numbers.plain(code.roll, 8)
+    turn = numbers.plain(code.turn, 5)
+    tilts = np.array(
+        [[numbers.whole(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
+    )
+    ends = np.stack([_pass_point(numbers, point) for point in code.ends])
+    axis_depth = numbers.plain((len(code.bends) - 1).bit_length() - 1, 3)
+    bends = code.bends if given else np.zeros((2**axis_depth + 1, 3), dtype=np.int64)
+    bends = _pass_bends(numbers, bends, axis_depth)
+    section_scale = numbers.plain(code.section_scale, 6)
+    depth = numbers.plain(code.candidates.bit_length() - 1, 4)
+    if depth > LARGEST_KEY_DEPTH or start_axis > 2:
+        raise SymbolError("a number is out of its range")
+    keys = _pass_keys(numbers, code.keys, 2**depth)
+    blank = np.zeros((len(keys), SIGNALS), dtype=np.int64)
+    outer = _pass_signals(numbers, keys, code.outer if given else blank, "outer")
+    lumen = None
+    if hollow:
+        lumen = _pass_signals(numbers, keys, blank if code.lumen is None else code.lumen, "lumen")
+    return OrganCode(
+        units=units,
+        left_handed=bool(left_handed),
+        tolerance=tolerance,
+        axis_scale=axis_scale,
+        along_steps=along_steps,
+        start_axis=start_axis,
+        roll=roll,
+        turn=turn,
+        tilts=tilts,
+        ends=ends,
+        bends=bends,
+        section_scale=section_scale,
+        candidates=2**depth,
+        keys=keys,
+        outer=outer,
+        lumen=lumen,
+    )
+
+
+def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
+    """Pass what the lengths are called: mm, or a word of up to fifteen bytes."""
+    if not numbers.plain(int(units != "mm"), 1):
+        return "mm"
+    letters = units.encode()
+    if len(letters) > LONGEST_UNITS:
+        raise SymbolError(f"units of more than {LONGEST_UNITS} bytes")
+    count = numbers.plain(len(letters), 4)
+    word = bytes(numbers.plain(letters[i] if i < len(letters) else 0, 8) for i in range(count))
+    try:
+        return word.decode()
+    except UnicodeDecodeError as error:
+        raise SymbolError("its units are no text") from error
+
+
+def _pass_point(
+    numbers: SymbolWriter | SymbolReader, point: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pass three numbers of the bits that the largest needs."""
+    width = max(int(abs(number)).bit_length() for number in point)
+    if width >= 2**_WIDTH_BITS:
+        raise SymbolError("the axis ends too far away for its step")
+    bits = numbers.plain(width, _WIDTH_BITS)
+    return np.array([numbers.plain_signed(int(number), bits) for number in point], dtype=np.int64)
+
+
+def _pass_bends(
+    numbers: SymbolWriter | SymbolReader, bends: NDArray[np.int64], depth: int
+) -> NDArray[np.int64]:
+    """Pass the axis's differences, coarse levels first."""
+    passed = np.zeros_like(bends)
+    levels = key_levels(depth)
+    for level in range(1, depth + 1):
+        for key in np.flatnonzero(levels == level):
+            for way in range(3):
+                across = int(way > 0)
+                passed[key, way] = numbers.whole(
+                    (("bend", across, min(level, 4)),),
+                    (("bend", min(level, 4)),),
+                    int(bends[key, way]),
+                )
+    return passed
+
+
+def _pass_keys(
+    numbers: SymbolWriter | SymbolReader, keys: NDArray[np.intp], candidates: int
+) -> NDArray[np.intp]:
+    """Pass which candidates are key sections."""
+    kept = np.zeros(candidates + 1, dtype=np.bool_)
+    kept[keys[keys <= candidates]] = True
+    kept[[0, -1]] = True
+    before = 1
+    for place in range(1, candidates):
+        before = numbers.bit((("key", before),), int(kept[place]))
+        kept[place] = bool(before)
+    return np.flatnonzero(kept)
+
+
+def _pass_signals(
+    numbers: SymbolWriter | SymbolReader,
+    keys: NDArray[np.intp],
+    stored: NDArray[np.int64],
+    wall: str,
+) -> NDArray[np.int64]:
+    """Pass the differences of one boundary's signals, key by key."""
+    passed = np.zeros_like(stored)
+    last = len(stored) - 1
+    inner = ((key, level) for key, _, _, level in known_order(keys))
+    for key, level in ((0, 0), (last, 1), *inner):
+        for signal in range(SIGNALS):
+            kind = KINDS[signal]
+            number = int(stored[key, signal])
+            if key == 0:
+                passed[key, signal] = numbers.whole(
+                    (("first", signal == WIDTH),), (("size", 0),), number
+                )
+                continue
+            passed[key, signal] = numbers.whole(
+                ((wall, signal), ("kind", kind, min(level, 4))),
+                (("size", min(level, 3)), ("size of", kind)),
+                number,
+                KIND_STARTS[kind],
+            )
+    return passed
+
+
+KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
+"""Kind of each signal: half width, middle, then both halves' coefficients by their order."""
+KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
+"""Counts of zeros and others that a kind's odds begin with: shapes are smooth."""
+_WIDTH_BITS = 5
+_BLANK = OrganCode(
+    units="mm",
+    left_handed=False,
+    tolerance=0,
+    axis_scale=0,
+    along_steps=0,
+    start_axis=0,
+    roll=0,
+    turn=0,
+    tilts=np.zeros((2, 2), dtype=np.int64),
+    ends=np.zeros((2, 3), dtype=np.int64),
+    bends=np.zeros((2, 3), dtype=np.int64),
+    section_scale=0,
+    candidates=1,
+    keys=np.array([0, 1]),
+    outer=np.zeros((2, SIGNALS), dtype=np.int64),
+    lumen=None,
+)

@@ -1,0 +1,262 @@
+"""How far points and whole sections are from an organ's walls."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.contours.contour import SectionContour
+from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.organ import Organ, Wall
+
+_HALF_CORNERS = 48
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedPoints:
+    """Points in the sections of an axis in which they lie.
+
+    Attributes
+    ----------
+    piece
+        (N,) piece of the axis.
+    share
+        (N,) share of the way along it.
+    place
+        (N, 2) where they are across the axis there, mm.
+    beyond
+        (N,) how far they are beyond an end's plane, mm.
+    """
+
+    piece: NDArray[np.intp]
+    share: NDArray[np.float64]
+    place: NDArray[np.float64]
+    beyond: NDArray[np.float64]
+
+    @classmethod
+    def along(
+        cls,
+        points: NDArray[np.float64],
+        near: NDArray[np.float64],
+        axis: NDArray[np.float64],
+        frames: NDArray[np.float64],
+    ) -> "LocatedPoints":
+        """Return points in the nearest sections to a guess whose planes they lie in.
+
+        Parameters
+        ----------
+        points
+            (N, 3) points, mm.
+        near
+            (N,) guesses of their pieces, with a fraction.
+        axis
+            (S, 3) points of the axis, mm.
+        frames
+            (S, 3, 3) frames there, columns x_dir, y_dir and normal.
+
+        Returns
+        -------
+        LocatedPoints
+            The points.
+        """
+        return cls(*_located(np.ascontiguousarray(points), near, axis, frames))
+
+    def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the points are from a wall.
+
+        Parameters
+        ----------
+        rows
+            (S, 16) half-curves of the wall at the points of the axis, mm.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N,) distances, mm.
+        """
+        outlines = closed_outlines(rows, 2 * _HALF_CORNERS)
+        return _outline_distances(self.piece, self.share, self.place, self.beyond, outlines)
+
+    def chosen(self, numbers: NDArray[np.intp]) -> "LocatedPoints":
+        """Return some of the points.
+
+        Parameters
+        ----------
+        numbers
+            (M,) their numbers.
+
+        Returns
+        -------
+        LocatedPoints
+            Those.
+        """
+        return LocatedPoints(
+            self.piece[numbers], self.share[numbers], self.place[numbers], self.beyond[numbers]
+        )
+
+
+def wall_distances(
+    organ: Organ, points: NDArray[np.float64], near: NDArray[np.float64], wall: Wall = "outer"
+) -> NDArray[np.float64]:
+    """Return how far points are from a wall of an organ, measured in the sections they lie in.
+
+    The section of a point is the nearest one to its guess whose plane the point lies in; a point
+    beyond an end counts its way to the end's plane too. The distance within a section is never
+    smaller than the distance in space.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    points
+        (N, 3) points, mm.
+    near
+        (N,) guesses of their stations, mm.
+    wall
+        Which wall.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N,) distances, mm.
+    """
+    step = organ.length / (len(organ.axis) - 1)
+    near = np.asarray(near, dtype=np.float64) / step
+    located = LocatedPoints.along(points, near, organ.axis, organ.frames)
+    return located.distances(organ.rows_at(organ.stations, wall))
+
+
+def section_distances(
+    organ: Organ,
+    contours: Sequence[SectionContour],
+    places: NDArray[np.float64],
+) -> list[NDArray[np.float64]]:
+    """Return how far every section's edge points are from an organ.
+
+    Parameters
+    ----------
+    organ
+        The organ.
+    contours
+        The S sections.
+    places
+        (S,) place of each along the organ, from 0 to 1.
+
+    Returns
+    -------
+    list[NDArray[np.float64]]
+        For each section the distances of its edge points, the lumen's after the outer ones, mm.
+    """
+    parts: list[list[NDArray[np.float64]]] = [[] for _ in contours]
+    for wall in ("outer", "lumen") if organ.hollow else ("outer",):
+        edges = [getattr(contour, wall) for contour in contours]
+        counts = [len(edge) for edge in edges]
+        near = np.repeat(places * organ.length, counts)
+        away = wall_distances(organ, np.concatenate(edges), near, wall)
+        for part, distances in zip(parts, np.split(away, np.cumsum(counts)[:-1]), strict=True):
+            part.append(distances)
+    return [np.concatenate(part) for part in parts]
+
+
+def root_mean_squares(distances: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the root mean square of each section's distances.
+
+    Parameters
+    ----------
+    distances
+        Distances of S sections, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (S,) mm.
+    """
+    return np.array([math.sqrt(float(away @ away) / len(away)) for away in distances])
+
+
+@numba.njit(cache=True)
+def _located(
+    points: NDArray[np.float64],
+    near: NDArray[np.float64],
+    axis: NDArray[np.float64],
+    frames: NDArray[np.float64],
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    sections = len(axis)
+    pieces = np.empty(len(points), np.intp)
+    shares, beyonds = np.empty(len(points)), np.empty(len(points))
+    places = np.empty((len(points), 2))
+    for i in range(len(points)):
+        p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
+        # Walk from the guess to the pair of sections whose planes enclose the point.
+        k = min(max(int(near[i]), 0), sections - 2)
+        way = 0
+        low = high = 0.0
+        for _ in range(sections):
+            low = (
+                (p0 - axis[k, 0]) * frames[k, 0, 2]
+                + (p1 - axis[k, 1]) * frames[k, 1, 2]
+                + (p2 - axis[k, 2]) * frames[k, 2, 2]
+            )
+            high = (
+                (p0 - axis[k + 1, 0]) * frames[k + 1, 0, 2]
+                + (p1 - axis[k + 1, 1]) * frames[k + 1, 1, 2]
+                + (p2 - axis[k + 1, 2]) * frames[k + 1, 2, 2]
+            )
+            if high > 0.0 and way >= 0 and k < sections - 2:
+                k += 1
+                way = 1
+            elif low < 0.0 and way <= 0 and k > 0:
+                k -= 1
+                way = -1
+            else:
+                break
+        share = low / (low - high) if low != high else 0.0
+        share = min(max(share, 0.0), 1.0)
+        beyond = 0.0
+        if k == 0 and low < 0.0:
+            beyond = -low
+        elif k == sections - 2 and high > 0.0:
+            beyond = high
+        x = y = 0.0
+        for c in range(3):
+            away = points[i, c] - axis[k, c] * (1.0 - share) - axis[k + 1, c] * share
+            x += away * (frames[k, c, 0] * (1.0 - share) + frames[k + 1, c, 0] * share)
+            y += away * (frames[k, c, 1] * (1.0 - share) + frames[k + 1, c, 1] * share)
+        pieces[i], shares[i], beyonds[i] = k, share, beyond
+        places[i, 0], places[i, 1] = x, y
+    return pieces, shares, places, beyonds
+
+
+@numba.njit(cache=True)
+def _outline_distances(
+    pieces: NDArray[np.intp],
+    shares: NDArray[np.float64],
+    places: NDArray[np.float64],
+    beyonds: NDArray[np.float64],
+    outlines: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    corners = outlines.shape[1]
+    distances = np.empty(len(pieces))
+    for i in range(len(pieces)):
+        k, share = pieces[i], shares[i]
+        x, y, beyond = places[i, 0], places[i, 1], beyonds[i]
+        best = np.inf
+        x0 = outlines[k, -1, 0] * (1.0 - share) + outlines[k + 1, -1, 0] * share
+        y0 = outlines[k, -1, 1] * (1.0 - share) + outlines[k + 1, -1, 1] * share
+        for c in range(corners):
+            x1 = outlines[k, c, 0] * (1.0 - share) + outlines[k + 1, c, 0] * share
+            y1 = outlines[k, c, 1] * (1.0 - share) + outlines[k + 1, c, 1] * share
+            sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
+            squared = sx * sx + sy * sy
+            part = 0.0
+            if squared > 0.0:
+                part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+            tx -= part * sx
+            ty -= part * sy
+            best = min(best, tx * tx + ty * ty)
+            x0, y0 = x1, y1
+        distances[i] = np.sqrt(best + beyond * beyond)
+    return distances

@@ -1,0 +1,1 @@
+"""The organ's edge in each image, followed from slice to slice."""

@@ -1,0 +1,335 @@
+"""The edge of an organ in one cross-section image, found to a fraction of a pixel."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.contours.edge_curve import (
+    SQUARE,
+    Image,
+    NoEdgeFound,
+    Scale,
+    blurred,
+    curve_length,
+    enclosed_area,
+    level_curve,
+    steepest_curve,
+)
+from organ_geometry.contours.section_region import (
+    MARGIN,
+    SMOOTHING_PX,
+    Mask,
+    Outline,
+    Region,
+    find_region,
+    grown,
+    main_outline,
+    mask_of,
+    otsu,
+    outline_of,
+    outline_over,
+    with_margin,
+)
+from organ_geometry.images.image_stack import GreyImage
+
+__all__ = [
+    "SMOOTHING_PX",
+    "EdgeMethod",
+    "FoundPolarity",
+    "NoEdgeFound",
+    "Polarity",
+    "SectionEdges",
+    "as_grey",
+    "find_edges",
+    "find_polarity",
+    "pixel_scale",
+    "region_edges",
+    "touches_border",
+]
+
+Polarity: TypeAlias = Literal["auto", "bright", "dark"]
+FoundPolarity: TypeAlias = Literal["bright", "dark"]
+EdgeMethod: TypeAlias = Literal["half-level", "canny"]
+
+# Two edges nearer than this many sigmas pull each other's half level away.
+CLEAR_WALL = 3.0
+SMALLEST_SMOOTHING_PX = 0.5
+# Canny's high threshold, as a share of the steepest gradient of an ideal edge, and low over high.
+CANNY_HIGH = 0.5
+CANNY_LOW = 0.4
+# How far from the half level Canny's edge may run, px.
+CANNY_REACH_PX = 3
+
+# A pixel's longer side over the mean of both, beyond which blur does not follow it.
+LARGEST_STRETCH = 3.0
+
+_GREY_TYPES = frozenset({np.dtype(np.uint8), np.dtype(np.uint16)})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionEdges:
+    """The boundaries of an organ in one image.
+
+    Attributes
+    ----------
+    outer
+        (N, 2) points x = column, y = row of the outer boundary, px; pixel centres are integers and
+        the last point joins the first.
+    lumen
+        (M, 2) points of the lumen's boundary, px, or None if the organ is solid here.
+    threshold
+        Grey level of the outer boundary, half way between organ and background, or as given.
+    polarity
+        Whether the organ is brighter or darker than its background.
+    touches_border
+        Whether the organ reaches the image's outermost pixels, so that part of it may be missing
+        or what was found is the background.
+    other_part
+        Area of the largest other part that stands out as clearly, as a share of the organ's.
+    """
+
+    outer: NDArray[np.float64]
+    lumen: NDArray[np.float64] | None
+    threshold: float
+    polarity: FoundPolarity
+    touches_border: bool
+    other_part: float
+
+
+def find_edges(
+    image: GreyImage,
+    polarity: Polarity = "auto",
+    *,
+    threshold: float | None = None,
+    method: EdgeMethod = "half-level",
+    pixel_size: tuple[float, float] = SQUARE,
+) -> SectionEdges:
+    """Return the boundaries of the organ in an image.
+
+    The background is what the image's border shows; the organ is the largest thing near the middle
+    that differs from it. An edge is where the slightly blurred image passes half way between the
+    levels on both sides, or where Canny finds it, moved back by what the blur moves a curved edge.
+
+    Parameters
+    ----------
+    image
+        (H, W) grey levels or a mask.
+    polarity
+        Whether the organ is brighter or darker than its background; "auto" decides.
+    threshold
+        Grey level of the edge. Default: half way between organ and background, which Otsu's
+        threshold of the blurred image tells apart.
+    method
+        "half-level", or "canny" for the steepest place of the blurred image, closed and linked by
+        Canny's two thresholds.
+    pixel_size
+        Width and height of a pixel, in any unit, so that blur is the same in all directions.
+
+    Returns
+    -------
+    SectionEdges
+        The outer boundary, and the lumen's if there is one.
+
+    Raises
+    ------
+    NoEdgeFound
+        If nothing stands out from the background, or Canny's edge does not close.
+    ValueError
+        If the image is not one of grey levels, or the polarity or the method is unknown.
+    """
+    grey = as_grey(image)
+    if polarity not in {"auto", "bright", "dark"}:
+        raise ValueError(f"polarity must be auto, bright or dark, not {polarity!r}")
+    found: FoundPolarity
+    found = find_polarity([image]) if polarity == "auto" else polarity
+    sign = 1.0 if found == "bright" else -1.0
+    scale = pixel_scale(pixel_size)
+    bright = with_margin(grey * np.float32(sign))
+    given = None if threshold is None else sign * threshold
+    region = find_region(bright, main_outline, threshold=given, scale=scale)
+    outer, lumen = region_edges(bright, region, method=method, scale=scale)
+    return SectionEdges(
+        outer=outer - MARGIN,
+        lumen=None if lumen is None else lumen - MARGIN,
+        threshold=sign * region.outer_level,
+        polarity=found,
+        touches_border=touches_border(region.filled),
+        other_part=region.other_part,
+    )
+
+
+def find_polarity(images: Iterable[GreyImage]) -> FoundPolarity:
+    """Return whether the organ is brighter or darker than the background of its images.
+
+    In each image, the rim of the largest thing that differs from the image's border is compared
+    with the border; images with more contrast count more.
+
+    Parameters
+    ----------
+    images
+        (H, W) grey levels each; an organ need not be in all of them.
+
+    Returns
+    -------
+    FoundPolarity
+        "bright" or "dark"; "bright" if nothing differs anywhere.
+    """
+    balance = 0.0
+    for image in images:
+        padded = with_margin(as_grey(image))
+        rise = blurred(padded, SMOOTHING_PX) - padded[0, 0]
+        height = np.abs(rise)
+        outline, _ = main_outline(mask_of(height > otsu(height)))
+        if outline is not None:
+            balance += float(np.median(rise[outline[:, 1], outline[:, 0]]))
+    return "bright" if balance >= 0.0 else "dark"
+
+
+def region_edges(
+    bright: Image,
+    region: Region,
+    *,
+    method: EdgeMethod = "half-level",
+    scale: Scale = SQUARE,
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Return the edges of a region found to a pixel, to a part of a pixel.
+
+    Parameters
+    ----------
+    bright
+        (H, W) levels with a margin, in which the organ is bright.
+    region
+        Where the organ is in it.
+    method
+        "half-level" or "canny".
+    scale
+        Width and height of a pixel, in pixels of mean size.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64] | None]
+        (N, 2) outer boundary and (M, 2) lumen's or None, px of `bright`.
+
+    Raises
+    ------
+    NoEdgeFound
+        If the edge does not close.
+    ValueError
+        If the method is unknown.
+    """
+    if method not in {"half-level", "canny"}:
+        raise ValueError(f"method must be half-level or canny, not {method!r}")
+    trace = _half_level if method == "half-level" else _canny
+    outer, lumen = trace(bright, region, region.sigma, scale)
+    if lumen is not None:
+        thickness = _wall_thickness(outer * scale, lumen * scale)
+        if thickness < CLEAR_WALL * region.sigma:
+            sigma = max(thickness / CLEAR_WALL, SMALLEST_SMOOTHING_PX)
+            outer, lumen = trace(bright, region, sigma, scale)
+    return outer, lumen
+
+
+def as_grey(image: GreyImage) -> Image:
+    """Return an image (H, W) as 32 bit grey levels, checked."""
+    grey = np.asarray(image)
+    if grey.ndim != 2 or grey.size == 0 or grey.dtype not in _GREY_TYPES:
+        raise ValueError(
+            f"image must be (H, W) grey levels of 8 or 16 bit, "
+            f"not {grey.dtype} of shape {grey.shape}"
+        )
+    return grey.astype(np.float32)
+
+
+def pixel_scale(pixel_size: tuple[float, float]) -> Scale:
+    """Return a pixel's width and height over their geometric mean, within reason."""
+    wide = math.sqrt(pixel_size[0] / pixel_size[1])
+    wide = min(max(wide, 1.0 / LARGEST_STRETCH), LARGEST_STRETCH)
+    return wide, 1.0 / wide
+
+
+def touches_border(filled: Mask) -> bool:
+    """Return whether a region of an image with a margin reaches the image's outermost pixels."""
+    inner = filled[MARGIN + 1 : -MARGIN - 1, MARGIN + 1 : -MARGIN - 1]
+    return cv2.countNonZero(filled) > cv2.countNonZero(inner)
+
+
+_Edges: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64] | None]
+
+
+def _half_level(bright: Image, region: Region, sigma: float, scale: Scale) -> _Edges:
+    """Return outer and lumen boundary on the half levels of the image blurred by sigma."""
+    smoothed = blurred(bright, sigma, scale)
+    around = grown(region.filled, 2)
+    start = outline_over(mask_of((smoothed > region.outer_level) & (around > 0)), region.filled)
+    if start is None:
+        raise NoEdgeFound("the organ's edge is not closed")
+    outer = level_curve(smoothed, start, region.outer_level, sigma, scale)
+    if region.lumen is None:
+        return outer, None
+    inside = grown(region.filled, -1) > 0
+    start = outline_over(mask_of((smoothed < region.lumen_level) & inside), region.lumen)
+    if start is None:
+        return outer, None
+    return outer, level_curve(smoothed, start, region.lumen_level, sigma, scale)
+
+
+def _canny(bright: Image, region: Region, sigma: float, scale: Scale) -> _Edges:
+    """Return outer and lumen boundary where Canny links steep places to a closed edge."""
+    smoothed = blurred(bright, sigma, scale)
+    slope_x = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8))
+    slope_y = np.asarray(cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8))
+    # Across an ideal edge the blurred level rises by contrast / (sigma sqrt(2 pi)) a pixel.
+    high = CANNY_HIGH * region.contrast / (sigma * math.sqrt(2.0 * math.pi))
+    unit = 1000.0 / max(high, 1e-6)
+    edges = cv2.Canny(
+        np.clip(slope_x * unit, -32768, 32767).astype(np.int16),
+        np.clip(slope_y * unit, -32768, 32767).astype(np.int16),
+        CANNY_LOW * 1000.0,
+        1000.0,
+        L2gradient=True,
+    )
+    lines = np.asarray(edges, dtype=np.uint8)
+    outer = steepest_curve(smoothed, _closed_within(lines, region.filled, "organ"), sigma, scale)
+    if region.lumen is None:
+        return outer, None
+    start = _closed_within(lines, region.lumen, "lumen")
+    return outer, steepest_curve(smoothed, start, sigma, scale)
+
+
+def _closed_within(lines: Mask, region: Mask, name: str) -> Outline:
+    """Return the closed line (N, 2) of edge pixels along a region's boundary."""
+    # Only lines near the boundary count: what lies deeper inside is texture.
+    inner, outer = grown(region, -CANNY_REACH_PX), grown(region, CANNY_REACH_PX)
+    if cv2.countNonZero(inner) == 0:
+        inner = grown(region, -1)
+    open_ground = mask_of(((lines == 0) & (outer > 0)) | (inner > 0))
+    _, labels = cv2.connectedComponents(open_ground, connectivity=4)
+    labels = np.asarray(labels)
+    counts = np.bincount(labels[inner > 0], minlength=1)
+    counts[0] = 0
+    label = int(counts.argmax())
+    within = labels == label
+    rim = _rim(outer)
+    if counts[label] == 0 or bool((within & (rim > 0)).any()):
+        raise NoEdgeFound(f"Canny's edge of the {name} does not close")
+    closed = np.asarray(cv2.dilate(mask_of(within), np.ones((3, 3), np.uint8)), dtype=np.uint8)
+    start = outline_of(mask_of(within | ((closed > 0) & (lines > 0))))
+    if start is None:
+        raise NoEdgeFound(f"Canny's edge of the {name} does not close")
+    return start
+
+
+def _rim(mask: Mask) -> Mask:
+    """Return the outermost pixels of a mask."""
+    return np.asarray(cv2.subtract(mask, grown(mask, -1)), dtype=np.uint8)
+
+
+def _wall_thickness(outer: NDArray[np.float64], lumen: NDArray[np.float64]) -> float:
+    """Return the mean distance between two boundaries, px."""
+    wall = max(0.0, enclosed_area(outer) - enclosed_area(lumen))
+    return wall / (0.5 * (curve_length(outer) + curve_length(lumen)))

@@ -1,0 +1,300 @@
+"""An organ's edges in a whole stack of images, followed from slice to slice."""
+
+import math
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from organ_geometry.contours.edge_curve import NoEdgeFound
+from organ_geometry.contours.edges import EdgeMethod, Polarity, find_polarity, pixel_scale
+from organ_geometry.contours.first_section import first_section, seed_polarity
+from organ_geometry.contours.found_section import (
+    EdgeRule,
+    FoundSection,
+    section_edges,
+    shows_other_part,
+)
+from organ_geometry.contours.lasting_lumens import with_lasting_lumens
+from organ_geometry.contours.next_section import next_section
+from organ_geometry.contours.organ_seed import Seed, SeedPoint, seed_point
+from organ_geometry.contours.slice_ranges import slice_ranges
+from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.images.image_stack import GreyImage, ImageStack
+
+Progress = Callable[[int, int], None]
+
+SAMPLES = 9
+# Growth from one slice to the next that is worth a word.
+LARGE_GROWTH = 2.5
+_LARGEST_POOL = 8
+
+
+def trace_organ(
+    stack: ImageStack,
+    *,
+    polarity: Polarity = "auto",
+    threshold: float | None = None,
+    method: EdgeMethod = "half-level",
+    seed: Seed | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+) -> TracedOrgan:
+    """Return the edges of the organ in every slice of a stack.
+
+    The organ begins at the seed, and without one in the clearest of a few images over the stack, as
+    the largest thing near the middle. From there it is followed both ways. In each next image it is
+    the part that covers most of the last section found.
+
+    Images are read ahead in threads, a few at a time; what comes out does not depend on how many
+    threads there are.
+
+    Parameters
+    ----------
+    stack
+        The images; only a few are held at a time.
+    polarity
+        Whether the organ is brighter or darker than its surroundings; "auto" decides, around the
+        seed or from a few images.
+    threshold
+        Grey level of the edge. Default: half way between the levels inside and around the organ in
+        each slice, which Otsu's threshold tells apart where the organ begins.
+    method
+        "half-level" or "canny".
+    seed
+        A point x, y of the organ, px, in the first image; or x, y and the number of the image.
+    progress
+        Called after each slice with the number done and the number of slices.
+    workers
+        Number of threads. Default: the number of cores, at most 8.
+
+    Returns
+    -------
+    TracedOrgan
+        Sections, problems and notes.
+
+    Raises
+    ------
+    ValueError
+        If an image cannot be read, an option is unknown or the seed is outside of the image.
+    """
+    _check(polarity, threshold, method, workers)
+    point = None if seed is None else seed_point(seed, stack)
+    size = min(os.cpu_count() or 1, _LARGEST_POOL) if workers is None else workers
+    with ThreadPoolExecutor(size, thread_name_prefix="edges") as pool:
+        try:
+            return _Tracing(stack, pool, 2 * size + 1).run(
+                polarity, threshold, method, point, progress
+            )
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _check(polarity: str, threshold: float | None, method: str, workers: int | None) -> None:
+    if polarity not in {"auto", "bright", "dark"}:
+        raise ValueError(f"polarity must be auto, bright or dark, not {polarity!r}")
+    if method not in {"half-level", "canny"}:
+        raise ValueError(f"method must be half-level or canny, not {method!r}")
+    if threshold is not None and not math.isfinite(threshold):
+        raise ValueError(f"threshold must be a grey level, not {threshold}")
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be 1 thread or more, not {workers}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Edges:
+    """A traced section and what its notes are made of."""
+
+    section: TracedSection
+    growth: float
+
+
+class _Tracing:
+    """One run through a stack."""
+
+    def __init__(self, stack: ImageStack, pool: ThreadPoolExecutor, ahead: int) -> None:
+        self._stack = stack
+        self._pool = pool
+        self._ahead = ahead
+        self._problems: dict[int, str] = {}
+        self._found: list[_Edges] = []
+        self._pending: deque[tuple[int, Future[_Edges]]] = deque()
+
+    def run(
+        self,
+        polarity: Polarity,
+        threshold: float | None,
+        method: EdgeMethod,
+        seed: SeedPoint | None,
+        progress: Progress | None,
+    ) -> TracedOrgan:
+        """Return the organ."""
+        total = len(self._stack)
+        pixel_size = (float(self._stack.pixel_size[0]), float(self._stack.pixel_size[1]))
+        rule = EdgeRule("bright", threshold, method, pixel_scale(pixel_size))
+        start: FoundSection | None = None
+        if seed is None:
+            rule, start = self._survey(rule, polarity)
+        elif polarity == "auto":
+            image = self._stack.image(seed.index)
+            rule = replace(rule, polarity=seed_polarity(image, seed.place))
+        else:
+            rule = replace(rule, polarity=polarity)
+
+        first = 0 if start is None else start.index
+        if seed is not None:
+            first = seed.index
+        order = [*range(first, total), *range(first - 1, -1, -1)]
+        last = began = start
+        for done, (index, image) in enumerate(self._images(order), start=1):
+            if index == first - 1:
+                last = start
+            try:
+                if last is None or last.index == index:
+                    section = self._begun(index, image, rule, seed)
+                    start = began = section
+                else:
+                    name = self._stack.names[last.index]
+                    section = next_section(index, image, rule, last, name)
+                last = section
+                self._hand_over(section, rule, seeded=seed is not None)
+            except NoEdgeFound as error:
+                self._problems[index] = str(error)
+            if progress is not None:
+                progress(done, total)
+        self._collect(0)
+        sections = sorted(self._found, key=lambda edges: edges.section.index)
+        traced, dropped = with_lasting_lumens([edges.section for edges in sections])
+        return TracedOrgan(
+            sections=traced,
+            problems=dict(sorted(self._problems.items())),
+            polarity=rule.polarity,
+            notes=tuple(self._notes(rule, polarity, seed, began, sections, dropped)),
+        )
+
+    def _begun(
+        self, index: int, image: GreyImage, rule: EdgeRule, seed: SeedPoint | None
+    ) -> FoundSection:
+        """Return the section that the organ begins with, if this image has it."""
+        if seed is None:
+            return first_section(index, image, rule, None)
+        if index != seed.index:
+            # In another image that point may be on another thing.
+            raise NoEdgeFound(self._problems[seed.index])
+        return first_section(index, image, rule, seed.place)
+
+    def _images(self, order: Sequence[int]) -> Iterator[tuple[int, GreyImage]]:
+        """Yield slices in an order, reading a few ahead."""
+        ahead: deque[tuple[int, Future[GreyImage]]] = deque()
+        for index in order:
+            ahead.append((index, self._pool.submit(self._stack.image, index)))
+            if len(ahead) >= self._ahead:
+                here, future = ahead.popleft()
+                yield here, future.result()
+        while ahead:
+            here, future = ahead.popleft()
+            yield here, future.result()
+
+    def _hand_over(self, section: FoundSection, rule: EdgeRule, *, seeded: bool) -> None:
+        """Have a section's edges found to a part of a pixel, in a thread."""
+        self._pending.append((section.index, self._pool.submit(_edges, section, rule, seeded)))
+        self._collect(self._ahead)
+
+    def _collect(self, left: int) -> None:
+        """Take what the threads have found, until no more than a few are left."""
+        while len(self._pending) > left:
+            index, future = self._pending.popleft()
+            try:
+                self._found.append(future.result())
+            except NoEdgeFound as error:
+                self._problems[index] = str(error)
+
+    def _survey(self, rule: EdgeRule, polarity: Polarity) -> tuple[EdgeRule, FoundSection | None]:
+        """Return the rule with its polarity, and the clearest section of a few, if any."""
+        count = min(SAMPLES, len(self._stack))
+        wanted = np.unique(np.linspace(0, len(self._stack) - 1, count).round().astype(int))
+        indices = [int(index) for index in wanted]
+        images = list(self._pool.map(self._stack.image, indices))
+        rule = replace(rule, polarity=find_polarity(images) if polarity == "auto" else polarity)
+
+        def look(index: int, image: GreyImage) -> FoundSection | None:
+            try:
+                return first_section(index, image, rule, None)
+            except NoEdgeFound:
+                return None
+
+        found = [section for section in self._pool.map(look, indices, images) if section]
+        return rule, max(found, key=_clarity, default=None)
+
+    def _notes(
+        self,
+        rule: EdgeRule,
+        polarity: Polarity,
+        seed: SeedPoint | None,
+        began: FoundSection | None,
+        sections: list[_Edges],
+        dropped: list[int],
+    ) -> Iterator[str]:
+        names = self._stack.names
+        if polarity == "auto":
+            where = "at the seed" if seed is not None else "in a few images over the stack"
+            yield f"the organ is taken as {rule.polarity}, as it is {where}"
+        if began is not None:
+            how = "at the seed" if seed is not None else "as the largest clear part"
+            _, _, width, height = cv2.boundingRect(began.region.filled)
+            yield (
+                f"the organ is followed from {names[began.index]}, {how}, where it is {width} x "
+                f"{height} px"
+            )
+        if rule.threshold is not None:
+            yield f"the edge is where the grey level is {rule.threshold:g}, as given"
+        else:
+            yield (
+                "the edge is half way between the grey levels inside and around the organ in each "
+                "image, first told apart by Otsu's threshold"
+            )
+        if rule.method == "canny":
+            yield "the edge is Canny's, to a part of a pixel by a parabola across it"
+        carried = [edges.section.index for edges in sections if edges.section.carried]
+        if carried:
+            yield (
+                f"where the threshold leaks into a neighbour or parts the organ, the edge is "
+                f"carried on from the image before: {slice_ranges(carried)}"
+            )
+        grown = [edges.section.index for edges in sections if edges.growth > LARGE_GROWTH]
+        if grown:
+            yield (
+                f"the organ's area grows more than {LARGE_GROWTH:g} times from one image to the "
+                f"next: {slice_ranges(grown)}"
+            )
+        if dropped:
+            yield f"a hole that no image nearby shows is no lumen: {slice_ranges(dropped)}"
+
+
+def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
+    """Return the edges of a section found to a pixel."""
+    outer, lumen = section_edges(section, rule)
+    traced = TracedSection(
+        index=section.index,
+        outer=outer,
+        lumen=lumen,
+        other_part=not seeded and shows_other_part(section, rule),
+        threshold=rule.sign * section.region.outer_level,
+        carried=section.carried is not None,
+    )
+    return _Edges(traced, section.growth)
+
+
+def _clarity(section: FoundSection) -> float:
+    """Return how well a section is suited to begin with: large, round and clear."""
+    filled = section.region.filled
+    outlines, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    _, radius = cv2.minEnclosingCircle(max(outlines, key=len))
+    area = float(section.areas[-1])
+    roundness = area / (math.pi * max(radius, 1.0) ** 2)
+    return math.sqrt(area) * roundness**2 * section.region.contrast

@@ -1,0 +1,1 @@
+"""Half-curves, axis and the frames along it."""

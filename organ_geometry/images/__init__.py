@@ -1,0 +1,1 @@
+"""Images in: files of many kinds, and the stack of slices they become."""

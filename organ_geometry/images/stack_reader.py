@@ -1,0 +1,290 @@
+"""From files of images to a stack: folders, multipage TIFF, DICOM series and volumes."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from organ_geometry.images.dicom_series import read_series
+from organ_geometry.images.grey_image import ImageStackError, list_text
+from organ_geometry.images.grey_levels import (
+    GreyLevels,
+    LabelSlices,
+    Window,
+    WindowedSlices,
+    check_window,
+    grey_levels,
+)
+from organ_geometry.images.image_files import IMAGE_SUFFIXES, TIFF_SUFFIXES, file_slices, files_in
+from organ_geometry.images.image_planes import ImagePlanes, check_pixel_size, planes_of_files
+from organ_geometry.images.image_region import CroppedSlices, Region, cropped_planes, image_region
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.images.image_volume import (
+    INDEX_AXES,
+    Axis,
+    VolumeSlices,
+    along_axis,
+    axis_number,
+    even_step,
+    read_volume,
+)
+from organ_geometry.images.medical_file import (
+    is_dicom_file,
+    is_volume_file,
+    read_header,
+    volume_files,
+)
+
+__all__ = ["read_image_stack"]
+
+
+def read_image_stack(
+    path: Path,
+    *,
+    pixel_size: tuple[float, float] | None = None,
+    slice_spacing: float | None = None,
+    axis: Axis | None = None,
+    label: int | None = None,
+    window: Window | None = None,
+    roi: Region | None = None,
+) -> ImageStack:
+    """Return the stack of cross-section images in a folder, a multipage TIFF or a volume file.
+
+    A folder holds PNG, JPEG, TIFF or BMP images, taken in natural order (slice_2 before slice_10),
+    or one DICOM series, taken in the order of its places. Of a volume (NIfTI, NRRD, MetaImage) the
+    images across its last axis are taken. Medical images stand in LPS mm, as their files say.
+
+    What is not given of image files' sizes comes from a ``spacing.json`` in the folder or in its
+    parent; its ``pixel_spacing_mm`` may be one number for square pixels. Without directions there,
+    the sections stand along +x, with +y to the right and +z up in the image.
+
+    Parameters
+    ----------
+    path
+        Folder of images or of DICOM files; multipage TIFF, NIfTI, NRRD or MetaImage file; or one
+        DICOM file of a series, which is then read from its folder.
+    pixel_size
+        Distance between pixel centres, mm: from column to column (x), then from row to row (y).
+        Note that a ``spacing.json`` has the row spacing first.
+    slice_spacing
+        Distance between neighbouring sections, mm. Given, it wins over one frame per slice too: the
+        sections are then stacked straight.
+    axis
+        Axis that the images are across: "i" (rows), "j" (columns), "k" (through the images, the
+        default) or 0, 1, 2; or "x", "y", "z" for the one of these nearest to that direction. Any
+        other than "k" reads the stack into memory.
+    label
+        The label whose masks are wanted, of label images.
+    window
+        (2,) lowest and highest value to keep (of CT: HU); values beyond are set to these.
+    roi
+        Columns and rows to keep, and if wanted sections: (x0, y0, x1, y1) or (x0, y0, x1, y1,
+        first, last), from 0, the last ones included, in the images across `axis`.
+
+    Returns
+    -------
+    ImageStack
+        The sections; of a folder, only the first image has been read.
+
+    Raises
+    ------
+    ImageStackError
+        If there are no images, the first is unreadable, the spacing is missing or wrong, the label
+        or axis is not there or the region is not inside.
+    """
+    source = Path(path)
+    if label is not None and window is not None:
+        raise ImageStackError(
+            "a label and a window cannot be given together: a label has no levels"
+        )
+    if window is not None:
+        check_window(window)
+    stack = _whole_stack(source, pixel_size, slice_spacing, label, window)
+    if axis is not None:
+        stack = _across(stack, axis)
+    return stack if roi is None else _cropped(stack, roi)
+
+
+def _whole_stack(
+    source: Path,
+    pixel_size: tuple[float, float] | None,
+    slice_spacing: float | None,
+    label: int | None,
+    window: Window | None,
+) -> ImageStack:
+    """Return a stack as it is stored."""
+    if not source.exists():
+        raise ImageStackError(f"there is no folder of images at {source}, and no file")
+    if source.is_dir() and _holds_dicom(source):
+        stack = _dicom_stack(source, window)
+    elif source.is_dir() or source.suffix.lower() in TIFF_SUFFIXES:
+        return _file_stack(source, pixel_size, slice_spacing, label, window)
+    elif is_volume_file(source):
+        stack = _volume_stack(source, label, window)
+        label = None
+    elif is_dicom_file(source):
+        depth = read_header(source).size[2:]
+        stack = (
+            _volume_stack(source, label, window)
+            if depth and depth[0] > 1
+            else _dicom_stack(source, window)
+        )
+    else:
+        raise ImageStackError(
+            f"{source} is one file and not a multipage TIFF, DICOM, NIfTI (.nii, .nii.gz), NRRD "
+            f"or MetaImage (.mhd, .mha) file: give one of these or a folder of images"
+        )
+    if label is not None:
+        raise ImageStackError(f"{source} has grey values and no labels")
+    planes = stack.planes.with_sizes(pixel_size, slice_spacing, source)
+    return _standing(stack, planes)
+
+
+def _holds_dicom(folder: Path) -> bool:
+    """Return whether a folder holds DICOM files; images beside them could be meant too."""
+    files = files_in(folder)
+    dicom = sum(is_dicom_file(file) for file in files)
+    if not dicom:
+        return False
+    images = sum(file.suffix.lower() in IMAGE_SUFFIXES for file in files)
+    if images:
+        raise ImageStackError(
+            f"{folder} holds {dicom} DICOM files and {images} other images: "
+            f"put the ones wanted into a folder of their own"
+        )
+    return True
+
+
+def _file_stack(
+    source: Path,
+    pixel_size: tuple[float, float] | None,
+    slice_spacing: float | None,
+    label: int | None,
+    window: Window | None,
+) -> ImageStack:
+    """Return the stack of a folder of image files or of a multipage TIFF."""
+    files = file_slices(source)
+    planes = planes_of_files(
+        source, files.files[0].parent, len(files.files), pixel_size, slice_spacing
+    )
+    stack = ImageStack(
+        source=source,
+        names=files.names,
+        slices=files,
+        shape=files.shape,
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        units=planes.units,
+        bytes_in=files.byte_count,
+    )
+    if label is not None:
+        _check_label(stack, label)
+        return dataclasses.replace(stack, slices=LabelSlices(files, label))
+    if window is not None:
+        levels = grey_levels(*window, whole=True)
+        return _levelled(dataclasses.replace(stack, slices=WindowedSlices(files, levels)), levels)
+    return stack
+
+
+def _check_label(stack: ImageStack, label: int) -> None:
+    """Raise an error that names all labels if none of the images has the wanted one."""
+    present: set[int] = set()
+    for image in stack.images():
+        present.update(np.unique(image).tolist())
+        if label in present:
+            return
+    named = list_text(sorted(present - {0}))
+    raise ImageStackError(f"label {label} is not in {stack.source}, which has {named or 'none'}")
+
+
+def _volume_stack(source: Path, label: int | None, window: Window | None) -> ImageStack:
+    voxels, planes, levels = read_volume(source, label=label, window=window)
+    stack = ImageStack(
+        source=source,
+        names=_plane_names(source, "k", len(voxels)),
+        slices=VolumeSlices(voxels),
+        shape=(voxels.shape[1], voxels.shape[2]),
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        bytes_in=sum(file.stat().st_size for file in volume_files(source)),
+    )
+    return stack if levels is None else _levelled(stack, levels)
+
+
+def _dicom_stack(source: Path, window: Window | None) -> ImageStack:
+    series = read_series(source, window)
+    files, planes = series.slices.files, series.planes
+    return _levelled(
+        ImageStack(
+            source=source,
+            names=tuple(file.name for file in files),
+            slices=series.slices,
+            shape=series.slices.shape,
+            pixel_size=planes.pixel_size,
+            slice_spacing=planes.slice_spacing,
+            origins=planes.origins,
+            frames=planes.frames,
+            bytes_in=sum(file.stat().st_size for file in files),
+            notes=series.notes,
+        ),
+        series.slices.levels,
+    )
+
+
+def _plane_names(source: Path, axis: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{source.name} {axis}={index}" for index in range(count))
+
+
+def _levelled(stack: ImageStack, levels: GreyLevels) -> ImageStack:
+    return dataclasses.replace(stack, level_offset=levels.low, level_step=levels.step)
+
+
+def _standing(stack: ImageStack, planes: ImagePlanes) -> ImageStack:
+    """Return a stack with its images standing on other planes."""
+    return dataclasses.replace(
+        stack,
+        pixel_size=planes.pixel_size,
+        slice_spacing=planes.slice_spacing,
+        origins=planes.origins,
+        frames=planes.frames,
+        units=planes.units,
+    )
+
+
+def _across(stack: ImageStack, axis: Axis) -> ImageStack:
+    """Return a stack as images across another axis; all images are then held in memory."""
+    number = axis_number(axis, stack.planes)
+    if number == 2:
+        return stack
+    even_step(stack.planes, stack.source)
+    voxels = (
+        stack.slices.voxels
+        if isinstance(stack.slices, VolumeSlices)
+        else np.stack(list(stack.images()))
+    )
+    voxels, planes = along_axis(voxels, stack.planes, number, stack.source)
+    check_pixel_size((float(planes.pixel_size[0]), float(planes.pixel_size[1])), stack.source)
+    turned = dataclasses.replace(
+        stack,
+        names=_plane_names(stack.source, INDEX_AXES[number], len(voxels)),
+        slices=VolumeSlices(voxels),
+        shape=(voxels.shape[1], voxels.shape[2]),
+    )
+    return _standing(turned, planes)
+
+
+def _cropped(stack: ImageStack, roi: Region) -> ImageStack:
+    """Return the part of a stack inside a region."""
+    region = image_region(roi, stack.shape, len(stack))
+    planes = cropped_planes(stack.planes, stack.shape, region)
+    cropped = dataclasses.replace(
+        stack,
+        names=stack.names[region.first : region.last + 1],
+        slices=CroppedSlices(stack.slices, region),
+        shape=region.shape,
+    )
+    return _standing(cropped, planes)

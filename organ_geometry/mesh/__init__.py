@@ -1,0 +1,1 @@
+"""Skins, tears, and the files that other programs read."""

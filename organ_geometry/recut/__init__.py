@@ -1,0 +1,1 @@
+"""Curved organs cut again, across their own axis."""

@@ -1,0 +1,258 @@
+"""Parallel images of a curved organ, cut again perpendicular to its centreline."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.contours.organ_seed import Seed
+from organ_geometry.images.grey_image import GreyImage, ImageStackError
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.images.image_volume import even_step
+from organ_geometry.recut.centreline import (
+    SMOOTH_RADII,
+    Centreline,
+    NoTube,
+    Tube,
+    centreline,
+)
+from organ_geometry.recut.curve_frames import (
+    evenly_spaced,
+    smooth_points,
+)
+from organ_geometry.recut.organ_voxels import (
+    OrganVoxels,
+    half_level,
+    is_bright,
+    organ_voxels,
+    sample_images,
+)
+from organ_geometry.recut.plane_cut import plane_cut
+from organ_geometry.recut.section_planes import section_planes
+from organ_geometry.recut.slices_suit import may_need_recut
+
+When = Literal["auto", "always", "never"]
+
+_EDGE_PX = 6
+# Slices do not suit an organ of which so many of them show several parts, or whose centreline lies
+# flatter than 45 degrees to them over so much of its length.
+_PARTS_SHARE = 0.1
+_FLAT_SHARE = 0.2
+_FLAT_COSINE = 0.5**0.5
+
+# More than this share of the organ beside its sections is said.
+_BESIDE_SHARE = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecutSlices:
+    """Images cut out of a volume in memory, each when it is asked for.
+
+    Attributes
+    ----------
+    levels
+        (K, H, W) grey levels of the volume.
+    outside_level
+        Level beyond it.
+    centres
+        (S, 3) middle of each image, in voxels: column, row, image.
+    steps
+        (S, 2, 3) steps from column to column and from row to row, in voxels.
+    shape
+        (2,) rows and columns of every image.
+    """
+
+    levels: GreyImage
+    outside_level: float
+    centres: NDArray[np.float64]
+    steps: NDArray[np.float64]
+    shape: tuple[int, int]
+
+    def image(self, index: int) -> GreyImage:
+        """Return the image of that number, from 0, interpolated linearly between voxels."""
+        return plane_cut(
+            self.levels, self.outside_level, self.centres[index], self.steps[index], self.shape
+        )
+
+
+def recut(
+    stack: ImageStack,
+    *,
+    seed: Seed | None = None,
+    threshold: float | None = None,
+    polarity: str = "auto",
+    spacing: float | None = None,
+) -> ImageStack:
+    """Return a curved organ's sections, perpendicular to its centreline.
+
+    The organ is what hangs together in space above (or below) the threshold: with the seed, or else
+    the largest. The part of the stack around it is held in memory; images are interpolated out of
+    it when they are asked for, with square pixels of the stack's finer side.
+
+    Parameters
+    ----------
+    stack
+        Parallel images, evenly spaced and straight above each other.
+    seed
+        A point x, y of the organ in the first image, px; or x, y and the number of the image.
+    threshold
+        Level of the organ's edge. Default: half way between the two sides of Otsu's threshold.
+    polarity
+        Whether the organ is "bright" or "dark", or "auto": other than the images' border.
+    spacing
+        Distance between the new images along the centreline, mm. Default: that of the stack.
+
+    Returns
+    -------
+    ImageStack
+        The new images, each with a plane of its own, from the end of the organ that comes first in
+        the stack to the other.
+
+    Raises
+    ------
+    ImageStackError
+        If the images are no volume, nothing is found, or what is found is not long and thin.
+    """
+    voxels, tube = _organ(stack, seed, threshold, polarity)
+    try:
+        line = centreline(tube)
+    except NoTube as error:
+        raise ImageStackError(f"the organ in {stack.source} has no centreline: {error}") from error
+    return _recut_along(stack, voxels, tube, line, spacing)
+
+
+def recut_where_needed(
+    stack: ImageStack,
+    when: When,
+    *,
+    seed: Seed | None = None,
+    threshold: float | None = None,
+    polarity: str = "auto",
+) -> ImageStack:
+    """Return a stack whose images suit its organ, with a note if they have been cut again.
+
+    Parameters
+    ----------
+    stack
+        The images.
+    when
+        "always", "never", or "auto": where many images show several parts of one organ, or its
+        centreline lies flat to many of them. Of grey images that holds for a given threshold only.
+    seed, threshold, polarity
+        As in `recut`.
+
+    Returns
+    -------
+    ImageStack
+        The stack as it is, or its organ cut again.
+
+    Raises
+    ------
+    ImageStackError
+        If the images are to be cut again always and cannot be.
+    """
+    if when == "never":
+        return stack
+    if when == "always":
+        return recut(stack, seed=seed, threshold=threshold, polarity=polarity)
+    if not may_need_recut(stack, threshold=threshold, polarity=polarity):
+        return stack
+    try:
+        voxels, tube = _organ(stack, seed, threshold, polarity)
+        line = centreline(tube)
+    except (ImageStackError, NoTube):
+        # What is wrong with the images is for the one to say who looks for the organ in each.
+        return stack
+    reason = _reason(voxels, line)
+    if reason is None:
+        return stack
+    found = _recut_along(stack, voxels, tube, line, None)
+    return dataclasses.replace(found, notes=(f"{reason}: {found.notes[-1]}", *stack.notes))
+
+
+def _organ(
+    stack: ImageStack,
+    seed: Seed | None,
+    threshold: float | None,
+    polarity: str,
+) -> tuple[OrganVoxels, Tube]:
+    """Return an organ's voxels."""
+    step = even_step(stack.planes, stack.source)
+    images = sample_images(stack)
+    level = half_level(images) if threshold is None else threshold
+    if level is None:
+        raise ImageStackError(f"nothing stands out in the images of {stack.source}")
+    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
+    voxels = organ_voxels(stack, threshold=level, bright=bright, seed=seed)
+    sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])
+    return voxels, Tube(voxels.inside.astype(np.uint8) * np.uint8(255), sizes)
+
+
+def _reason(voxels: OrganVoxels, line: Centreline) -> str | None:
+    """Return why slices do not suit an organ, or None if they do."""
+    shown = int(np.count_nonzero(voxels.parts))
+    several = int(np.count_nonzero(voxels.parts > 1))
+    if several > _PARTS_SHARE * shown:
+        return f"{several} of {shown} images show several parts of the organ"
+    steps = np.diff(line.points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    flat = lengths[np.abs(steps[:, 2]) < _FLAT_COSINE * lengths].sum() / lengths.sum()
+    if flat > _FLAT_SHARE:
+        return f"the organ lies flatter than 45 degrees to the images over {flat:.0%} of its length"
+    return None
+
+
+def _recut_along(
+    stack: ImageStack,
+    voxels: OrganVoxels,
+    tube: Tube,
+    line: Centreline,
+    spacing: float | None,
+) -> ImageStack:
+    """Return the images across a centreline."""
+    points = evenly_spaced(line.points, stack.slice_spacing if spacing is None else spacing)
+    gap = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean())
+    points = smooth_points(points, round(SMOOTH_RADII * line.radius / gap))
+    depths = np.interp(
+        np.linspace(0.0, 1.0, len(points)), np.linspace(0.0, 1.0, len(line.depths)), line.depths
+    )
+    planes = section_planes(tube, points, depths, line.radius / gap)
+    frames = planes.frames
+    pixel = float(stack.pixel_size.min())
+    side = 2 * int(np.ceil(planes.reach / pixel)) + 2 * _EDGE_PX + 1
+    # From the box's own axes to space.
+    step = even_step(stack.planes, stack.source)
+    axes = np.stack([*stack.frames[0, :, :2].T, step / np.linalg.norm(step)], axis=1)
+    corner = np.array(voxels.corner[:2]) - 0.5 * (np.array(stack.shape[::-1]) - 1.0)
+    start = stack.origins[voxels.corner[2]] + axes[:, :2] @ (corner * stack.pixel_size)
+    note = f"cut again into {len(points)} sections perpendicular to its centreline"
+    if planes.crossing:
+        note += (
+            f", of which {planes.crossing} cross their neighbours inside the organ, which bends "
+            f"more tightly there than it is wide"
+        )
+    if planes.beside > _BESIDE_SHARE:
+        first, last = (stack.names[voxels.corner[2] + index] for index in planes.beside_images)
+        note += (
+            f"; {planes.beside:.0%} of the organ lies beside them, in a branch or where it touches "
+            f"itself, most of it in {first} to {last}"
+        )
+    return dataclasses.replace(
+        stack,
+        names=tuple(f"section {index}" for index in range(len(points))),
+        slices=RecutSlices(
+            levels=voxels.levels,
+            outside_level=voxels.outside_level,
+            centres=points / tube.sizes,
+            steps=np.swapaxes(frames[:, :, :2], 1, 2) * pixel / tube.sizes,
+            shape=(side, side),
+        ),
+        shape=(side, side),
+        pixel_size=np.array([pixel, pixel]),
+        slice_spacing=gap,
+        origins=start + points @ axes.T,
+        frames=axes @ frames,
+        notes=(*stack.notes, note),
+    )

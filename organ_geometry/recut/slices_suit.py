@@ -1,0 +1,92 @@
+"""Whether parallel slices may not suit the organ they show, by a look at some of them."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.images.grey_image import GreyImage, ImageStackError
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.images.image_volume import even_step
+from organ_geometry.recut.organ_voxels import PART_SHARE, half_level, is_bright, sample_images
+
+_FEWEST_IMAGES = 8
+
+# A mask: all but this share of its pixels are within this share of its levels of either end.
+_GREY_SHARE = 0.05
+_GREY_LEVELS = 0.15
+
+# More than these shares of the slices show several parts, or drift by over 45 degrees to the next.
+# They are below those that decide: a closer look is what this is for.
+_SEVERAL_SHARE = 0.08
+_DRIFT_SHARE = 0.12
+# The organ is so many times longer across the slices than the part of the stack that shows it.
+_LONG = 1.0
+
+
+def may_need_recut(
+    stack: ImageStack, *, threshold: float | None = None, polarity: str = "auto"
+) -> bool:
+    """Return whether a closer look is worth its time: a few images are read.
+
+    Parameters
+    ----------
+    stack
+        The images.
+    threshold
+        Level of the organ's edge; without it, only masks are looked at.
+    polarity
+        Whether the organ is "bright" or "dark", or "auto".
+
+    Returns
+    -------
+    bool
+        Whether slices show several parts, drift far from one to the next, or show something wider
+        than the stack of those that show it is high.
+    """
+    if len(stack) < _FEWEST_IMAGES:
+        return False
+    try:
+        step = even_step(stack.planes, stack.source)
+    except ImageStackError:
+        return False
+    if threshold is None and not _is_mask(stack.image(len(stack) // 2)):
+        return False
+    images = sample_images(stack)
+    level = half_level(images) if threshold is None else threshold
+    if level is None or (threshold is None and not all(_is_mask(image) for image in images)):
+        return False
+    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
+    several = drifting = shown = 0
+    longest = 0.0
+    gap = float(np.linalg.norm(step)) * (len(stack) - 1) / (len(images) - 1)
+    before: NDArray[np.float64] | None = None
+    for image in images:
+        mask = (image > level) if bright else (image < level)
+        _, _, stats, centroids = cv2.connectedComponentsWithStats(
+            mask.astype(np.uint8), connectivity=4
+        )
+        if len(stats) < 2:
+            before = None
+            continue
+        shown += 1
+        areas = np.asarray(stats)[1:, cv2.CC_STAT_AREA]
+        largest = int(areas.argmax())
+        several += int(np.count_nonzero(areas >= PART_SHARE * areas[largest]) > 1)
+        box = np.asarray(stats)[1 + largest, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+        longest = max(longest, float((box * stack.pixel_size).max()))
+        middle = np.asarray(centroids)[1 + largest] * stack.pixel_size
+        if before is not None:
+            drifting += int(np.linalg.norm(middle - before) > gap)
+        before = middle
+    return (
+        several > _SEVERAL_SHARE * shown
+        or drifting > _DRIFT_SHARE * shown
+        or longest > _LONG * shown * gap
+    )
+
+
+def _is_mask(image: GreyImage) -> bool:
+    low, high = int(image.min()), int(image.max())
+    near = _GREY_LEVELS * (high - low)
+    grey = np.count_nonzero((image > low + near) & (image < high - near))
+    return bool(grey <= _GREY_SHARE * image.size)
