@@ -60,7 +60,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         before = session.shape
         tab.press("Practise on it")
         tab.wait_until(lambda: session.dissection.organ.encoded == coarse)
-        assert session.shape > before
+        tab.wait_until(lambda: session.shape > before)
         assert not session.run.started
         assert session.force_wanted == 0.0
         tab.open("Train")
