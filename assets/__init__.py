@@ -1,11 +1,14 @@
-"""What ships with the trainer: the bile-duct phantom's section images and the material presets."""
+"""What ships with the trainer: the bile-duct phantom, images and organ, and material presets."""
 
 from pathlib import Path
 
-__all__ = ["BILE_DUCT_PHANTOM", "PRESETS"]
+__all__ = ["BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"]
 
 BILE_DUCT_PHANTOM: Path = Path(__file__).parent / "bile_duct_phantom"
 """Folder of the section images and their ``spacing.json``."""
+
+BILE_DUCT: Path = Path(__file__).parent / "bile_duct_phantom.organ"
+"""What `bluntdissect compress` makes of these images."""
 
 PRESETS: Path = Path(__file__).parent / "presets.toml"
 """Material presets, each with its source and how sure it is."""

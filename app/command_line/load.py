@@ -47,18 +47,17 @@ def organ_from(path: Path | None) -> "Organ":
 
 
 def shipped_organ() -> "Organ":
-    """Return the organ that the shipped section images give.
+    """Return the organ that ships with the trainer: nothing need be built before the first page.
 
     Returns
     -------
     Organ
         The bile-duct phantom.
     """
-    from assets import BILE_DUCT_PHANTOM
-    from organ_geometry.images.stack_reader import read_image_stack
-    from organ_geometry.organ_builder import build_organ
+    from assets import BILE_DUCT
+    from organ_geometry.coding.organ_file import read_organ
 
-    return build_organ(read_image_stack(BILE_DUCT_PHANTOM)).organ
+    return read_organ(BILE_DUCT)
 
 
 def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":
