@@ -133,7 +133,7 @@ def export(
         print(json.dumps(facts))
         return
     if output is not None:
-        each = " each" if facts["kind"] == "pvd" else ""
+        each = " each" if output.suffix.lower() == ".pvd" else ""
         faces = f", {facts['faces']:,} faces{each}" if facts["faces"] else ""
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
         print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")

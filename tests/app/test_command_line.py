@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -173,6 +174,17 @@ def test_export_bends_by_what_solve_says(duct: Path, tmp_path: Path) -> None:
         tops.append(float(mesh.vertices[middle][:, 2].max()))
     deflection = solved("--preset", "thesis-bile-duct", "--force", 2.0)["deflection_mm"]
     assert tops[1] - tops[0] == pytest.approx(deflection, abs=0.05)
+
+
+def test_export_counts_the_faces_of_each_surface_of_a_series(duct: Path, tmp_path: Path) -> None:
+    lines = []
+    for name in ("pull.pvd", "pull.vtp"):
+        done = run("export", duct, "--frames", 2, "--edge-length", 2, "-o", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        lines.append(done.stdout.splitlines()[0])
+    series, single = lines
+    faces = re.findall(r", ([\d,]+ faces)", single)[0]
+    assert f", {faces} each, " in series
 
 
 def test_export_torn_is_two_closed_pieces(duct: Path, tmp_path: Path) -> None:
