@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-__all__ = ["check_target", "write_whole"]
+__all__ = ["check_target", "make_folder", "write_whole"]
 
 
 def check_target(path: Path) -> None:
@@ -26,6 +26,27 @@ def check_target(path: Path) -> None:
         raise ValueError(f"cannot write {path}: it is a folder; give the name of a file")
     if path.exists() and not path.is_file():
         raise ValueError(f"cannot write {path}: it is a device or a pipe; give the name of a file")
+
+
+def make_folder(path: Path, refusal: str) -> None:
+    """Make a folder, and those above it, where there is none.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    refusal
+        What is said if it cannot be one, before the reason.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be one.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{refusal}: {(error.strerror or str(error)).lower()}") from error
 
 
 def write_whole(path: Path, content: bytes) -> None:

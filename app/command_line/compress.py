@@ -211,9 +211,8 @@ def compress(
 
 def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
     from app.compression.report import report_lines
-    from app.compression.stack_job import check_job, compress_stack
+    from app.compression.stack_job import compress_stack
 
-    check_job(job)
     with _progress("Finding edges") as bar:
         task = bar.add_task("", total=None)
         said = compress_stack(
@@ -231,10 +230,13 @@ def _compress_many(
     """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
     from app.compression.report import Facts, section_lines, summary_lines
     from app.compression.stack_job import Failed, compress_all
+    from organ_geometry.whole_file import make_folder
 
     for place in (folder, figures):
         if place is not None:
-            _make_folder(place)
+            make_folder(
+                place, f"several stacks need a folder to write into, and {place} cannot be one"
+            )
     by_stack: dict[str, Facts | Failed] = {}
     with _progress("Compressing") as bar:
         task = bar.add_task("", total=len(jobs))
@@ -270,16 +272,6 @@ def _within(area: "Region | None", seed: "Seed | None") -> "Seed | None":
     if len(seed) == 2:
         return x, y
     return x, y, seed[2] - (area[4] if len(area) == 6 else 0)
-
-
-def _make_folder(place: Path) -> None:
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(
-            f"several stacks need a folder to write into, and {place} cannot be one: "
-            f"{(error.strerror or str(error)).lower()}"
-        ) from error
 
 
 @contextmanager

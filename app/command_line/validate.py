@@ -28,14 +28,10 @@ def validate(
     from app.validation.figures import draw_figures
     from app.validation.page import errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
-    from organ_geometry.whole_file import write_whole
+    from organ_geometry.whole_file import make_folder, write_whole
 
     if output is not None:
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise ValueError(f"--output {output} cannot be a folder: {reason}") from error
+        make_folder(output, f"--output {output} cannot be a folder")
     comparisons = [compared(table) for table in TABLES]
     solids = [solid_errors(table) for table in TABLES]
     if output is not None:

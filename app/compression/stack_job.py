@@ -16,7 +16,7 @@ from organ_geometry.organ_builder import build_organ
 from organ_geometry.recut.recut_stack import When, recut_where_needed
 from organ_geometry.whole_file import check_target
 
-__all__ = ["Failed", "StackJob", "check_job", "compress_all", "compress_stack", "jobs_into"]
+__all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
 
 ORGAN_SUFFIX = ".organ"
 
@@ -75,20 +75,8 @@ class Failed:
         return {"stack": str(self.stack), "error": self.reason}
 
 
-def check_job(job: StackJob) -> None:
-    """Refuse files that cannot be written, or that would be taken for images of the stack.
-
-    Parameters
-    ----------
-    job
-        The stack.
-
-    Raises
-    ------
-    ValueError
-        If the organ's file has another suffix or no place to be, or if the figure cannot be drawn
-        or would stand among the images.
-    """
+def _check_job(job: StackJob) -> None:
+    """Refuse files that cannot be written, or that would be taken for images of the stack."""
     if job.output.suffix.lower() != ORGAN_SUFFIX:
         raise ValueError(f"an organ file must end in {ORGAN_SUFFIX}, not {job.output}")
     check_target(job.output)
@@ -122,9 +110,10 @@ def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = 
     Raises
     ------
     ValueError
-        If the images cannot be read, show no organ, or a file cannot be written (`check_job`).
+        If the images cannot be read, show no organ, or a file has another suffix, cannot be
+        written or would be taken for one of them.
     """
-    check_job(job)
+    _check_job(job)
     images = read_image_stack(job.stack, **job.reading)
     building = dict(job.building)
     where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}

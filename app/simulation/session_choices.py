@@ -21,16 +21,7 @@ __all__ = ["ChosenSession"]
 class ChosenSession(HandledSession):
     """A session whose duct, theory and exercise can be chosen; each choice starts anew.
 
-    Parameters
-    ----------
-    organ
-        The organ.
-    preset
-        The preset to start with; `default_preset` when None.
-    vertices
-        About how many vertices the skin shall have.
-    seed
-        Chooses the raggedness of the torn rim.
+    Made with the parameters of a `SessionState`.
     """
 
     def presets_offered(self) -> list[Preset]:

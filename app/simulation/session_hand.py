@@ -12,16 +12,7 @@ __all__ = ["HandledSession"]
 class HandledSession(SessionState):
     """A session whose duct is pulled, by force or by hand. Wishes are taken with the next step.
 
-    Parameters
-    ----------
-    organ
-        The organ.
-    preset
-        The preset to start with; `default_preset` when None.
-    vertices
-        About how many vertices the skin shall have.
-    seed
-        Chooses the raggedness of the torn rim.
+    Made with the parameters of a `SessionState`.
     """
 
     def set_force(self, force: float) -> None:

@@ -1,6 +1,6 @@
 """The search for the fewest bytes: which axis, which steps, and which numbers in them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -10,7 +10,6 @@ from organ_geometry.coding.organ_attempts import AXIS_PRICE, KeptCode, OrganAtte
 from organ_geometry.coding.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
 from organ_geometry.coding.organ_cut import OrganCut, best_turn
 from organ_geometry.coding.section_signals import signals_to_rows
-from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.key_sections import key_sections
 
 Effort: TypeAlias = Literal["quick", "full"]
@@ -59,33 +58,12 @@ class EncoderSearch:
 
     Parameters
     ----------
-    contours
-        Two or more sections in order.
-    tolerance
-        Largest RMS distance of a section's edge points to the organ, mm.
-    overall
-        Largest RMS distance of all of them, mm, or None.
-    hollow
-        Whether all sections have a lumen that counts.
-    left_handed
-        Whether right, down and along the stack are left-handed in the images.
-    units
-        What the lengths are called.
+    attempts
+        Makes and measures numbers. The search sets its turn, limits and depth: it needs its own.
     """
 
-    def __init__(
-        self,
-        contours: Sequence[SectionContour],
-        tolerance: float,
-        overall: float | None,
-        *,
-        hollow: bool,
-        left_handed: bool,
-        units: str,
-    ) -> None:
-        self._attempts = OrganAttempts(
-            contours, tolerance, overall, hollow=hollow, left_handed=left_handed, units=units
-        )
+    def __init__(self, attempts: OrganAttempts) -> None:
+        self._attempts = attempts
         self._turn: int | None = None
         self._middle = 1
 
@@ -139,7 +117,7 @@ class EncoderSearch:
         tried: list[tuple[float, int, CodedAxis, OrganCut]] = []
         for scale, axis, cut in self._axes(effort):
             found = self._attempts.descended(scale, axis, cut, steps[0], starts[0], _FEW_ROUNDS)
-            kept += [one for one in found if one.worst <= 1.0]
+            kept += _keeping(found)
             if found:
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
                 tried.append((size, scale, axis, cut))
@@ -278,6 +256,9 @@ class EncoderSearch:
         start: float,
         rounds: int,
     ) -> list[KeptCode]:
-        """Return the attempts that keep the tolerance."""
-        found = self._attempts.descended(scale, axis, cut, step, start, rounds)
-        return [one for one in found if one.worst <= 1.0]
+        """Return the attempts of one axis and step that keep the tolerance."""
+        return _keeping(self._attempts.descended(scale, axis, cut, step, start, rounds))
+
+
+def _keeping(attempts: list[KeptCode]) -> list[KeptCode]:
+    return [one for one in attempts if one.worst <= 1.0]

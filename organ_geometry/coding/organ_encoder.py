@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.encoder_search import Effort, EncoderSearch, NotKept
-from organ_geometry.coding.organ_attempts import KeptCode
+from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
 from organ_geometry.coding.organ_file import organ_from_bytes
 from organ_geometry.coding.section_encoder import Outlines
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall, smallest_kept
@@ -91,7 +91,9 @@ def encoded_organ(
 
     def search(limit: float, whole: float | None) -> EncoderSearch:
         return EncoderSearch(
-            contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
+            OrganAttempts(
+                contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
+            )
         )
 
     own = search(tolerance, overall)
