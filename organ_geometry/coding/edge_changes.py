@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from organ_geometry.coding.key_lattice import differences_to_values
 from organ_geometry.coding.organ_cut import OrganCut
 from organ_geometry.coding.section_signals import CIRCLE
+from organ_geometry.coding.surface_distance import FURTHER, nearest_column
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
@@ -89,6 +90,31 @@ class EdgePoints:
             at=table[2],
             weights=weights,
             beyond=np.bincount(slices, weights * table[4] ** 2, count).astype(np.float64),
+        )
+
+    def of_slices(self, slices: NDArray[np.intp]) -> "EdgePoints":
+        """Return the points of some slices, which are numbered anew.
+
+        Parameters
+        ----------
+        slices
+            (C,) the slices, growing.
+
+        Returns
+        -------
+        EdgePoints
+            Their points.
+        """
+        number = np.full(len(self.beyond), -1, dtype=np.intp)
+        number[slices] = np.arange(len(slices))
+        some = number[self.slices] >= 0
+        return EdgePoints(
+            slices=number[self.slices[some]],
+            lumen=self.lumen[some],
+            place=self.place[some],
+            at=self.at[some],
+            weights=self.weights[some],
+            beyond=self.beyond[slices],
         )
 
     def shares(self, keys: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -187,33 +213,41 @@ def _linearised(
         for k in range(7):
             round_half[c] += circle[k] * basis[c, k]
     xs, ys = np.empty(total), np.empty(total)
+    known = np.empty(half, np.bool_)
     unit = np.empty(7)
     for p in range(count):
         a, e = signals[p, 0], signals[p, 1]
         for c in range(half):
-            up = a * round_half[c]
-            middle = 0.0
-            for k in range(7):
-                up += signals[p, 2 + k] * basis[c, k]
-                middle += signals[p, 9 + k] * basis[c, k]
             xs[c] = xs[total - 1 - c] = e + a * corners[c]
-            ys[c] = middle + up
-            ys[total - 1 - c] = middle - up
+        known[:] = False
         px, py = places[p, 0], places[p, 1]
-        best, at, part = np.inf, 0, 0.0
-        x0, y0 = xs[total - 1], ys[total - 1]
-        for c in range(total):
-            sx, sy, tx, ty = xs[c] - x0, ys[c] - y0, px - x0, py - y0
-            squared = sx * sx + sy * sy
-            share = 0.0
-            if squared > 0.0:
-                share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-            tx -= share * sx
-            ty -= share * sy
-            near = tx * tx + ty * ty
-            if near < best:
-                best, at, part = near, c, share
-            x0, y0 = xs[c], ys[c]
+        best, at, part = np.inf, total, 0.0
+        # From the point's column to both sides, until one is further away than what was found.
+        start = nearest_column(px, xs[0], xs[half - 1], half - 1)
+        for way in range(-1, 2, 2):
+            column = start if way > 0 else start - 1
+            while 0 <= column < half - 1:
+                off = way * (px - xs[column if way > 0 else column + 1])
+                if off > 0.0 and off * off > FURTHER * best:
+                    break
+                for c in range(column, column + 2):
+                    if not known[c]:
+                        _set_corner(signals[p], round_half, basis, c, ys)
+                        known[c] = True
+                for c in (column + 1, total - 1 - column):
+                    near, share = _side(xs, ys, c, px, py)
+                    if near < best or (near == best and c < at):
+                        best, at, part = near, c, share
+                column += way
+        for c in (0, half):
+            if (px - xs[c]) ** 2 <= FURTHER * best:
+                corner = c if c == 0 else half - 1
+                if not known[corner]:
+                    _set_corner(signals[p], round_half, basis, corner, ys)
+                    known[corner] = True
+                near, share = _side(xs, ys, c, px, py)
+                if near < best or (near == best and c < at):
+                    best, at, part = near, c, share
         before = at - 1 if at > 0 else total - 1
         u0 = corners[before] if before < half else corners[total - 1 - before]
         u1 = corners[at] if at < half else corners[total - 1 - at]
@@ -243,3 +277,38 @@ def _linearised(
         changes[0, p] = -(nx * u + ny * side * bulge)
         changes[1, p] = -nx
     return away, changes
+
+
+@numba.njit(cache=True)
+def _set_corner(
+    signals: NDArray[np.float64],
+    round_half: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    corner: int,
+    ys: NDArray[np.float64],
+) -> None:
+    """Set the y of an outline's two corners at one x."""
+    up = signals[0] * round_half[corner]
+    middle = 0.0
+    for k in range(7):
+        up += signals[2 + k] * basis[corner, k]
+        middle += signals[9 + k] * basis[corner, k]
+    ys[corner] = middle + up
+    ys[len(ys) - 1 - corner] = middle - up
+
+
+@numba.njit(cache=True)
+def _side(
+    xs: NDArray[np.float64], ys: NDArray[np.float64], corner: int, x: float, y: float
+) -> tuple[float, float]:
+    """Return a point's squared distance to the side that ends at a corner, and its foot's share."""
+    before = corner - 1 if corner > 0 else len(xs) - 1
+    sx, sy = xs[corner] - xs[before], ys[corner] - ys[before]
+    tx, ty = x - xs[before], y - ys[before]
+    squared = sx * sx + sy * sy
+    share = 0.0
+    if squared > 0.0:
+        share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+    tx -= share * sx
+    ty -= share * sy
+    return tx * tx + ty * ty, share

@@ -1,5 +1,6 @@
 """Attempts at an organ's numbers: an axis, steps, and what is stored in them."""
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -126,20 +127,13 @@ class OrganAttempts:
         self._hollow = hollow
         self.turn = 0
         self._left_handed = left_handed
-        self.depth = min(
-            max(1, math.ceil(math.log2(max(2, len(contours) - 1)) - 0.4)), LARGEST_KEY_DEPTH
-        )
-        normals = np.array([contour.normal for contour in contours])
+        self.depth = _depth(len(contours))
         measures = [centroid_and_radius(contour.outer) for contour in contours]
         self.centroids = np.array([centroid for centroid, _ in measures])
         self._radius = float(np.mean([radius for _, radius in measures]))
-        self._lofts = [ContourLoft.through([contour.outer for contour in contours], normals)]
-        counts = [len(contour.outer) for contour in contours]
-        if hollow:
-            lumens = [contour.lumen for contour in contours if contour.lumen is not None]
-            self._lofts.append(ContourLoft.through(lumens, normals))
-            counts = [a + len(b) for a, b in zip(counts, lumens, strict=True)]
-        self._shares = np.array(counts) / sum(counts)
+        self._lofts: list[ContourLoft] = []
+        counts = np.sum([[len(edge) for edge in edges] for edges in self._edges], axis=0)
+        self._shares = counts / counts.sum()
         within = max(tolerance, _FINEST_SHARE * self._radius)
         self._number = tolerance_number(min(within, _LARGEST_SHARE * self._radius))
         stored = tolerance_of(self._number)
@@ -153,6 +147,64 @@ class OrganAttempts:
         self._unit = min(stored, max(1.25 * self._overall, _FINEST_SHARE * self._radius), longest)
         self.usual = self._unit / stored
         self.tolerance = stored
+
+    @property
+    def _edges(self) -> list[list[NDArray[np.float64]]]:
+        """The outer boundaries, and the lumens if they count."""
+        edges = [[contour.outer for contour in self.contours]]
+        if self._hollow:
+            edges.append([one.lumen for one in self.contours if one.lumen is not None])
+        return edges
+
+    def _loft(self) -> list[ContourLoft]:
+        """Return the lofts through the boundaries."""
+        if not self._lofts:
+            normals = np.array([contour.normal for contour in self.contours])
+            self._lofts = [ContourLoft.through(edges, normals) for edges in self._edges]
+        return self._lofts
+
+    def of_some(self, chosen: NDArray[np.intp]) -> "OrganAttempts":
+        """Return attempts at the organ of some of the sections, with the same steps and limits.
+
+        Parameters
+        ----------
+        chosen
+            (C,) numbers of the sections, growing.
+
+        Returns
+        -------
+        OrganAttempts
+            The attempts.
+        """
+        some = copy.copy(self)
+        some.contours = [self.contours[number] for number in chosen]
+        some.centroids = self.centroids[chosen]
+        some.limits = self.limits[chosen]
+        some.depth = _depth(len(chosen))
+        some._lofts = []
+        some._shares = self._shares[chosen] / self._shares[chosen].sum()
+        return some
+
+    def of_all(self, one: KeptCode) -> KeptCode | None:
+        """Return how well numbers found by some of the sections keep all of them.
+
+        Parameters
+        ----------
+        one
+            The numbers.
+
+        Returns
+        -------
+        KeptCode or None
+            The same numbers, measured; None if they make no organ.
+        """
+        code = one.code
+        cut = OrganCut(
+            self.contours, self._loft(), self.centroids, one.cut.keys, self.depth,
+            4.0 * self._radius, left_handed=self._left_handed, like=one.cut,
+        )  # fmt: skip
+        sections = CodedSections(code.keys, code.outer, code.lumen)
+        return self.measured(code.axis_scale, code, cut, code.section_scale, sections)
 
     def cut(self, levels: int, step: float) -> tuple[CodedAxis, OrganCut]:
         """Return an axis whose ends' planes enclose the end sections, and the contours cut by it.
@@ -176,7 +228,7 @@ class OrganAttempts:
                 self.centroids, levels, step, AXIS_PRICE * step * step, (reach[0], reach[1])
             )
             cut = OrganCut(
-                self.contours, self._lofts, self.centroids, axis.keys, self.depth,
+                self.contours, self._loft(), self.centroids, axis.keys, self.depth,
                 4.0 * self._radius, self.turn, left_handed=self._left_handed,
             )  # fmt: skip
             located, section = cut.edges[0]
@@ -372,3 +424,8 @@ class OrganAttempts:
             for outlines, rings in zip(corners, walls, strict=True)
             for outline, edge in zip(outlines, rings, strict=True)
         )
+
+
+def _depth(sections: int) -> int:
+    """Return how often the axis is halved for the candidates for key sections."""
+    return min(max(1, math.ceil(math.log2(max(2, sections - 1)) - 0.4)), LARGEST_KEY_DEPTH)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +40,14 @@ class OrganCut:
         How far half-curves are turned in their sections, as in `OrganCode`.
     left_handed
         Whether frames are left-handed.
+    like
+        A cut of some of the contours across this axis; its frames and candidates are taken, and
+        the depth says how many outlines there are.
 
     Attributes
     ----------
+    keys
+        (K, 3) keys of the axis, mm.
     candidates
         Number of pieces between candidates.
     samples
@@ -50,10 +56,6 @@ class OrganCut:
         The frames, as in `OrganCode`.
     places
         (S,) place of each section along the axis, from 0 to 1.
-    outlines
-        The contours at equal distances along the axis.
-    encoder
-        Codes them.
     pieces
         Number of pieces of the axis that a reader will have.
     edges
@@ -71,11 +73,53 @@ class OrganCut:
         turn: int = 0,
         *,
         left_handed: bool,
+        like: "OrganCut | None" = None,
     ) -> None:
-        self.turn = turn
-        self.candidates = 2**depth
-        self.samples = (1 if self.candidates + 1 >= len(contours) else 2) * self.candidates
+        self.keys = keys
+        self.turn = turn if like is None else like.turn
+        self.candidates = 2**depth if like is None else like.candidates
+        self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
+        if like is None:
+            self._lay(contours, centroids, left_handed)
+        else:
+            self.start_axis, self.roll, self.tilts = like.start_axis, like.roll, like.tilts
+        points, frames = axis_and_frames(
+            keys, samples, self.start_axis, self.roll, self.tilts, self.turn, left_handed=hand
+        )
+        self.places = _places(centroids, points, frames[:, :, 2])
+        self._lofts, self._far = lofts, far
+        self._points, self._frames = points, frames
+        self._locate(contours, keys, left_handed=hand, hollow=len(lofts) > 1)
+
+    @cached_property
+    def outlines(self) -> Outlines:
+        """The contours at equal distances along the axis."""
+        points, frames = self._points, self._frames
+        numbers = np.interp(
+            np.linspace(0.0, 1.0, len(points)), self.places, np.arange(len(self.places))
+        )
+        normals = frames[:, :, 2]
+        walls: list[NDArray[np.float64]] = []
+        for loft in self._lofts:
+            longer = loft.extended(-self._far * normals[0], self._far * normals[-1])
+            rings = longer.cuts(points, normals, numbers + 1.0) - points[:, np.newaxis, :]
+            walls.append(rings @ frames[:, :, :2])
+        return Outlines(walls[0], walls[1] if len(walls) > 1 else None)
+
+    @cached_property
+    def encoder(self) -> SectionEncoder:
+        """What codes the outlines."""
+        return SectionEncoder(self.outlines, self.candidates)
+
+    def _lay(
+        self,
+        contours: Sequence[SectionContour],
+        centroids: NDArray[np.float64],
+        left_handed: bool,
+    ) -> None:
+        """Find frames that lie as the images do, and that end in the planes of the end sections."""
+        keys, samples, hand = self.keys, self.samples, left_handed
         upright = np.zeros((2, 2), dtype=np.int64)
         _, frames = axis_and_frames(keys, samples, 0, 0, upright, left_handed=hand)
         start = self.start_axis = int(np.abs(frames[0, :, 2]).argmin())
@@ -95,22 +139,6 @@ class OrganCut:
                 np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * TILTS
             ).astype(np.int64)
         self.tilts = upright
-        points, frames = axis_and_frames(
-            keys, samples, start, self.roll, upright, turn, left_handed=hand
-        )
-        self.places = _places(centroids, points, frames[:, :, 2])
-        numbers = np.interp(
-            np.linspace(0.0, 1.0, samples + 1), self.places, np.arange(len(self.places))
-        )
-        normals = frames[:, :, 2]
-        walls: list[NDArray[np.float64]] = []
-        for loft in lofts:
-            longer = loft.extended(-far * normals[0], far * normals[-1])
-            rings = longer.cuts(points, normals, numbers + 1.0) - points[:, np.newaxis, :]
-            walls.append(rings @ frames[:, :, :2])
-        self.outlines = Outlines(walls[0], walls[1] if len(walls) > 1 else None)
-        self.encoder = SectionEncoder(self.outlines, self.candidates)
-        self._locate(contours, keys, left_handed=hand, hollow=len(walls) > 1)
 
     def _locate(
         self,

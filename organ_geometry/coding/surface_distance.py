@@ -14,6 +14,9 @@ from organ_geometry.organ import Organ, Wall
 
 _HALF_CORNERS = 48
 
+FURTHER = 1.0 + 1e-6
+"""How much further away, squared, what is left out must be, for rounding."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocatedPoints:
@@ -238,25 +241,86 @@ def _outline_distances(
     beyonds: NDArray[np.float64],
     outlines: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    corners = outlines.shape[1]
+    """Return distances of points to outlines as `closed_outlines` makes them."""
+    last = outlines.shape[1] - 1
+    columns = outlines.shape[1] // 2 - 1
     distances = np.empty(len(pieces))
     for i in range(len(pieces)):
-        k, share = pieces[i], shares[i]
-        x, y, beyond = places[i, 0], places[i, 1], beyonds[i]
+        k, share, x, y = pieces[i], shares[i], places[i, 0], places[i, 1]
+        ends = _across(outlines, k, share, 0), _across(outlines, k, share, columns)
         best = np.inf
-        x0 = outlines[k, -1, 0] * (1.0 - share) + outlines[k + 1, -1, 0] * share
-        y0 = outlines[k, -1, 1] * (1.0 - share) + outlines[k + 1, -1, 1] * share
-        for c in range(corners):
-            x1 = outlines[k, c, 0] * (1.0 - share) + outlines[k + 1, c, 0] * share
-            y1 = outlines[k, c, 1] * (1.0 - share) + outlines[k + 1, c, 1] * share
-            sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
-            squared = sx * sx + sy * sy
-            part = 0.0
-            if squared > 0.0:
-                part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-            tx -= part * sx
-            ty -= part * sy
-            best = min(best, tx * tx + ty * ty)
-            x0, y0 = x1, y1
-        distances[i] = np.sqrt(best + beyond * beyond)
+        # Both halves have corners at the same x: from the point's column, look to both sides until
+        # a column is further away than what was found.
+        start = nearest_column(x, ends[0], ends[1], columns)
+        for way in range(-1, 2, 2):
+            column = start if way > 0 else start - 1
+            while 0 <= column < columns:
+                side = column if way > 0 else column + 1
+                off = way * (x - _across(outlines, k, share, side))
+                if off > 0.0 and off * off > FURTHER * best:
+                    break
+                one = _squared_distance(outlines, k, share, column, column + 1, x, y)
+                top = last - column
+                other = _squared_distance(outlines, k, share, top - 1, top, x, y)
+                best = min(best, one, other)
+                column += way
+        if (x - ends[0]) ** 2 <= FURTHER * best:
+            best = min(best, _squared_distance(outlines, k, share, last, 0, x, y))
+        if (x - ends[1]) ** 2 <= FURTHER * best:
+            best = min(best, _squared_distance(outlines, k, share, columns, columns + 1, x, y))
+        distances[i] = np.sqrt(best + beyonds[i] * beyonds[i])
     return distances
+
+
+@numba.njit(cache=True)
+def nearest_column(x: float, right: float, left: float, columns: int) -> int:
+    """Return the column of an outline in which a place lies, or about that.
+
+    Parameters
+    ----------
+    x
+        The place, mm.
+    right, left
+        Where the outline begins and ends, mm.
+    columns
+        Number of columns, which are bounded by the cosines of even angles.
+
+    Returns
+    -------
+    int
+        The column, from the right.
+    """
+    width = right - left
+    u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
+    column = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
+    return min(max(column, 0), columns - 1)
+
+
+@numba.njit(cache=True)
+def _across(outlines: NDArray[np.float64], k: int, share: float, corner: int) -> float:
+    """Return the x of a corner of the outline between two outlines."""
+    return outlines[k, corner, 0] * (1.0 - share) + outlines[k + 1, corner, 0] * share
+
+
+@numba.njit(cache=True)
+def _squared_distance(
+    outlines: NDArray[np.float64],
+    k: int,
+    share: float,
+    first: int,
+    second: int,
+    x: float,
+    y: float,
+) -> float:
+    """Return the squared distance of a point to a side of the outline between two outlines."""
+    x0, x1 = _across(outlines, k, share, first), _across(outlines, k, share, second)
+    y0 = outlines[k, first, 1] * (1.0 - share) + outlines[k + 1, first, 1] * share
+    y1 = outlines[k, second, 1] * (1.0 - share) + outlines[k + 1, second, 1] * share
+    sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
+    squared = sx * sx + sy * sy
+    part = 0.0
+    if squared > 0.0:
+        part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+    tx -= part * sx
+    ty -= part * sy
+    return tx * tx + ty * ty
