@@ -13,18 +13,28 @@ from organ_geometry.coding.section_signals import signals_to_rows
 from organ_geometry.curves.key_sections import key_sections
 
 Effort: TypeAlias = Literal["quick", "full"]
-Tries: TypeAlias = Literal["quick", "full", "nearest"]
+Search: TypeAlias = Literal["quick", "full", "sample"]
+Tries: TypeAlias = Literal["quick", "full", "sample", "nearest"]
 
 # Steps in tolerances: of the axis, of half-curves, of these where none of them will do.
-_AXIS_STEPS = {"quick": (1.0, 2.0), "full": (1.0, 1.5, 2.0, 3.0), "nearest": (1.0,)}
-_STEPS = {"quick": (0.75, 0.5, 1.0), "full": (0.75, 0.5, 0.875, 1.0, 0.625)}
+_AXIS_STEPS = {
+    "quick": (1.0, 2.0),
+    "full": (1.0, 1.5, 2.0, 3.0),
+    "sample": (1.0, 2.0),
+    "nearest": (1.0,),
+}
+_STEPS = {
+    "quick": (0.75, 0.5, 1.0),
+    "full": (0.75, 0.5, 0.875, 1.0, 0.625),
+    "sample": (0.75, 1.0),
+}
 _FINER_STEPS = (0.35, 0.25, 0.15)
 _FINEST_STEP = 1.0 / 16.0
 # What a bit is worth in the sections that the search for fewer bits begins with.
-_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.05, 0.3)}
-_BEST_AXES = {"quick": 2, "full": 4}
-_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "nearest": (1, 0)}
-_ROUNDS = {"quick": 6, "full": 10}
+_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.05, 0.3), "sample": (0.1,)}
+_BEST_AXES = {"quick": 2, "full": 4, "sample": 1}
+_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "sample": (0, -1), "nearest": (1, 0)}
+_ROUNDS = {"quick": 6, "full": 10, "sample": 5}
 _FEW_ROUNDS = 3
 _TIGHTENINGS, _TIGHTER = 3, 0.6
 _NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
@@ -67,13 +77,13 @@ class EncoderSearch:
         self._turn: int | None = None
         self._middle = 1
 
-    def in_fewest_bytes(self, effort: Effort = "quick") -> KeptCode:
+    def in_fewest_bytes(self, effort: Search = "quick") -> KeptCode:
         """Return the numbers of fewest bytes that keep the tolerance.
 
         Parameters
         ----------
         effort
-            How much is tried.
+            How much is tried; least for a sample of a long stack.
 
         Returns
         -------
@@ -110,7 +120,7 @@ class EncoderSearch:
             f"between them are needed, or a smaller tolerance"
         )
 
-    def _searched(self, effort: Effort) -> list[KeptCode]:
+    def _searched(self, effort: Search) -> list[KeptCode]:
         """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
         steps, starts, rounds = _STEPS[effort], _START_PRICES[effort], _ROUNDS[effort]
         kept: list[KeptCode] = []
@@ -241,7 +251,7 @@ class EncoderSearch:
                 for share in _AXIS_STEPS[effort]:
                     yield self._middle + more, share
 
-    def _axes(self, effort: Effort) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
+    def _axes(self, effort: Search) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
         """Yield axes of several steps and numbers of keys, and the contours cut across them."""
         for levels, share in self._settings(effort):
             scale = scale_number(share * self._attempts.usual)

@@ -177,7 +177,7 @@ class OrganAttempts:
             The attempts.
         """
         some = copy.copy(self)
-        some.contours = [self.contours[number] for number in chosen]
+        some.contours = [self.contours[number] for number in chosen.tolist()]
         some.centroids = self.centroids[chosen]
         some.limits = self.limits[chosen]
         some.depth = _depth(len(chosen))
@@ -185,13 +185,15 @@ class OrganAttempts:
         some._shares = self._shares[chosen] / self._shares[chosen].sum()
         return some
 
-    def of_all(self, one: KeptCode) -> KeptCode | None:
+    def of_all(self, one: KeptCode, finer: int = 1) -> KeptCode | None:
         """Return how well numbers found by some of the sections keep all of them.
 
         Parameters
         ----------
         one
             The numbers.
+        finer
+            How many times as many candidates for key sections there are to be, a power of two.
 
         Returns
         -------
@@ -201,9 +203,9 @@ class OrganAttempts:
         code = one.code
         cut = OrganCut(
             self.contours, self._loft(), self.centroids, one.cut.keys, self.depth,
-            4.0 * self._radius, left_handed=self._left_handed, like=one.cut,
+            4.0 * self._radius, left_handed=self._left_handed, like=one.cut, finer=finer,
         )  # fmt: skip
-        sections = CodedSections(code.keys, code.outer, code.lumen)
+        sections = CodedSections(code.keys * finer, code.outer, code.lumen)
         return self.measured(code.axis_scale, code, cut, code.section_scale, sections)
 
     def cut(self, levels: int, step: float) -> tuple[CodedAxis, OrganCut]:

@@ -43,6 +43,8 @@ class OrganCut:
     like
         A cut of some of the contours across this axis; its frames and candidates are taken, and
         the depth says how many outlines there are.
+    finer
+        How many times as many candidates there are.
 
     Attributes
     ----------
@@ -74,10 +76,11 @@ class OrganCut:
         *,
         left_handed: bool,
         like: "OrganCut | None" = None,
+        finer: int = 1,
     ) -> None:
         self.keys = keys
         self.turn = turn if like is None else like.turn
-        self.candidates = 2**depth if like is None else like.candidates
+        self.candidates = 2**depth if like is None else like.candidates * finer
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
         if like is None:

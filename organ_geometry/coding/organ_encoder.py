@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from organ_geometry.coding.encoder_search import Effort, EncoderSearch, NotKept
 from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
 from organ_geometry.coding.organ_file import organ_from_bytes
+from organ_geometry.coding.sampled_search import MANY_SECTIONS, SampledSearch
 from organ_geometry.coding.section_encoder import Outlines
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall, smallest_kept
 from organ_geometry.contours.contour import SectionContour
@@ -68,7 +69,8 @@ def encoded_organ(
         How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
         section with the last key section.
     effort
-        "quick" tries a few axes and steps, "full" many, for some bytes less.
+        "quick" tries a few axes and steps, for a long stack by some of its sections; "full" tries
+        many, for some bytes less.
     units
         What the lengths are called.
     name
@@ -89,16 +91,20 @@ def encoded_organ(
     if len(contours) < 2:
         raise ValueError(f"an organ needs two or more sections, not {len(contours)}")
 
-    def search(limit: float, whole: float | None) -> EncoderSearch:
-        return EncoderSearch(
-            OrganAttempts(
-                contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
-            )
+    def attempts(limit: float, whole: float | None) -> OrganAttempts:
+        return OrganAttempts(
+            contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
         )
 
-    own = search(tolerance, overall)
+    own = attempts(tolerance, overall)
+    by_sections = overall is None or overall >= tolerance
     try:
-        kept = own.by_the_thesis() if select == "thesis" else own.in_fewest_bytes(effort)
+        if select == "thesis":
+            kept = EncoderSearch(own).by_the_thesis()
+        elif effort == "quick" and by_sections and len(contours) >= MANY_SECTIONS:
+            kept = SampledSearch(own).in_few_bytes()
+        else:
+            kept = EncoderSearch(own).in_fewest_bytes(effort)
     except NotKept as error:
         missed = error
         if missed.nearest_mm <= tolerance:
@@ -110,7 +116,7 @@ def encoded_organ(
 
         def can(limit: float) -> bool:
             try:
-                search(limit, None).nearest(missed.way)
+                EncoderSearch(attempts(limit, None)).nearest(missed.way)
             except NotKept:
                 return False
             return True

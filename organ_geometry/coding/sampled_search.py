@@ -10,12 +10,14 @@ from organ_geometry.coding.organ_code import signal_steps
 from organ_geometry.coding.section_encoder import CodedSections
 from organ_geometry.coding.slice_descent import Aim, fewer_bits
 
-MANY_SECTIONS = 96
+MANY_SECTIONS = 192
 """Stacks of fewer sections are searched by all of them."""
-SAMPLE = 48
-"""About how many sections a long stack is searched by."""
+SAMPLES = (48, 48, 64, 96)
+"""About how many sections a long stack is searched by, first and then, those beside that joined."""
 
-_ROUNDS = 12
+_ROUNDS = 6
+# More rounds are of no use where one hardly gained.
+_GAINS = 0.995
 _EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
 _MARGIN, _LEAST_MARGIN = 0.96, 0.6
 # Sections so near to their limit join those that are searched by.
@@ -37,54 +39,73 @@ class SampledSearch:
     def __init__(self, attempts: OrganAttempts) -> None:
         self._attempts = attempts
 
-    def in_few_bytes(self) -> KeptCode | None:
+    def in_few_bytes(self) -> KeptCode:
         """Return numbers of few bytes that keep the tolerance in every section.
 
         Returns
         -------
-        KeptCode or None
-            The numbers, measured by all edge points of all sections; None if none were found.
-        """
-        attempts = self._attempts
-        count = len(attempts.contours)
-        pieces = -(-(count - 1) // max(1, round((count - 1) / SAMPLE)))
-        sample = np.linspace(0, count - 1, pieces + 1).round().astype(np.intp)
-        try:
-            found = EncoderSearch(attempts.of_some(sample)).in_fewest_bytes()
-        except NotKept:
-            return None
-        held = self._held(found, sample)
-        if held is None or attempts.thin(held).size or attempts.strays(held):
-            return None
-        return held
+        KeptCode
+            The numbers, measured by all edge points of all sections.
 
-    def _held(self, found: KeptCode, sample: NDArray[np.intp]) -> KeptCode | None:
-        """Return numbers like those found by a sample that keep all sections, if there are any."""
+        Raises
+        ------
+        NotKept
+            If none keep it.
+        ValueError
+            If a lumen is not inside its outer boundary.
+        """
+        whole = EncoderSearch(self._attempts)
+        try:
+            found = self._by_samples()
+        except NotKept:
+            # What some sections do not let be kept, all do not, and this is the quicker to say.
+            whole.nearest()
+            found = None
+        except ValueError:
+            found = None
+        return whole.in_fewest_bytes() if found is None else found
+
+    def _by_samples(self) -> KeptCode | None:
+        """Return numbers found by samples that keep all sections, or None."""
         attempts = self._attempts
+        joined = np.zeros(len(attempts.contours), dtype=np.bool_)
+        for size in SAMPLES:
+            joined[_spread(len(joined), size)] = True
+            sample = attempts.of_some(np.flatnonzero(joined))
+            held = self._held(EncoderSearch(sample).in_fewest_bytes("sample"), joined)
+            if held is not None:
+                return None if attempts.thin(held).size or attempts.strays(held) else held
+        return None
+
+    def _held(self, found: KeptCode, joined: NDArray[np.bool_]) -> KeptCode | None:
+        """Return numbers like those found that keep all sections, which join where they do not."""
+        attempts, limits = self._attempts, self._attempts.limits
         held = attempts.of_all(found)
         if held is None or held.worst <= 1.0:
             return held
-        limits, cut = attempts.limits, held.cut
-        points = EdgePoints.of(cut)
+        points, code = EdgePoints.of(held.cut), found.code
         beyond, margin = _BEYOND, _MARGIN
-        joined = np.zeros(len(limits), dtype=np.bool_)
-        joined[sample] = True
+        worst = np.inf
         for _ in range(_ROUNDS):
-            joined |= held.rms > _NEAR * limits
+            if held.worst > _GAINS * worst:
+                break
+            worst = held.worst
+            joined[_worst_of_runs(held.rms / limits)] = True
             slices = np.flatnonzero(joined)
-            code = held.code
-            walls = [code.outer] if code.lumen is None else [code.outer, code.lumen]
+            walls = [held.code.outer]
+            if held.code.lumen is not None:
+                walls.append(held.code.lumen)
             chosen, numbers = fewer_bits(
                 points.of_slices(slices),
-                code.keys,
+                held.code.keys,
                 np.stack(walls),
                 signal_steps(code.section_step),
                 limits[slices],
                 held.rms[slices],
                 Aim(_EVERYWHERE, beyond, margin),
             )
-            sections = CodedSections(chosen, numbers[0], numbers[1] if len(numbers) > 1 else None)
-            again = attempts.measured(code.axis_scale, code, cut, code.section_scale, sections)
+            sections = CodedSections(chosen, numbers[0], numbers[1] if len(walls) > 1 else None)
+            again = attempts.measured(code.axis_scale, code, held.cut, code.section_scale, sections)
             if again is None or again.worst <= 1.0:
                 return again
             held = again
@@ -93,3 +114,16 @@ class SampledSearch:
                 margin = max(margin - (excess**2 - 1.0), _LEAST_MARGIN)
             beyond = min(2.0 * beyond, _MOST_BEYOND)
         return None
+
+
+def _spread(count: int, size: int) -> NDArray[np.intp]:
+    """Return about so many numbers of sections at equal distances, the first and last included."""
+    pieces = -(-(count - 1) // max(1, round((count - 1) / size)))
+    return np.linspace(0, count - 1, pieces + 1).round().astype(np.intp)
+
+
+def _worst_of_runs(excess: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the worst of each run of sections that are beyond their limits, or nearly."""
+    beyond = np.flatnonzero(excess > _NEAR)
+    runs = np.split(beyond, np.flatnonzero(np.diff(beyond) > 1) + 1)
+    return np.array([run[excess[run].argmax()] for run in runs if len(run)], dtype=np.intp)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 LOFT_POINTS = 128
 """Points around each contour of a loft."""
 
+_TINY = float(np.finfo(np.float64).tiny)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionContour:
@@ -83,21 +85,18 @@ class ContourLoft:
         ContourLoft
             The loft.
         """
-        rings = np.empty((len(contours), LOFT_POINTS, 3))
-        before: NDArray[np.complex128] | None = None
-        for place, (contour, normal) in enumerate(zip(contours, normals, strict=True)):
-            ring = even_points(contour, LOFT_POINTS)
-            centred = ring - ring.mean(axis=0)
-            turn = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
-            if float(turn @ normal) < 0.0:
-                ring, centred = ring[::-1], centred[::-1]
-            if before is not None:
-                # The shift of smallest squared distance has the largest cyclic correlation.
-                spectrum = (np.conj(before) * np.fft.rfft(centred, axis=0)).sum(axis=1)
-                shift = int(np.fft.irfft(spectrum, LOFT_POINTS).argmax())
-                ring, centred = np.roll(ring, -shift, axis=0), np.roll(centred, -shift, axis=0)
-            rings[place] = ring
-            before = np.fft.rfft(centred, axis=0)
+        rings = np.stack([even_points(contour, LOFT_POINTS) for contour in contours])
+        centred = rings - rings.mean(axis=1, keepdims=True)
+        turns = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1)
+        backwards = (turns * normals).sum(axis=1) < 0.0
+        rings[backwards] = rings[backwards, ::-1]
+        centred[backwards] = centred[backwards, ::-1]
+        # The shift of smallest squared distance has the largest cyclic correlation.
+        spectra = np.fft.rfft(centred, axis=1)
+        products = (np.conj(spectra[:-1]) * spectra[1:]).sum(axis=2)
+        shifts = np.fft.irfft(products, LOFT_POINTS, axis=1).argmax(axis=1)
+        for place, shift in enumerate(np.cumsum(shifts) % LOFT_POINTS, start=1):
+            rings[place] = np.roll(rings[place], -int(shift), axis=0)
         return cls(rings)
 
     def extended(self, first: NDArray[np.float64], last: NDArray[np.float64]) -> "ContourLoft":
@@ -222,15 +221,33 @@ def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     NDArray[np.float64]
         (count, D) points, the first at the first corner.
     """
-    closed = np.concatenate([points, points[:1]])
-    steps = np.diff(closed, axis=0)
-    lengths = np.zeros(len(closed))
-    np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=lengths[1:])
-    wanted = np.arange(count, dtype=np.float64) * (float(lengths[-1]) / count)
-    columns: list[NDArray[np.float64]] = [
-        np.interp(wanted, lengths, closed[:, axis]) for axis in range(closed.shape[1])
-    ]
-    return np.stack(columns, axis=1)
+    return _even_points(np.ascontiguousarray(points, dtype=np.float64), count)
+
+
+@numba.njit(cache=True, nogil=True)
+def _even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    corners, ways = points.shape
+    lengths = np.zeros(corners + 1)
+    for corner in range(corners):
+        after = corner + 1 if corner + 1 < corners else 0
+        squared = 0.0
+        for way in range(ways):
+            squared += (points[after, way] - points[corner, way]) ** 2
+        lengths[corner + 1] = lengths[corner] + math.sqrt(squared)
+    even = np.empty((count, ways))
+    step = lengths[corners] / count
+    corner = 0
+    for number in range(count):
+        wanted = number * step
+        while corner + 1 < corners and lengths[corner + 1] <= wanted:
+            corner += 1
+        after = corner + 1 if corner + 1 < corners else 0
+        length = lengths[corner + 1] - lengths[corner]
+        for way in range(ways):
+            start = points[corner, way]
+            slope = (points[after, way] - start) / length if length > 0.0 else 0.0
+            even[number, way] = slope * (wanted - lengths[corner]) + start
+    return even
 
 
 def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -246,12 +263,36 @@ def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64
     tuple[NDArray[np.float64], float]
         (3,) centroid, mm, and the radius of the circle of the same area, mm.
     """
-    middle = points.mean(axis=0)
-    here = points - middle
-    after = np.roll(here, -1, axis=0)
-    crossed = np.cross(here, after)
-    twice = crossed.sum(axis=0)
-    size = float(np.linalg.norm(twice))
-    parts = crossed @ (twice / max(size, np.finfo(np.float64).tiny))
-    total = max(float(parts.sum()), np.finfo(np.float64).tiny)
-    return middle + parts @ (here + after) / (3.0 * total), math.sqrt(0.5 * size / math.pi)
+    return _centroid_and_radius(np.ascontiguousarray(points, dtype=np.float64))
+
+
+@numba.njit(cache=True, nogil=True)
+def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    count = len(points)
+    middle = np.zeros(3)
+    for point in points:
+        middle += point
+    middle /= count
+    crossed = np.empty((count, 3))
+    twice = np.zeros(3)
+    for i in range(count):
+        after = i + 1 if i + 1 < count else 0
+        a0, a1, a2 = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
+        b0, b1 = points[after, 0] - middle[0], points[after, 1] - middle[1]
+        b2 = points[after, 2] - middle[2]
+        crossed[i, 0] = a1 * b2 - a2 * b1
+        crossed[i, 1] = a2 * b0 - a0 * b2
+        crossed[i, 2] = a0 * b1 - a1 * b0
+        twice += crossed[i]
+    size = math.sqrt(twice[0] ** 2 + twice[1] ** 2 + twice[2] ** 2)
+    total = 0.0
+    moment = np.zeros(3)
+    for i in range(count):
+        after = i + 1 if i + 1 < count else 0
+        part = 0.0
+        for way in range(3):
+            part += crossed[i, way] * (twice[way] / max(size, _TINY))
+        total += part
+        for way in range(3):
+            moment[way] += part * (points[i, way] + points[after, way] - 2.0 * middle[way])
+    return middle + moment / (3.0 * max(total, _TINY)), math.sqrt(0.5 * size / math.pi)
