@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from organ_geometry.coding.key_lattice import differences_to_values
 from organ_geometry.coding.organ_cut import OrganCut
 from organ_geometry.coding.section_signals import CIRCLE
-from organ_geometry.coding.surface_distance import FURTHER, nearest_column
+from organ_geometry.curves.outline_distance import FURTHER, nearest_column
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))

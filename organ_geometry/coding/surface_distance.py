@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.curves.outline_distance import FURTHER, nearest_column
 from organ_geometry.organ import Organ, Wall
 
 _HALF_CORNERS = 48
-
-FURTHER = 1.0 + 1e-6
-"""How much further away, squared, what is left out must be, for rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,30 +268,6 @@ def _outline_distances(
             best = min(best, _squared_distance(outlines, k, share, columns, columns + 1, x, y))
         distances[i] = np.sqrt(best + beyonds[i] * beyonds[i])
     return distances
-
-
-@numba.njit(cache=True)
-def nearest_column(x: float, right: float, left: float, columns: int) -> int:
-    """Return the column of an outline in which a place lies, or about that.
-
-    Parameters
-    ----------
-    x
-        The place, mm.
-    right, left
-        Where the outline begins and ends, mm.
-    columns
-        Number of columns, which are bounded by the cosines of even angles.
-
-    Returns
-    -------
-    int
-        The column, from the right.
-    """
-    width = right - left
-    u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
-    column = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
-    return min(max(column, 0), columns - 1)
 
 
 @numba.njit(cache=True)

@@ -7,14 +7,17 @@ the top half-curve (smaller y) and seven of the bottom one.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-DEGREE = 6
-COEFFICIENTS = DEGREE + 1
+from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
+from organ_geometry.curves.outline_distance import outline_distances
+
+DEGREE = COEFFICIENTS - 1
 ROW_SIZE = 2 + 2 * COEFFICIENTS
 
 MIDDLE = 0
@@ -33,8 +36,6 @@ LARGEST_OVERSHOOT = 0.1
 # Fewer points than this on a half leave seven coefficients badly determined.
 _ENOUGH_POINTS = 2 * COEFFICIENTS
 _RESAMPLED_POINTS = 128
-# Share of the width by which points of an upright end may differ in x: rounding.
-_UPRIGHT = 1e-9
 
 
 class NotSingleValued(ValueError):  # noqa: N818
@@ -143,7 +144,7 @@ class HalfCurves:
             (N,) distances, mm, not signed.
         """
         corners = closed_outlines(self.as_row()[np.newaxis], count)[0]
-        return polygon_distances(np.asarray(points, dtype=np.float64), corners)
+        return outline_distances(np.ascontiguousarray(points, dtype=np.float64), corners)
 
 
 def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
@@ -184,14 +185,16 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
     if not width > 0.0:
         raise ValueError(f"the boundary must have a width above 0 mm, not {width:g} mm")
 
-    halves = _split(boundary)
-    if min(len(half) for half, _ in halves) < _ENOUGH_POINTS:
-        halves = _split(resampled(boundary, _RESAMPLED_POINTS))
+    curve = np.ascontiguousarray(boundary)
+    halves, weights = boundary_halves(curve)
+    if halves[:, 1].min() < _ENOUGH_POINTS:
+        curve = resampled(boundary, _RESAMPLED_POINTS)
+        halves, weights = boundary_halves(curve)
     middle = 0.5 * (left + right)
     half_width = 0.5 * width * RANGE_SHARE
     first, second = (
-        _fit_half((half[:, 0] - middle) / half_width, half[:, 1], weights)
-        for half, weights in halves
+        _fit_half(curve, weights, int(start), int(count), middle, half_width)
+        for start, count in halves
     )
     # The sense of positive area goes from left to right on the side of smaller y.
     after = np.roll(boundary, -1, axis=0)
@@ -247,12 +250,21 @@ def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.f
     NDArray[np.float64]
         (K, count, 2) corners x, y, mm; the last joins the first.
     """
-    u = np.cos(np.linspace(0.0, np.pi, count // 2))
-    basis = chebyshev.chebvander(u, DEGREE).T
+    u, basis = _corner_places(count // 2)
     x = rows[:, MIDDLE, np.newaxis] + rows[:, HALF_WIDTH, np.newaxis] * u
     bottom = np.stack([x, rows[:, BOTTOM] @ basis], axis=2)
     top = np.stack([x, rows[:, TOP] @ basis], axis=2)
     return np.concatenate([bottom, top[:, ::-1]], axis=1)
+
+
+@lru_cache(maxsize=16)
+def _corner_places(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (C,) u of a half's corners from right to left, and (7, C) its polynomials there."""
+    u = np.cos(np.linspace(0.0, np.pi, count))
+    basis = chebyshev.chebvander(u, DEGREE).T
+    for array in (u, basis):
+        array.setflags(write=False)
+    return u, basis
 
 
 def polygon_distances(
@@ -339,49 +351,16 @@ def _check_overshoot(curves: HalfCurves, boundary: NDArray[np.float64]) -> None:
         )
 
 
-def _split(
-    boundary: NDArray[np.float64],
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return both halves between the extreme x, each with its (M,) least-squares weights."""
-    before = np.roll(boundary, 1, axis=0)
-    after = np.roll(boundary, -1, axis=0)
-    lengths = 0.5 * (
-        np.linalg.norm(after - boundary, axis=1) + np.linalg.norm(boundary - before, axis=1)
-    )
-    chords = after - before
-    chord_lengths = np.maximum(np.linalg.norm(chords, axis=1), np.finfo(np.float64).tiny)
-    weights = np.abs(chords[:, 0]) / chord_lengths * np.sqrt(lengths)
-
-    left, right = _extreme_run(-boundary[:, 0]), _extreme_run(boundary[:, 0])
-    return [
-        (boundary[half], weights[half])
-        for half in (
-            _cyclic_range(left[1], right[0], len(boundary)),
-            _cyclic_range(right[1], left[0], len(boundary)),
-        )
-    ]
-
-
-def _extreme_run(values: NDArray[np.float64]) -> tuple[int, int]:
-    """Return the first and last point of the upright piece at the largest value."""
-    # Points of an upright end belong to neither half, only its two ends do.
-    extreme = values >= values.max() - _UPRIGHT * np.ptp(values)
-    total = len(values)
-    first = last = int(values.argmax())
-    while extreme[(first - 1) % total]:
-        first = (first - 1) % total
-    while extreme[(last + 1) % total]:
-        last = (last + 1) % total
-    return first, last
-
-
-def _cyclic_range(first: int, last: int, total: int) -> NDArray[np.intp]:
-    return np.arange(first, first + (last - first) % total + 1) % total
-
-
 def _fit_half(
-    u: NDArray[np.float64], y: NDArray[np.float64], weights: NDArray[np.float64]
+    boundary: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    first: int,
+    count: int,
+    middle: float,
+    half_width: float,
 ) -> NDArray[np.float64]:
     """Return the (7,) Chebyshev coefficients of the weighted least-squares fit."""
-    basis = chebyshev.chebvander(u, DEGREE) * weights[:, np.newaxis]
-    return np.asarray(np.linalg.lstsq(basis, y * weights)[0], dtype=np.float64)
+    fit, system, apart = fitted_half(boundary, weights, first, count, middle, half_width)
+    if not apart:
+        fit = np.linalg.lstsq(system[:, :COEFFICIENTS], system[:, COEFFICIENTS])[0]
+    return np.asarray(fit, dtype=np.float64)

@@ -1,0 +1,137 @@
+"""Two polynomials y(u) of degree six through the two halves of a closed boundary."""
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+COEFFICIENTS = 7
+
+# Share of the width by which points of an upright end may differ in x: rounding.
+_UPRIGHT = 1e-9
+# Coefficients that the points of a half do not tell apart better than this stay small instead.
+_CONDITION = 1e-10
+
+
+@numba.njit(cache=True, nogil=True)
+def boundary_halves(
+    boundary: NDArray[np.float64],
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the two halves of a boundary between its extreme x, and what its points weigh.
+
+    Parameters
+    ----------
+    boundary
+        (N, 2) points in order; the last joins the first.
+
+    Returns
+    -------
+    tuple[NDArray[np.intp], NDArray[np.float64]]
+        (2, 2) first point and number of points of each half, and (N,) the points' weights in a
+        least-squares fit of y: distances along the normal, by length of boundary.
+    """
+    total = len(boundary)
+    weights = np.empty(total)
+    for i in range(total):
+        before, after = i - 1 if i > 0 else total - 1, i + 1 if i + 1 < total else 0
+        ahead = math.hypot(boundary[after, 0] - boundary[i, 0], boundary[after, 1] - boundary[i, 1])
+        back = math.hypot(
+            boundary[i, 0] - boundary[before, 0], boundary[i, 1] - boundary[before, 1]
+        )
+        chord_x = boundary[after, 0] - boundary[before, 0]
+        chord = math.hypot(chord_x, boundary[after, 1] - boundary[before, 1])
+        along = abs(chord_x) / chord if chord > 0.0 else 0.0
+        weights[i] = along * math.sqrt(0.5 * (ahead + back))
+    x = boundary[:, 0]
+    width = x.max() - x.min()
+    ends = np.empty((2, 2), np.intp)
+    # Points of an upright end belong to neither half, only its two ends do.
+    for side in range(2):
+        sign = -1.0 if side == 0 else 1.0
+        most = (sign * x).max() - _UPRIGHT * width
+        first = last = int((sign * x).argmax())
+        while sign * x[(first - 1) % total] >= most:
+            first = (first - 1) % total
+        while sign * x[(last + 1) % total] >= most:
+            last = (last + 1) % total
+        ends[side, 0], ends[side, 1] = first, last
+    halves = np.empty((2, 2), np.intp)
+    for half in range(2):
+        start, stop = ends[half, 1], ends[1 - half, 0]
+        halves[half, 0], halves[half, 1] = start, (stop - start) % total + 1
+    return halves, weights
+
+
+@numba.njit(cache=True, nogil=True)
+def fitted_half(
+    boundary: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    first: int,
+    count: int,
+    middle: float,
+    half_width: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+    """Return the weighted least-squares polynomial through one half of a boundary.
+
+    Parameters
+    ----------
+    boundary
+        (N, 2) points, mm.
+    weights
+        (N,) their weights.
+    first, count
+        First point of the half and number of its points.
+    middle, half_width
+        The range in x that u = -1 to 1 stands for, mm.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64], bool]
+        (7,) Chebyshev coefficients; (count, 8) weighted polynomials and, last, y at the points;
+        and whether the points tell the coefficients apart, without which they mean nothing.
+
+    Notes
+    -----
+    Modified Gram-Schmidt with y as a last column, which is backward stable (A. Bjorck, Numerical
+    Methods for Least Squares Problems, 1996, section 2.4).
+    """
+    system = np.empty((COEFFICIENTS + 1, count))
+    for row in range(count):
+        point = (first + row) % len(boundary)
+        weight = weights[point]
+        u = (boundary[point, 0] - middle) / half_width
+        system[0, row] = weight
+        system[1, row] = u * weight
+        for order in range(2, COEFFICIENTS):
+            system[order, row] = 2.0 * u * system[order - 1, row] - system[order - 2, row]
+        system[COEFFICIENTS, row] = boundary[point, 1] * weight
+    given = system.T.copy()
+    upper = np.zeros((COEFFICIENTS, COEFFICIENTS + 1))
+    for order in range(COEFFICIENTS):
+        size = 0.0
+        for row in range(count):
+            size += system[order, row] * system[order, row]
+        upper[order, order] = math.sqrt(size)
+        if size <= 0.0:
+            break
+        for later in range(order + 1, COEFFICIENTS + 1):
+            product = 0.0
+            for row in range(count):
+                product += system[order, row] * system[later, row]
+            upper[order, later] = product / upper[order, order]
+            product /= size
+            for row in range(count):
+                system[later, row] -= product * system[order, row]
+    least = most = upper[0, 0]
+    for order in range(COEFFICIENTS):
+        least, most = min(least, upper[order, order]), max(most, upper[order, order])
+    coefficients = np.zeros(COEFFICIENTS)
+    if least <= _CONDITION * most:
+        return coefficients, given, False
+    for order in range(COEFFICIENTS - 1, -1, -1):
+        rest = upper[order, COEFFICIENTS]
+        for later in range(order + 1, COEFFICIENTS):
+            rest -= upper[order, later] * coefficients[later]
+        coefficients[order] = rest / upper[order, order]
+    return coefficients, given, True

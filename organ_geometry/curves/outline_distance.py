@@ -1,0 +1,95 @@
+"""How far points are from an outline whose two halves have corners at the same places in x."""
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FURTHER = 1.0 + 1e-6
+"""How much further away, squared, what is left out must be, for rounding."""
+
+
+@numba.njit(cache=True, nogil=True)
+def outline_distances(
+    points: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each point to an outline.
+
+    Parameters
+    ----------
+    points
+        (N, 2) points, mm.
+    corners
+        (C, 2) corners as `closed_outlines` makes them, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N,) distances, mm, not signed.
+    """
+    last = len(corners) - 1
+    columns = len(corners) // 2 - 1
+    right, left = corners[0, 0], corners[columns, 0]
+    distances = np.empty(len(points))
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        best = np.inf
+        # From the point's column to both sides, until one is further away than what was found.
+        start = nearest_column(x, right, left, columns)
+        for way in range(-1, 2, 2):
+            column = start if way > 0 else start - 1
+            while 0 <= column < columns:
+                off = way * (x - corners[column if way > 0 else column + 1, 0])
+                if off > 0.0 and off * off > FURTHER * best:
+                    break
+                one = _squared_distance(corners, column, column + 1, x, y)
+                other = _squared_distance(corners, last - column - 1, last - column, x, y)
+                best = min(best, one, other)
+                column += way
+        if (x - right) ** 2 <= FURTHER * best:
+            best = min(best, _squared_distance(corners, last, 0, x, y))
+        if (x - left) ** 2 <= FURTHER * best:
+            best = min(best, _squared_distance(corners, columns, columns + 1, x, y))
+        distances[i] = math.sqrt(best)
+    return distances
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_column(x: float, right: float, left: float, columns: int) -> int:
+    """Return the column of an outline in which a place lies, or about that.
+
+    Parameters
+    ----------
+    x
+        The place, mm.
+    right, left
+        Where the outline begins and ends, mm.
+    columns
+        Number of columns, which are bounded by the cosines of even angles.
+
+    Returns
+    -------
+    int
+        The column, from the right.
+    """
+    width = right - left
+    u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
+    column = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
+    return min(max(column, 0), columns - 1)
+
+
+@numba.njit(cache=True, nogil=True)
+def _squared_distance(
+    corners: NDArray[np.float64], first: int, second: int, x: float, y: float
+) -> float:
+    """Return the squared distance of a point to the side between two corners."""
+    x0, y0 = corners[first, 0], corners[first, 1]
+    sx, sy, tx, ty = corners[second, 0] - x0, corners[second, 1] - y0, x - x0, y - y0
+    squared = sx * sx + sy * sy
+    part = 0.0
+    if squared > 0.0:
+        part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+    tx -= part * sx
+    ty -= part * sy
+    return tx * tx + ty * ty
