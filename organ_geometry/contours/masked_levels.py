@@ -79,6 +79,28 @@ def median_change(levels: Levels, others: Levels) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
+def border_median(levels: Levels) -> float:
+    """Return the median level of an image's outermost pixels, those in its corners twice.
+
+    Parameters
+    ----------
+    levels
+        (H, W) levels.
+
+    Returns
+    -------
+    float
+        The median.
+    """
+    rows, columns = levels.shape
+    border = np.empty(2 * (rows + columns), dtype=np.float32)
+    border[:columns], border[columns : 2 * columns] = levels[0], levels[-1]
+    border[2 * columns : 2 * columns + rows] = levels[:, 0]
+    border[2 * columns + rows :] = levels[:, -1]
+    return float(np.median(border))
+
+
+@numba.njit(cache=True, nogil=True)
 def _stride(count: int) -> int:
     # An odd step meets both fields of a chequered pattern.
     return 1 + 2 * (count // (2 * MANY_PIXELS))
@@ -90,15 +112,19 @@ def _values_where(levels: Levels, mask: Mask) -> tuple[Levels, int]:
     rows, columns = mask.shape
     count = 0
     for row in range(rows):
+        here = 0
         for column in range(columns):
-            count += mask[row, column] != 0
+            here += mask[row, column] != 0
+        count += here
     step = _stride(count)
     values = np.empty((count + step - 1) // step, dtype=np.float32)
-    place = 0
+    place = left = 0
     for row in range(rows):
         for column in range(columns):
             if mask[row, column]:
-                if place % step == 0:
-                    values[place // step] = levels[row, column]
-                place += 1
+                if left == 0:
+                    values[place] = levels[row, column]
+                    place += 1
+                    left = step
+                left -= 1
     return values, count

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import cv2
@@ -10,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.edge_curve import SQUARE, Image, NoEdgeFound, Scale, blurred
-from organ_geometry.contours.masked_levels import level_exceeded, median_change, median_where
+from organ_geometry.contours.masked_levels import (
+    border_median,
+    level_exceeded,
+    median_change,
+    median_where,
+)
 
 Mask: TypeAlias = NDArray[np.uint8]
 Outline: TypeAlias = NDArray[np.int32]
@@ -231,8 +237,7 @@ def outline_of(mask: Mask) -> Outline | None:
 def with_margin(grey: Image, level: float | None = None) -> Image:
     """Return an image in a frame of a level, by default the median of its border."""
     if level is None:
-        border = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
-        level = float(np.median(border))
+        level = border_median(grey)
     framed = cv2.copyMakeBorder(
         grey, MARGIN, MARGIN, MARGIN, MARGIN, cv2.BORDER_CONSTANT, value=[level]
     )
@@ -251,10 +256,16 @@ def without(mask: Mask, other: Mask) -> Mask:
 
 def grown(mask: Mask, pixels: int) -> Mask:
     """Return the mask widened by a number of pixels, or narrowed if negative."""
-    size = 2 * abs(pixels) + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     change = cv2.dilate if pixels > 0 else cv2.erode
-    return np.asarray(change(mask, kernel), dtype=np.uint8)
+    return np.asarray(change(mask, _disc(abs(pixels))), dtype=np.uint8)
+
+
+@lru_cache(maxsize=64)
+def _disc(radius: int) -> Mask:
+    """Return a disc of pixels."""
+    size = 2 * radius + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(disc, dtype=np.uint8)
 
 
 def fill(outline: Outline, shape: tuple[int, ...]) -> Mask:
