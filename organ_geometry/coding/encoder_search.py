@@ -20,7 +20,7 @@ Tries: TypeAlias = Literal["quick", "full", "sample", "nearest"]
 _AXIS_STEPS = {
     "quick": (1.0, 2.0),
     "full": (1.0, 1.5, 2.0, 3.0),
-    "sample": (1.0, 2.0),
+    "sample": (1.5,),
     "nearest": (1.0,),
 }
 _STEPS = {
@@ -135,6 +135,9 @@ class EncoderSearch:
         # The axis of most promise is tried with all steps, the next with some.
         for number, (_, scale, axis, cut) in enumerate(tried[: _BEST_AXES[effort]]):
             for step in steps if number == 0 or effort == "full" else steps[:2]:
+                if effort == "sample" and step == steps[0]:
+                    # A few rounds were enough to choose this axis by, and are for a sample.
+                    continue
                 for start in starts:
                     kept += self._kept(scale, axis, cut, step, start, rounds)
         for step in _FINER_STEPS:

@@ -122,7 +122,7 @@ class OrganAttempts:
         left_handed: bool,
         units: str,
     ) -> None:
-        self.contours = contours
+        self.contours: Sequence[SectionContour] = contours
         self._units = units
         self._hollow = hollow
         self.turn = 0

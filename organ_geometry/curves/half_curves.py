@@ -261,7 +261,7 @@ def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.f
 def _corner_places(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (C,) u of a half's corners from right to left, and (7, C) its polynomials there."""
     u = np.cos(np.linspace(0.0, np.pi, count))
-    basis = chebyshev.chebvander(u, DEGREE).T
+    basis = np.asarray(chebyshev.chebvander(u, DEGREE).T, dtype=np.float64)
     for array in (u, basis):
         array.setflags(write=False)
     return u, basis
