@@ -38,6 +38,8 @@ _ROUNDS = {"quick": 6, "full": 10, "sample": 5}
 _FEW_ROUNDS = 3
 _TIGHTENINGS, _TIGHTER = 3, 0.6
 _NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
+# Where first attempts are so far off, in tolerances, and finest steps so far, more are of no use.
+_FAR, _OUT_OF_REACH = 1.3, 1.15
 
 
 class NotKept(Exception):  # noqa: N818
@@ -125,13 +127,17 @@ class EncoderSearch:
         steps, starts, rounds = _STEPS[effort], _START_PRICES[effort], _ROUNDS[effort]
         kept: list[KeptCode] = []
         tried: list[tuple[float, int, CodedAxis, OrganCut]] = []
+        nearest = np.inf
         for scale, axis, cut in self._axes(effort):
             found = self._attempts.descended(scale, axis, cut, steps[0], starts[0], _FEW_ROUNDS)
             kept += _keeping(found)
+            nearest = min([nearest, *(one.worst for one in found)])
             if found:
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
                 tried.append((size, scale, axis, cut))
         tried.sort(key=lambda one: one[0])
+        if effort != "full" and nearest > _FAR:
+            self._check_within_reach()
         # The axis of most promise is tried with all steps, the next with some.
         for number, (_, scale, axis, cut) in enumerate(tried[: _BEST_AXES[effort]]):
             for step in steps if number == 0 or effort == "full" else steps[:2]:
@@ -146,6 +152,16 @@ class EncoderSearch:
             for _, scale, axis, cut in tried[:2]:
                 kept += self._kept(scale, axis, cut, step, starts[0], rounds)
         return kept
+
+    def _check_within_reach(self) -> None:
+        """Check that finest steps come near to what is to be kept; coarser ones will not either."""
+        depth = self._attempts.depth
+        try:
+            self.nearest()
+        except NotKept as error:
+            if error.nearest_mm > _OUT_OF_REACH * float(self._attempts.limits.max()):
+                raise
+        self._attempts.depth = depth
 
     def nearest(self, way: tuple[int, int] | None = None) -> KeptCode:
         """Return the numbers in finest steps that come nearest to the sections.
