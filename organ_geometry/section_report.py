@@ -154,15 +154,16 @@ def _back_distances(encoded: EncodedOrgan) -> NDArray[np.float64]:
     count = len(encoded.outlines.outer)
     stations = np.linspace(0.0, organ.length, count)
     largest = np.zeros(count)
+    nearest = np.round(encoded.places * (count - 1)).astype(np.intp)
     walls = [(organ.rows_at(stations), encoded.outlines.outer)]
     if encoded.outlines.lumen is not None:
         walls.append((organ.rows_at(stations, "lumen"), encoded.outlines.lumen))
     for rows, edges in walls:
         corners = closed_outlines(rows, _BACK_CORNERS)
-        for place in range(count):
+        for place in np.unique(nearest).tolist():
             away = polygon_distances(corners[place], edges[place])
             largest[place] = max(largest[place], float(away.max()))
-    return largest[np.round(encoded.places * (count - 1)).astype(np.intp)]
+    return largest[nearest]
 
 
 def _rms(distances: list[NDArray[np.float64]]) -> float:

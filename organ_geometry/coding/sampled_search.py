@@ -12,9 +12,11 @@ from organ_geometry.coding.slice_descent import Aim, fewer_bits
 
 MANY_SECTIONS = 192
 """Stacks of fewer sections are searched by all of them."""
-SAMPLES = (48, 48, 64, 96)
-"""About how many sections a long stack is searched by, first and then, those beside that joined."""
+SAMPLE = 48
+"""About how many sections a long stack is searched by first."""
 
+# Twice by so many and those that joined, then by twice as many, until they are most of all.
+_TRIES, _LARGEST_SHARE = 2, 0.5
 _ROUNDS = 6
 # More rounds are of no use where one hardly gained.
 _GAINS = 0.995
@@ -68,14 +70,29 @@ class SampledSearch:
     def _by_samples(self) -> KeptCode | None:
         """Return numbers found by samples that keep all sections, or None."""
         attempts = self._attempts
-        joined = np.zeros(len(attempts.contours), dtype=np.bool_)
-        for size in SAMPLES:
-            joined[_spread(len(joined), size)] = True
+        count = len(attempts.contours)
+        joined = np.zeros(count, dtype=np.bool_)
+        size, tries = SAMPLE, _TRIES
+        while True:
+            joined[_spread(count, size)] = True
             sample = attempts.of_some(np.flatnonzero(joined))
-            held = self._held(EncoderSearch(sample).in_fewest_bytes("sample"), joined)
+            larger = 2 * size <= _LARGEST_SHARE * count
+            tries -= 1
+            try:
+                found = EncoderSearch(sample).in_fewest_bytes("sample")
+            except NotKept:
+                # The axis of so few sections may not have keys enough.
+                if not larger:
+                    raise
+                size, tries = 2 * size, _TRIES
+                continue
+            held = self._held(found, joined)
             if held is not None:
                 return None if attempts.thin(held).size or attempts.strays(held) else held
-        return None
+            if tries == 0:
+                if not larger:
+                    return None
+                size, tries = 2 * size, _TRIES
 
     def _held(self, found: KeptCode, joined: NDArray[np.bool_]) -> KeptCode | None:
         """Return numbers like those found that keep all sections, which join where they do not."""

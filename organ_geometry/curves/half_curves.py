@@ -250,11 +250,14 @@ def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.f
     NDArray[np.float64]
         (K, count, 2) corners x, y, mm; the last joins the first.
     """
-    u, basis = _corner_places(count // 2)
-    x = rows[:, MIDDLE, np.newaxis] + rows[:, HALF_WIDTH, np.newaxis] * u
-    bottom = np.stack([x, rows[:, BOTTOM] @ basis], axis=2)
-    top = np.stack([x, rows[:, TOP] @ basis], axis=2)
-    return np.concatenate([bottom, top[:, ::-1]], axis=1)
+    half = count // 2
+    u, basis = _corner_places(half)
+    corners = np.empty((len(rows), 2 * half, 2))
+    corners[:, :half, 0] = rows[:, MIDDLE, np.newaxis] + rows[:, HALF_WIDTH, np.newaxis] * u
+    corners[:, half:, 0] = corners[:, half - 1 :: -1, 0]
+    corners[:, :half, 1] = rows[:, BOTTOM] @ basis
+    corners[:, half:, 1] = (rows[:, TOP] @ basis)[:, ::-1]
+    return corners
 
 
 @lru_cache(maxsize=16)

@@ -11,7 +11,7 @@ from organ_geometry.coding.encoder_search import EncoderSearch
 from organ_geometry.coding.organ_attempts import OrganAttempts
 from organ_geometry.coding.organ_encoder import EncodedOrgan, encoded_organ
 from organ_geometry.coding.organ_file import organ_from_bytes
-from organ_geometry.coding.sampled_search import MANY_SECTIONS, SAMPLES, SampledSearch
+from organ_geometry.coding.sampled_search import MANY_SECTIONS, SAMPLE, SampledSearch
 from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.contour import SectionContour
@@ -56,7 +56,7 @@ def largest_rms(encoded: EncodedOrgan, contours: list[SectionContour]) -> float:
 def test_a_section_that_the_sample_misses_is_kept_too(hollow: bool) -> None:
     contours = wavy_tube(lumen=hollow)
     attempts = attempts_at(contours, hollow)
-    chosen = np.linspace(0, LONG - 1, SAMPLES[0] + 1).round().astype(np.intp)
+    chosen = np.linspace(0, LONG - 1, SAMPLE + 1).round().astype(np.intp)
     by_some = EncoderSearch(attempts.of_some(chosen)).in_fewest_bytes("sample")
     odd = 121
     assert odd not in chosen
