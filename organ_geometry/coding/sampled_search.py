@@ -15,8 +15,9 @@ MANY_SECTIONS = 192
 SAMPLE = 48
 """About how many sections a long stack is searched by first."""
 
-# Twice by so many and those that joined, then by twice as many, until they are most of all.
-_TRIES, _LARGEST_SHARE = 2, 0.5
+# Twice by so many and those that joined, then by twice as many, until they are most of all, or
+# enough for an axis of most keys.
+_TRIES, _LARGEST_SHARE, _LARGEST_SAMPLE = 2, 0.5, 384
 _ROUNDS = 6
 # More rounds are of no use where one hardly gained.
 _GAINS = 0.995
@@ -76,7 +77,7 @@ class SampledSearch:
         while True:
             joined[_spread(count, size)] = True
             sample = attempts.of_some(np.flatnonzero(joined))
-            larger = 2 * size <= _LARGEST_SHARE * count
+            larger = size < _LARGEST_SAMPLE and 2 * size <= _LARGEST_SHARE * count
             tries -= 1
             try:
                 found = EncoderSearch(sample).in_fewest_bytes("sample")

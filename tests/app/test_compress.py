@@ -211,7 +211,7 @@ def test_an_interrupt_ends_the_work_in_one_line(
     cv2.imwritemulti(str(long), list(images))
     output = tmp_path / ("organs" if several else "long.organ")
     work = [long, *(stacks[:1] if several else [])]
-    sizes = ("--pixel-size", 0.1, "--slice-spacing", 0.5)
+    sizes = ("--pixel-size", 0.1, "--slice-spacing", 0.5, "--effort", "full")
     with subprocess.Popen(
         command("compress", *work, "-o", output, *sizes), stderr=subprocess.PIPE, text=True
     ) as process:
