@@ -19,6 +19,7 @@ from organ_geometry.contours.contour import SectionContour
 from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, Polarity
 from organ_geometry.contours.organ_seed import Seed
 from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.contours.shifted_edges import NothingLeft, shifted_section
 from organ_geometry.curves.fitted_section import FittedSection, fitted_section, section_contour
 from organ_geometry.curves.half_curves import (
     NotSingleValued,
@@ -121,6 +122,7 @@ def build_organ(
     threshold: float | None = None,
     method: EdgeMethod = "half-level",
     seed: Seed | None = None,
+    edge_shift_mm: float = 0.0,
     tolerance_mm: float | None = None,
     tolerance_px: float | None = None,
     select: Selection = "fewest",
@@ -146,6 +148,8 @@ def build_organ(
         whole stack.
     threshold, method, seed
         What the edge is and where the organ begins, see `trace_organ`.
+    edge_shift_mm
+        How far edges are moved out, where images show the organ too small, or in if negative.
     tolerance_mm
         Largest RMS distance of a section's edge points to the organ, mm. Default: 2 % of the mean
         radius, but at least half a pixel, and more where the organ needs it, with a warning.
@@ -173,8 +177,8 @@ def build_organ(
     ToleranceTooSmall
         If the tolerance given cannot be kept; the smallest that can is named.
     ValueError
-        If the tolerance is negative or not finite, or given twice, an image cannot be read, or
-        fewer than two sections show an edge.
+        If the tolerance is negative or not finite, or given twice, the shift is not finite, an
+        image cannot be read, or fewer than two sections show an edge.
     """
     started = time.perf_counter()
     if tolerance_px is not None:
@@ -183,6 +187,8 @@ def build_organ(
         tolerance_mm = tolerance_px * stack.mean_pixel
     if tolerance_mm is not None:
         check_tolerance(tolerance_mm)
+    if not math.isfinite(edge_shift_mm):
+        raise ValueError(f"the edges' shift must be a length, not {edge_shift_mm} mm")
     if select not in ("fewest", "thesis"):
         raise ValueError(f"select must be fewest or thesis, not {select!r}")
     edges = trace_organ(
@@ -192,8 +198,9 @@ def build_organ(
     problems = dict(edges.problems)
     for section in edges.sections:
         try:
-            fitted.append(fitted_section(stack, section))
-        except NotSingleValued as error:
+            moved = shifted_section(section, edge_shift_mm, stack.pixel_size)
+            fitted.append(fitted_section(stack, moved))
+        except (NotSingleValued, NothingLeft) as error:
             problems[section.index] = str(error)
     if len(fitted) < 2:
         first = min(problems, default=None)
@@ -222,6 +229,10 @@ def build_organ(
         )
 
     found = _encoded(encoded, wanted_mm, strict=tolerance_mm is not None)
+    notes = edges.notes
+    if edge_shift_mm:
+        way = "out" if edge_shift_mm > 0.0 else "in"
+        notes += (f"edges are moved {way} by {abs(edge_shift_mm):.4g} mm, as asked",)
     sections = section_reports(stack, found, contours, fitted, problems)
     warnings = tuple(organ_warnings(stack, found.organ, fitted, sections, wanted_mm))
     return BuiltOrgan(
@@ -231,7 +242,7 @@ def build_organ(
         tolerance_mm=found.organ.tolerance_mm,
         seconds=time.perf_counter() - started,
         warnings=warnings,
-        notes=edges.notes,
+        notes=notes,
         contours=tuple(contours),
     )
 

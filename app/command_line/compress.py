@@ -122,6 +122,15 @@ def compress(
             rich_help_panel=_ORGAN,
         ),
     ] = "half-level",
+    edge_shift_mm: Annotated[
+        float,
+        typer.Option(
+            help="Move edges out by so many mm, or in if negative, for masks drawn too small or "
+            "too large.",
+            show_default="0",
+            rich_help_panel=_ORGAN,
+        ),
+    ] = 0.0,
     tolerance_mm: Annotated[
         float | None,
         typer.Option(
@@ -145,7 +154,7 @@ def compress(
     effort: Annotated[
         str,
         typer.Option(
-            help="quick, or full: tries more ways for some bytes less, ten times as long.",
+            help="quick, or full: tries more ways for some bytes less, up to twenty times as long.",
             rich_help_panel=_PROMISE,
         ),
     ] = "quick",
@@ -186,6 +195,7 @@ def compress(
         "threshold": threshold,
         "method": chosen("--edges", edges, ("half-level", "canny")),
         "seed": _within(area, seed_point(seed)),
+        "edge_shift_mm": edge_shift_mm,
         "tolerance_mm": tolerance_mm,
         "tolerance_px": tolerance_px,
         "effort": chosen("--effort", effort, ("quick", "full")),

@@ -1,0 +1,72 @@
+"""Edges moved in or out, where images are known to show the organ too large or too small."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.contours.edge_curve import enclosed_area
+from organ_geometry.contours.traced_organ import TracedSection
+
+_REACH = 3
+_LEAST_LEFT = 0.5
+
+
+class NothingLeft(ValueError):  # noqa: N818
+    """An edge that would be moved in, or a lumen's that would be moved shut, too far."""
+
+
+def shifted_section(
+    section: TracedSection, shift: float, pixel_size: NDArray[np.float64]
+) -> TracedSection:
+    """Return a section whose edges are moved away from the organ's tissue.
+
+    Masks whose border pixels count as organ are too large by half a pixel: a shift of minus half a
+    pixel makes up for that. The lumen's edge moves the other way, so that the wall grows or shrinks
+    on both sides.
+
+    Parameters
+    ----------
+    section
+        The section.
+    shift
+        How far, mm; negative is inwards.
+    pixel_size
+        (2,) width and height of a pixel, mm.
+
+    Returns
+    -------
+    TracedSection
+        The section.
+
+    Raises
+    ------
+    NothingLeft
+        If a boundary would lose half its mean radius or more.
+    """
+    if shift == 0.0:
+        return section
+    outer = _moved(section.outer * pixel_size, shift) / pixel_size
+    lumen = section.lumen
+    if lumen is not None:
+        lumen = _moved(lumen * pixel_size, -shift) / pixel_size
+    return replace(section, outer=outer, lumen=lumen)
+
+
+def _moved(points: NDArray[np.float64], shift: float) -> NDArray[np.float64]:
+    """Return a closed curve moved along its normals, outwards."""
+    radius = math.sqrt(enclosed_area(points) / math.pi)
+    if radius + shift < _LEAST_LEFT * radius:
+        raise NothingLeft(
+            f"an edge of {radius:.4g} mm radius cannot be moved in by {-shift:.4g} mm: little of "
+            f"it would be left"
+        )
+    after = np.roll(points, -1, axis=0)
+    sense = np.sign(float((points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum()))
+    # Chords over some points, so that noise of single points hardly turns the normals.
+    reach = min(_REACH, len(points) // 4)
+    chords = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
+    normals = np.stack([chords[:, 1], -chords[:, 0]], axis=1) * sense
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return points + shift * normals / np.maximum(lengths, np.finfo(np.float64).tiny)
