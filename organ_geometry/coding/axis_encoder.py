@@ -1,22 +1,25 @@
 """The axis in whole numbers: a few keys near the sections' centroids, in few bits."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.key_lattice import descend
-from organ_geometry.coding.organ_code import LARGEST_AXIS_DEPTH, axis_keys, chord_frame
+from organ_geometry.coding.organ_code import (
+    ALONG_STEPS,
+    LARGEST_AXIS_DEPTH,
+    axis_keys,
+    chord_frame,
+    scale_of,
+)
 from organ_geometry.curves.axis_curve import (
     key_levels,
     natural_cubic,
     natural_cubic_slopes,
     refinement,
 )
-
-ALONG_STEPS = 2
-"""The axis may be off along its chord by 2^2 times what it may be off across it."""
 
 _LARGEST_SIZE = 12
 _SIZES = np.arange(1.0, _LARGEST_SIZE + 1)
@@ -34,6 +37,8 @@ class CodedAxis:
     ----------
     ends, bends
         As in `OrganCode`.
+    scale
+        Its step in tolerances, see `scale_of`.
     step
         The step, mm.
     keys
@@ -44,15 +49,33 @@ class CodedAxis:
 
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
+    scale: int
     step: float
     keys: NDArray[np.float64]
     cost: float
+
+    def bent(self, bends: NDArray[np.int64]) -> "CodedAxis":
+        """Return the axis with other bends.
+
+        Parameters
+        ----------
+        bends
+            (K, 3) the bends.
+
+        Returns
+        -------
+        CodedAxis
+            The axis; its cost is not known.
+        """
+        keys = axis_keys(self.ends, bends, self.step)
+        return replace(self, bends=bends, keys=keys, cost=math.nan)
 
 
 def coded_axis(
     centroids: NDArray[np.float64],
     depth: int,
-    step: float,
+    scale: int,
+    tolerance: float,
     price: float,
     reach: tuple[float, float] = (0.0, 0.0),
 ) -> CodedAxis:
@@ -64,10 +87,12 @@ def coded_axis(
         (S, 3) centroids of the sections, mm.
     depth
         Number of levels of keys.
-    step
-        The step, mm.
+    scale
+        Its step in tolerances, see `scale_of`.
+    tolerance
+        The tolerance, mm.
     price
-        Squared error, mm^2, that a bit is worth.
+        Squared error, in squared steps, that a bit is worth.
     reach
         How far the axis goes on beyond the first and the last centroid, mm.
 
@@ -76,34 +101,9 @@ def coded_axis(
     CodedAxis
         The axis.
     """
-    return _coded(centroids, 2**depth + 1, step, price, reach)
-
-
-def most_levels(sections: int) -> int:
-    """Return the most levels of keys that sections can fix.
-
-    Parameters
-    ----------
-    sections
-        Number of sections.
-
-    Returns
-    -------
-    int
-        The number, one or more.
-    """
-    return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
-
-
-def _coded(
-    targets: NDArray[np.float64],
-    count: int,
-    step: float,
-    price: float,
-    reach: tuple[float, float] = (0.0, 0.0),
-) -> CodedAxis:
-    """Return the axis of a number of keys."""
-    keys, places = _fitted(targets, count, reach)
+    count, step = 2**depth + 1, tolerance * scale_of(scale)
+    price *= step * step
+    keys, places = _fitted(centroids, count, reach)
     first = np.asarray(np.round(keys[0] / step), dtype=np.int64)
     chord = np.asarray(np.round(keys[-1] / step), dtype=np.int64) - first
     if not chord.any():
@@ -118,14 +118,13 @@ def _coded(
     straight = np.asarray(
         np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord * step + first * step, dtype=np.float64
     )
-    wanted = np.einsum("sij,sj->si", across, (targets - weights @ straight) @ frame.T).ravel()
-    depth = (count - 1).bit_length() - 1
+    wanted = np.einsum("sij,sj->si", across, (centroids - weights @ straight) @ frame.T).ravel()
     levels = key_levels(depth)
     inner = np.flatnonzero(levels > 0)
     columns = (weights @ refinement(depth))[:, inner]
     # One row for each section and direction, one column for each key and direction.
     design = columns[:, np.newaxis, :, np.newaxis] * (across * unit)[:, :, np.newaxis, :]
-    design = design.reshape(3 * len(targets), -1)
+    design = design.reshape(3 * len(centroids), -1)
     products, sums = 0.5 * design.T @ design, 0.5 * design.T @ wanted
     numbers = np.zeros(design.shape[1], dtype=np.int64)
     prices, rows = price * _BITS, np.zeros(len(numbers), dtype=np.intp)
@@ -142,7 +141,23 @@ def _coded(
     away = wanted - design @ numbers
     bits = _BITS[0, np.minimum(np.abs(numbers), _LARGEST_SIZE)].sum()
     cost = 0.5 * float(away @ away) + price * float(bits)
-    return CodedAxis(ends, bends, step, axis_keys(ends, bends, step, ALONG_STEPS), cost)
+    return CodedAxis(ends, bends, scale, step, axis_keys(ends, bends, step), cost)
+
+
+def most_levels(sections: int) -> int:
+    """Return the most levels of keys that sections can fix.
+
+    Parameters
+    ----------
+    sections
+        Number of sections.
+
+    Returns
+    -------
+    int
+        The number, one or more.
+    """
+    return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
 
 
 def _fitted(

@@ -13,13 +13,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.key_lattice import differences_to_values
-from organ_geometry.coding.organ_cut import OrganCut
-from organ_geometry.coding.section_signals import CIRCLE
+from organ_geometry.coding.organ_cut import BendMoves, OrganCut
+from organ_geometry.coding.section_signals import ASIDE, CIRCLE, SKEW
 from organ_geometry.curves.outline_distance import FURTHER, nearest_column
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
 _POINTS = 36
+_DIED_AWAY = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointShares:
+    """What stored numbers have to do with points, where it is anything.
+
+    Attributes
+    ----------
+    first, last
+        (K,) the first point that a number has to do with, and the one after the last.
+    start
+        (K,) where its weights begin.
+    weights
+        Weights of all points from the first to the last, number by number.
+    """
+
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
+    start: NDArray[np.intp]
+    weights: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +59,10 @@ class EdgePoints:
         (N,) where its section is, in pieces between candidates for key sections.
     weights
         (N,) weight of its squared distance in its slice's mean.
-    beyond
-        (S,) mean squared distance of each slice's points to an end's plane, mm^2.
+    piece, share
+        (N,) the piece of a reader's axis that it lies in, and how far along it.
+    bends
+        How the axis there moves with its bends.
     """
 
     slices: NDArray[np.intp]
@@ -47,7 +70,9 @@ class EdgePoints:
     place: NDArray[np.float64]
     at: NDArray[np.float64]
     weights: NDArray[np.float64]
-    beyond: NDArray[np.float64]
+    piece: NDArray[np.intp]
+    share: NDArray[np.float64]
+    bends: BendMoves
 
     @classmethod
     def of(cls, cut: OrganCut, most: int = _POINTS) -> "EdgePoints":
@@ -77,19 +102,23 @@ class EdgePoints:
             stands_for = (points / np.maximum(taken, 1))[section[some]]
             parts.append((
                 section[some].astype(np.float64), np.full(len(some), float(wall)), at, stands_for,
-                located.beyond[some], located.place[some, 0], located.place[some, 1],
+                located.place[some, 0], located.place[some, 1],
             ))  # fmt: skip
         table = np.concatenate([np.stack(part) for part in parts], axis=1)
         table = table[:, np.argsort(table[0], kind="stable")]
         slices = table[0].astype(np.intp)
         weights = table[3] / np.bincount(slices, table[3], count)[slices]
+        finer = table[2] * (cut.pieces / cut.candidates)
+        piece = np.minimum(finer.astype(np.intp), cut.pieces - 1)
         return cls(
             slices=slices,
             lumen=table[1] > 0.0,
-            place=np.ascontiguousarray(table[5:].T),
+            place=np.ascontiguousarray(table[4:].T),
             at=table[2],
             weights=weights,
-            beyond=np.bincount(slices, weights * table[4] ** 2, count).astype(np.float64),
+            piece=piece,
+            share=finer - piece,
+            bends=cut.bend_moves(),
         )
 
     def of_slices(self, slices: NDArray[np.intp]) -> "EdgePoints":
@@ -105,7 +134,7 @@ class EdgePoints:
         EdgePoints
             Their points.
         """
-        number = np.full(len(self.beyond), -1, dtype=np.intp)
+        number = np.full(int(self.slices[-1]) + 1, -1, dtype=np.intp)
         number[slices] = np.arange(len(slices))
         some = number[self.slices] >= 0
         return EdgePoints(
@@ -114,10 +143,12 @@ class EdgePoints:
             place=self.place[some],
             at=self.at[some],
             weights=self.weights[some],
-            beyond=self.beyond[slices],
+            piece=self.piece[some],
+            share=self.share[some],
+            bends=self.bends,
         )
 
-    def shares(self, keys: NDArray[np.intp]) -> NDArray[np.float64]:
+    def shares(self, keys: NDArray[np.intp]) -> "PointShares":
         """Return the weights of stored differences in the points' signals.
 
         Parameters
@@ -127,12 +158,12 @@ class EdgePoints:
 
         Returns
         -------
-        NDArray[np.float64]
-            (K, N) weights.
+        PointShares
+            The weights.
         """
         values = np.ascontiguousarray(differences_to_values(keys).T)
         before, share = self._between(keys)
-        return values[:, before] * (1.0 - share) + values[:, before + 1] * share
+        return PointShares(*_key_shares(values, before, share))
 
     def distances(
         self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
@@ -154,23 +185,132 @@ class EdgePoints:
             (N,) distances, mm, and (W, 16, N) their changes with the signals of each wall.
         """
         values = differences_to_values(keys)
-        before, share = self._between(keys)
-        lumen, share = self.lumen, share[:, np.newaxis]
-        outer = (values @ stored[0]) * steps
-        signals = outer[before] * (1.0 - share) + outer[before + 1] * share
+        lumen = self.lumen
+        signals = self.signals(keys, (values @ stored[0]) * steps)
         if len(stored) > 1:
-            own = (values @ stored[1]) * steps
-            own = own[before] * (1.0 - share) + own[before + 1] * share
+            own = self.signals(keys, (values @ stored[1]) * steps)
             signals += own * lumen[:, np.newaxis]
         away, changes = _linearised(self.place, signals, CIRCLE, _U)
         walls = [changes] if len(stored) == 1 else [changes, changes * lumen]
         return away, np.stack(walls)
+
+    def signals(self, keys: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a wall's signals in the points' sections.
+
+        Parameters
+        ----------
+        keys
+            (K,) key sections.
+        values
+            (K, 16) the signals there, mm.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, 16) signals, mm.
+        """
+        before, share = self._between(keys)
+        share = share[:, np.newaxis]
+        return values[before] * (1.0 - share) + values[before + 1] * share
+
+    def bent(self, changes: NDArray[np.float64]) -> PointShares:
+        """Return how the points' distances change with the axis's bends.
+
+        Parameters
+        ----------
+        changes
+            (16, N) how they change with the signals of the outer boundary, as `distances` has it.
+
+        Returns
+        -------
+        PointShares
+            The changes, mm, for each key of the axis and each of its three ways in turn.
+        """
+        aside, up = changes[ASIDE], changes[SKEW][0]
+        moves = self.bends
+        return PointShares(*_bent(moves.weights, moves.across, self.piece, self.share, aside, up))
 
     def _between(self, keys: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Return the (N,) keys before the points, and shares of the way to the next."""
         before = np.clip(np.searchsorted(keys, self.at, side="right") - 1, 0, len(keys) - 2)
         share = (self.at - keys[before]) / (keys[before + 1] - keys[before])
         return before, np.clip(share, 0.0, 1.0)
+
+
+@numba.njit(cache=True)
+def _key_shares(
+    values: NDArray[np.float64], before: NDArray[np.intp], share: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Return what `PointShares` holds, from the (K, K) values that each difference gives."""
+    keys, points = len(values), len(before)
+    # The first and the last point between two keys, and from there the range of every key.
+    low, high = np.full(keys, points, np.intp), np.zeros(keys, np.intp)
+    for p in range(points):
+        low[before[p]] = min(low[before[p]], p)
+        high[before[p]] = p + 1
+    first, last = np.zeros(keys, np.intp), np.zeros(keys, np.intp)
+    start = np.zeros(keys, np.intp)
+    total = 0
+    for k in range(keys):
+        p0, p1 = points, 0
+        for i in range(keys - 1):
+            if values[k, i] != 0.0 or values[k, i + 1] != 0.0:
+                p0, p1 = min(p0, low[i]), max(p1, high[i])
+        first[k], last[k], start[k] = p0, max(p0, p1), total
+        total += last[k] - p0
+    weights = np.empty(total)
+    for k in range(keys):
+        for p in range(first[k], last[k]):
+            i = before[p]
+            weights[start[k] + p - first[k]] = (
+                values[k, i] * (1.0 - share[p]) + values[k, i + 1] * share[p]
+            )
+    return first, last, start, weights
+
+
+@numba.njit(cache=True)
+def _bent(
+    weights: NDArray[np.float64],
+    across: NDArray[np.float64],
+    piece: NDArray[np.intp],
+    share: NDArray[np.float64],
+    aside: NDArray[np.float64],
+    up: NDArray[np.float64],
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Return what `PointShares` holds of all bends; those of the two ends have to do with none."""
+    sections, keys = weights.shape
+    points = len(piece)
+    first, last = np.zeros(3 * keys, np.intp), np.zeros(3 * keys, np.intp)
+    start = np.zeros(3 * keys, np.intp)
+    total = 0
+    for k in range(1, keys - 1):
+        largest = 0.0
+        for i in range(sections):
+            largest = max(largest, abs(weights[i, k]))
+        low, high = sections, 0
+        for i in range(sections):
+            # A cubic's bends die away along it.
+            if abs(weights[i, k]) > _DIED_AWAY * largest:
+                low, high = min(low, i), i
+        p0, p1 = points, 0
+        for p in range(points):
+            if low - 1 <= piece[p] <= high:
+                p0, p1 = min(p0, p), p + 1
+        for way in range(3):
+            row = 3 * k + way
+            first[row], last[row], start[row] = p0, max(p0, p1), total
+            total += last[row] - p0
+    changes = np.empty(total)
+    for k in range(1, keys - 1):
+        for p in range(first[3 * k], last[3 * k]):
+            i, part = piece[p], share[p]
+            weight = weights[i, k] * (1.0 - part) + weights[i + 1, k] * part
+            for way in range(3):
+                x = across[i, way, 0] * (1.0 - part) + across[i + 1, way, 0] * part
+                y = across[i, way, 1] * (1.0 - part) + across[i + 1, way, 1] * part
+                row = 3 * k + way
+                changes[start[row] + p - first[row]] = weight * (x * aside[p] + y * up[p])
+    return first, last, start, changes
 
 
 @numba.njit(cache=True)

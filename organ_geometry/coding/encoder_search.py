@@ -1,11 +1,12 @@
 """The search for the fewest bytes: which axis, which steps, and which numbers in them."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from organ_geometry.coding.axis_encoder import CodedAxis, coded_axis, most_levels
+from organ_geometry.coding.axis_encoder import coded_axis, most_levels
 from organ_geometry.coding.organ_attempts import AXIS_PRICE, KeptCode, OrganAttempts
 from organ_geometry.coding.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
 from organ_geometry.coding.organ_cut import OrganCut, best_turn
@@ -25,17 +26,19 @@ _AXIS_STEPS = {
 }
 _STEPS = {
     "quick": (0.75, 0.5, 1.0),
-    "full": (0.75, 0.5, 0.875, 1.0, 0.625),
+    "full": (0.75, 0.5, 1.0),
     "sample": (0.75, 1.0),
 }
 _FINER_STEPS = (0.35, 0.25, 0.15)
 _FINEST_STEP = 1.0 / 16.0
 # What a bit is worth in the sections that the search for fewer bits begins with.
-_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.05, 0.3), "sample": (0.1,)}
-_BEST_AXES = {"quick": 2, "full": 4, "sample": 1}
+_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.3), "sample": (0.1,)}
+_BEST_AXES = {"quick": 2, "full": 3, "sample": 1}
 _LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "sample": (0, -1), "nearest": (1, 0)}
 _ROUNDS = {"quick": 6, "full": 10, "sample": 5}
 _FEW_ROUNDS = 3
+_REFINED = {"quick": 0, "full": 5, "sample": 0}
+_FINE_ROUNDS = {"quick": 0, "full": 6, "sample": 0}
 _TIGHTENINGS, _TIGHTER = 3, 0.6
 _NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
 # Where first attempts are so far off, in tolerances, and finest steps so far, more are of no use.
@@ -101,10 +104,7 @@ class EncoderSearch:
         """
         thin = np.zeros(0, dtype=np.intp)
         for _ in range(1 + _TIGHTENINGS):
-            kept = self._searched(effort)
-            if not kept:
-                # What changes between two sections may need keys at less than their distance.
-                kept = [self.nearest(), *self._searched(effort)]
+            kept = self._kept_soonest(effort)
             whole: list[KeptCode] = []
             for one in sorted(kept, key=lambda one: len(one.data)):
                 thin = self._attempts.thin(one)
@@ -113,7 +113,7 @@ class EncoderSearch:
                 if not thin.size:
                     whole.append(one)
             if whole:
-                return whole[0]
+                return self._steadier(effort) or whole[0]
             # Where the walls cross, sections must be kept more nearly.
             self._attempts.limits[thin] *= _TIGHTER
         index = self._attempts.contours[int(thin[0])].index
@@ -122,46 +122,77 @@ class EncoderSearch:
             f"between them are needed, or a smaller tolerance"
         )
 
-    def _searched(self, effort: Search) -> list[KeptCode]:
+    def _steadier(self, effort: Search) -> KeptCode | None:
+        """Return numbers of which no outline goes where no edge is, of any axis, or None."""
+        attempts = self._attempts
+        kept = self._searched(effort, (attempts.depth,), every=True)
+        with suppress(NotKept):
+            kept.append(self.nearest())
+        fitting = (one for one in kept if not attempts.thin(one).size and not attempts.strays(one))
+        return min(fitting, key=lambda one: len(one.data), default=None)
+
+    def _kept_soonest(self, effort: Search) -> list[KeptCode]:
+        """Return numbers that keep the tolerance, with candidates for keys as few as will do."""
+        depth = self._attempts.depth
+        coarser = max(1, depth - 1)
+        if effort != "sample":
+            kept = self._searched(effort, (coarser, depth), last=True)
+        else:
+            kept = self._searched(effort, (coarser,)) if coarser < depth else []
+            if not kept:
+                kept = self._searched(effort, (depth,), last=True)
+        if not kept:
+            # What changes between two sections may need keys at less than their distance.
+            exact = self.nearest()
+            kept = [exact, *self._searched(effort, (exact.cut.depth,))]
+        return kept
+
+    def _searched(
+        self, effort: Search, depths: tuple[int, ...], *, last: bool = False, every: bool = False
+    ) -> list[KeptCode]:
         """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
         steps, starts, rounds = _STEPS[effort], _START_PRICES[effort], _ROUNDS[effort]
         kept: list[KeptCode] = []
-        tried: list[tuple[float, int, CodedAxis, OrganCut]] = []
+        tried: list[tuple[float, OrganCut]] = []
         nearest = np.inf
-        for scale, axis, cut in self._axes(effort):
-            found = self._attempts.descended(scale, axis, cut, steps[0], starts[0], _FEW_ROUNDS)
+        for cut in self._cuts(effort, depths):
+            found = self._attempts.descended(cut, steps[0], starts[0], _FEW_ROUNDS)
             kept += _keeping(found)
             nearest = min([nearest, *(one.worst for one in found)])
             if found:
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
-                tried.append((size, scale, axis, cut))
-        tried.sort(key=lambda one: one[0])
+                tried.append((size, cut))
+        tried = _best_of_each_depth(tried)
         if effort != "full" and nearest > _FAR:
+            if not last:
+                return []
             self._check_within_reach()
         # The axis of most promise is tried with all steps, the next with some.
-        for number, (_, scale, axis, cut) in enumerate(tried[: _BEST_AXES[effort]]):
+        best = len(tried) if every else _BEST_AXES[effort]
+        for number, (_, cut) in enumerate(tried[:best]):
             for step in steps if number == 0 or effort == "full" else steps[:2]:
                 if effort == "sample" and step == steps[0]:
                     # A few rounds were enough to choose this axis by, and are for a sample.
                     continue
                 for start in starts:
-                    kept += self._kept(scale, axis, cut, step, start, rounds)
+                    kept += self._kept(cut, step, start, rounds)
         for step in _FINER_STEPS:
             if kept:
                 break
-            for _, scale, axis, cut in tried[:2]:
-                kept += self._kept(scale, axis, cut, step, starts[0], rounds)
+            for _, cut in tried[:2]:
+                kept += self._kept(cut, step, starts[0], rounds)
+        kept.sort(key=lambda one: len(one.data))
+        for one in kept[: _REFINED[effort]]:
+            kept += _keeping(self._attempts.lowered(one, _FINE_ROUNDS[effort], move_keys=True))
         return kept
 
     def _check_within_reach(self) -> None:
         """Check that finest steps come near to what is to be kept; coarser ones will not either."""
-        depth = self._attempts.depth
         try:
             self.nearest()
         except NotKept as error:
             if error.nearest_mm > _OUT_OF_REACH * float(self._attempts.limits.max()):
                 raise
-        self._attempts.depth = depth
 
     def nearest(self, way: tuple[int, int] | None = None) -> KeptCode:
         """Return the numbers in finest steps that come nearest to the sections.
@@ -190,18 +221,17 @@ class EncoderSearch:
         )
         found: list[tuple[float, tuple[int, int], KeptCode]] = []
         while ways:
-            levels, attempts.depth = ways.pop(0)
-            scale = scale_number(attempts.usual)
-            axis, cut = attempts.cut(levels, attempts.tolerance * scale_of(scale))
+            levels, depth = ways.pop(0)
+            cut = attempts.cut(levels, scale_number(attempts.usual), depth)
             keys = np.arange(cut.candidates + 1, dtype=np.intp)
             tried = attempts.descended(
-                scale, axis, cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
+                cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
             )
-            found += [(one.worst, (levels, attempts.depth), one) for one in tried]
+            found += [(one.worst, (levels, depth), one) for one in tried]
             found = sorted(found, key=lambda one: one[0])[:1]
             if found and found[0][0] <= 1.0:
                 return found[0][2]
-            deeper = attempts.depth + 1
+            deeper = depth + 1
             if (
                 not ways
                 and way is None
@@ -212,7 +242,6 @@ class EncoderSearch:
         if not found:
             raise ValueError("the sections make no organ: their widths vanish")
         _, nearest, best = found[0]
-        attempts.depth = first
         worst = int(best.rms.argmax())
         index = attempts.contours[worst].index
         raise NotKept(index, float(best.rms[worst]), best.overall, nearest)
@@ -244,9 +273,7 @@ class EncoderSearch:
             sections = cut.encoder.coded(
                 step, _START_PRICES["quick"][0] * step * step, weights, keys
             )
-            attempt = self._attempts.measured(
-                exact.code.axis_scale, exact.code, cut, scale, sections
-            )
+            attempt = self._attempts.measured(cut, scale, sections)
             if attempt is not None and attempt.worst <= 1.0:
                 return attempt
             threshold *= 0.8
@@ -256,37 +283,42 @@ class EncoderSearch:
         """Yield levels of the axis, and its step as a share of what lengths go with."""
         attempts = self._attempts
         most = most_levels(len(attempts.centroids))
-        unit = attempts.tolerance * scale_of(scale_number(attempts.usual))
+        scale = scale_number(attempts.usual)
         if self._turn is None:
             costs = [
-                coded_axis(attempts.centroids, levels, unit, AXIS_PRICE * unit**2).cost
+                coded_axis(attempts.centroids, levels, scale, attempts.tolerance, AXIS_PRICE).cost
                 for levels in range(1, most + 1)
             ]
             self._middle = 1 + int(np.argmin(costs))
-            _, cut = attempts.cut(self._middle, unit)
+            cut = attempts.cut(self._middle, scale, attempts.depth)
             self._turn = attempts.turn = best_turn(cut.outlines.outer)
         for more in _LEVELS[effort]:
             if 1 <= self._middle + more <= most:
                 for share in _AXIS_STEPS[effort]:
                     yield self._middle + more, share
 
-    def _axes(self, effort: Search) -> Iterator[tuple[int, CodedAxis, OrganCut]]:
-        """Yield axes of several steps and numbers of keys, and the contours cut across them."""
+    def _cuts(self, effort: Search, depths: tuple[int, ...]) -> Iterator[OrganCut]:
+        """Yield the contours cut across axes of several steps and numbers of keys."""
         for levels, share in self._settings(effort):
             scale = scale_number(share * self._attempts.usual)
-            yield scale, *self._attempts.cut(levels, self._attempts.tolerance * scale_of(scale))
+            for depth in depths:
+                yield self._attempts.cut(levels, scale, depth)
 
-    def _kept(
-        self,
-        scale: int,
-        axis: CodedAxis,
-        cut: OrganCut,
-        step: float,
-        start: float,
-        rounds: int,
-    ) -> list[KeptCode]:
+    def _kept(self, cut: OrganCut, step: float, start: float, rounds: int) -> list[KeptCode]:
         """Return the attempts of one axis and step that keep the tolerance."""
-        return _keeping(self._attempts.descended(scale, axis, cut, step, start, rounds))
+        return _keeping(self._attempts.descended(cut, step, start, rounds))
+
+
+def _best_of_each_depth(tried: list[tuple[float, OrganCut]]) -> list[tuple[float, OrganCut]]:
+    """Return cuts by what they promise, the best of each depth before the second best of any."""
+    ranked: list[tuple[int, float, int]] = []
+    of_depth: dict[int, int] = {}
+    for number in sorted(range(len(tried)), key=lambda number: tried[number][0]):
+        size, cut = tried[number]
+        before = of_depth.setdefault(cut.depth, 0)
+        of_depth[cut.depth] += 1
+        ranked.append((before, size, number))
+    return [tried[number] for _, _, number in sorted(ranked)]
 
 
 def _keeping(attempts: list[KeptCode]) -> list[KeptCode]:

@@ -11,6 +11,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+# A number that moves so much less than others, in squares, moves nothing: the rest is rounding.
+_LEAST_STIFF = 1e-12
+
 
 def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
     """Return the order in which keys between the two ends become known.
@@ -64,6 +67,44 @@ def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
         values[key] = (1.0 - share) * values[low] + share * values[high]
         values[key, key] = 1.0
     return values
+
+
+def nearest_differences(
+    values: NDArray[np.float64], keys: NDArray[np.intp], dead: float = 0.5
+) -> NDArray[np.int64]:
+    """Return the stored differences that come nearest to values at keys, one key after the other.
+
+    Parameters
+    ----------
+    values
+        (K, J) values of J signals at the keys, in steps.
+    keys
+        (K,) places of the keys, growing.
+    dead
+        Differences smaller than this are left out, but for the first key's.
+
+    Returns
+    -------
+    NDArray[np.int64]
+        (K, J) differences.
+    """
+    numbers = np.zeros(values.shape, dtype=np.int64)
+    decoded = np.zeros(values.shape)
+    numbers[0] = np.round(values[0])
+    decoded[0] = numbers[0]
+    numbers[-1] = _with_dead_zone(values[-1] - decoded[0], dead)
+    decoded[-1] = decoded[0] + numbers[-1]
+    for key, low, high, _ in known_order(keys):
+        share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
+        line = (1.0 - share) * decoded[low] + share * decoded[high]
+        numbers[key] = _with_dead_zone(values[key] - line, dead)
+        decoded[key] = line + numbers[key]
+    return numbers
+
+
+def _with_dead_zone(values: NDArray[np.float64], dead: float) -> NDArray[np.int64]:
+    """Return whole numbers nearest to values, but zero for one up to where it pays little."""
+    return np.where(np.abs(values) < dead, 0.0, np.round(values)).astype(np.int64)
 
 
 def hats(places: NDArray[np.float64], keys: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -205,6 +246,9 @@ def descend(
     count = len(steps)
     most = prices.shape[1] - 1
     pull = sums.copy()
+    least = 0.0
+    for k in range(count):
+        least = max(least, _LEAST_STIFF * products[k, k])
     for k in range(count):
         if steps[k] != 0:
             for i in range(count):
@@ -213,7 +257,7 @@ def descend(
         changed = False
         for k in range(count):
             stiff = products[k, k]
-            if stiff <= 0.0:
+            if stiff <= least:
                 continue
             wanted = steps[k] + pull[k] / stiff
             floor = int(np.floor(wanted))

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.section_signals import SIGNALS
+from organ_geometry.curves.axis_curve import key_levels
 
 LARGEST_SIZE = 12
 """Largest size that has a price of its own."""
 _POWERS = 6
+_BEND_LEVELS = 4
 
 
 def first_prices() -> NDArray[np.float64]:
@@ -38,14 +40,47 @@ def learned_prices(stored: NDArray[np.int64]) -> NDArray[np.float64]:
         (16, 13) bits of each signal's number, by its size.
     """
     sizes = np.abs(stored[1:])
-    powers = np.array([(sizes >= 2**power).sum() for power in range(_POWERS)]) + 0.5
-    more = np.clip(powers[1:] / powers[:-1], 0.05, 0.9)
-    size_bits = np.zeros(LARGEST_SIZE)
-    for size in range(1, LARGEST_SIZE + 1):
-        power = size.bit_length() - 1
-        size_bits[size - 1] = power - np.log2(more[:power]).sum() - math.log2(1.0 - more[power])
     zeros = ((sizes == 0).sum(axis=0) + 0.5) / (len(sizes) + 1.0)
     bits = np.empty((SIGNALS, LARGEST_SIZE + 1))
     bits[:, 0] = -np.log2(zeros)
-    bits[:, 1:] = 1.0 - np.log2(1.0 - zeros)[:, np.newaxis] + size_bits
+    bits[:, 1:] = 1.0 - np.log2(1.0 - zeros)[:, np.newaxis] + _size_bits(sizes)
+    return bits
+
+
+def bend_prices(bends: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return what numbers like an axis's bends take.
+
+    Parameters
+    ----------
+    bends
+        (B, 3) stored differences of the axis's keys, along the chord and twice across it.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (3 B, 13) bits of each, by its size; those of the ends, which are not stored, are infinite
+        but for zero.
+    """
+    levels = np.minimum(key_levels((len(bends) - 1).bit_length() - 1), _BEND_LEVELS)
+    bits = np.full((len(bends), 3, LARGEST_SIZE + 1), np.inf)
+    bits[:, :, 0] = 0.0
+    for level in range(1, int(levels.max()) + 1):
+        here = levels == level
+        sizes = np.abs(bends[here])
+        of_sizes = _size_bits(sizes)
+        for ways in (slice(0, 1), slice(1, 3)):
+            zeros = ((sizes[:, ways] == 0).sum() + 0.5) / (sizes[:, ways].size + 1.0)
+            bits[here, ways, 0] = -math.log2(zeros)
+            bits[here, ways, 1:] = 1.0 - math.log2(1.0 - zeros) + of_sizes
+    return bits.reshape(-1, LARGEST_SIZE + 1)
+
+
+def _size_bits(sizes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the (12,) bits that sizes from 1 take where others are as these."""
+    powers = np.array([(sizes >= 2**power).sum() for power in range(_POWERS)]) + 0.5
+    more = np.clip(powers[1:] / powers[:-1], 0.05, 0.9)
+    bits = np.zeros(LARGEST_SIZE)
+    for size in range(1, LARGEST_SIZE + 1):
+        power = size.bit_length() - 1
+        bits[size - 1] = power - np.log2(more[:power]).sum() - math.log2(1.0 - more[power])
     return bits

@@ -3,15 +3,17 @@
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.axis_encoder import ALONG_STEPS, CodedAxis, coded_axis
+from organ_geometry.coding.aiming import EACH_SLICE, NEAR, Aiming
+from organ_geometry.coding.axis_encoder import CodedAxis, coded_axis
 from organ_geometry.coding.edge_changes import EdgePoints
 from organ_geometry.coding.organ_code import (
+    COARSEST_TILTS,
     LARGEST_KEY_DEPTH,
     OrganCode,
     scale_number,
@@ -24,24 +26,28 @@ from organ_geometry.coding.organ_cut import OrganCut
 from organ_geometry.coding.organ_file import code_bytes
 from organ_geometry.coding.section_encoder import CodedSections
 from organ_geometry.coding.section_signals import WIDTH
-from organ_geometry.coding.slice_descent import Aim, fewer_bits
+from organ_geometry.coding.slice_descent import OrganNumbers, SliceDescent
 from organ_geometry.coding.wall_thickness import thinnest_walls
 from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
 from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
 
 AXIS_PRICE = 0.2
 """Squared error, summed over the sections, that a bit of the axis is worth, in squared steps."""
-OVERALL_PRICE = 0.5
-"""The same of the sections, where all together are to be kept to an RMS distance."""
+OVERALL_SHARE = 0.4
+"""What all sections' errors cost, to begin with, as a share of an organ's bits, where all together
+are to be kept to an RMS distance: bits go with the logarithm of that."""
 
 _FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
 # What no numbers keep, so that errors can be said in tolerances.
 _LEAST_SHARE = 1e-9
-_MARGIN, _LEAST_MARGIN = 0.96, 0.6
-_EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
-_NEAR = (30.0, 3000.0, 0.9)
+# A reader's stations are at equal chords of the axis: it finds distances so much larger at most.
+_CHORDS = 1e-4
 _PATIENCE = 2
+# Where slices are off by so much more than was foreseen, the axis was bent too far.
+_ASTRAY = 1.2
 _STRAYS, _STRAY_CORNERS = 0.4, 32
+# Tilts are off by half a step: by so many of these a tolerance at the edge.
+_TILT_SHARE = 0.8
 # An axis is carried on at its ends until their planes enclose the end sections so nearly.
 _ENCLOSED, _CARRIES = 0.2, 4
 
@@ -74,6 +80,12 @@ class KeptCode:
     def data(self) -> bytes:
         """Content of the file."""
         return code_bytes(self.code)
+
+    @property
+    def numbers(self) -> OrganNumbers:
+        """Those of the numbers that are chosen together."""
+        walls = [self.code.outer] if self.code.lumen is None else [self.code.outer, self.code.lumen]
+        return OrganNumbers(CodedSections(self.code.keys, np.stack(walls)), self.code.bends)
 
 
 class OrganAttempts:
@@ -109,7 +121,8 @@ class OrganAttempts:
     turn
         How far half-curves are turned in their sections, as in `OrganCode`.
     depth
-        There are 2^depth + 1 candidates for key sections.
+        With 2^depth pieces between them, candidates for key sections are about as far from one
+        another as sections.
     """
 
     def __init__(
@@ -139,13 +152,15 @@ class OrganAttempts:
         stored = tolerance_of(self._number)
         # What the file says is what is promised.
         self._allowed = max(min(tolerance, stored), _LEAST_SHARE * self._radius)
-        self.limits = np.full(len(contours), self._allowed)
+        self.limits = np.full(len(contours), (1.0 - _CHORDS) * self._allowed)
         self._overall = self._allowed if overall is None else min(overall, self._allowed)
         # Steps go with the tolerance, but none is so long that it would leave nothing of a section.
         narrowest = min(float(np.ptp(contour.outer @ contour.x_dir)) for contour in contours)
         longest = _COARSEST_SHARE * min(self._radius, 0.5 * narrowest)
         self._unit = min(stored, max(1.25 * self._overall, _FINEST_SHARE * self._radius), longest)
         self.usual = self._unit / stored
+        finest = _TILT_SHARE * self._radius / self._allowed
+        self._tilt_scale = min(max(0, math.ceil(math.log2(finest / COARSEST_TILTS))), 3)
         self.tolerance = stored
 
     @property
@@ -177,7 +192,7 @@ class OrganAttempts:
             The attempts.
         """
         some = copy.copy(self)
-        some.contours = [self.contours[number] for number in chosen.tolist()]
+        some.contours = [self.contours[int(number)] for number in chosen]
         some.centroids = self.centroids[chosen]
         some.limits = self.limits[chosen]
         some.depth = _depth(len(chosen))
@@ -202,53 +217,55 @@ class OrganAttempts:
         """
         code = one.code
         cut = OrganCut(
-            self.contours, self._loft(), self.centroids, one.cut.keys, self.depth,
+            self.contours, self._loft(), self.centroids, one.cut.axis, self.depth,
             4.0 * self._radius, left_handed=self._left_handed, like=one.cut, finer=finer,
         )  # fmt: skip
-        sections = CodedSections(code.keys * finer, code.outer, code.lumen)
-        return self.measured(code.axis_scale, code, cut, code.section_scale, sections)
+        sections = CodedSections(code.keys * finer, one.numbers.sections.stored)
+        return self.measured(cut, code.section_scale, sections)
 
-    def cut(self, levels: int, step: float) -> tuple[CodedAxis, OrganCut]:
-        """Return an axis whose ends' planes enclose the end sections, and the contours cut by it.
+    def cut(self, levels: int, scale: int, depth: int) -> OrganCut:
+        """Return the contours cut by an axis whose ends' planes enclose the end sections.
 
         Parameters
         ----------
         levels
             The axis has 2^levels + 1 keys.
-        step
-            Its step, mm.
+        scale
+            Its step, see `scale_of`.
+        depth
+            There are 2^depth + 1 candidates for key sections.
 
         Returns
         -------
-        tuple[CodedAxis, OrganCut]
-            Both.
+        OrganCut
+            The cut.
         """
         reach = [0.0, 0.0]
-        found: list[tuple[float, CodedAxis, OrganCut]] = []
+        found: list[tuple[float, OrganCut]] = []
         for _ in range(_CARRIES):
             axis = coded_axis(
-                self.centroids, levels, step, AXIS_PRICE * step * step, (reach[0], reach[1])
+                self.centroids, levels, scale, self.tolerance, AXIS_PRICE, (reach[0], reach[1])
             )
-            cut = OrganCut(
-                self.contours, self._loft(), self.centroids, axis.keys, self.depth,
-                4.0 * self._radius, self.turn, left_handed=self._left_handed,
-            )  # fmt: skip
+            cut = self._cut_by(axis, depth)
             located, section = cut.edges[0]
             beyond = [located.beyond[section == end] for end in (0, len(self.contours) - 1)]
             rms = [float(np.sqrt(np.mean(away * away))) for away in beyond]
-            found.append((max(rms), axis, cut))
+            found.append((max(rms), cut))
             if max(rms) <= _ENCLOSED * self._unit:
                 break
             for end in (0, 1):
                 if rms[end] > 0.5 * _ENCLOSED * self._unit:
                     reach[end] += 1.05 * float(beyond[end].max())
-        _, axis, cut = min(found, key=lambda one: one[0])
-        return axis, cut
+        return min(found, key=lambda one: one[0])[1]
+
+    def _cut_by(self, axis: CodedAxis, depth: int) -> OrganCut:
+        return OrganCut(
+            self.contours, self._loft(), self.centroids, axis, depth, 4.0 * self._radius,
+            self.turn, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
+        )  # fmt: skip
 
     def descended(
         self,
-        axis_scale: int,
-        axis: CodedAxis,
         cut: OrganCut,
         share: float,
         start: float,
@@ -261,12 +278,8 @@ class OrganAttempts:
 
         Parameters
         ----------
-        axis_scale
-            Step of the axis, see `scale_of`.
-        axis
-            The axis.
         cut
-            The contours cut across it.
+            The contours cut across an axis.
         share
             Step of half-curves, as a share of what lengths go with.
         start
@@ -286,65 +299,77 @@ class OrganAttempts:
         scale = scale_number(share * self.usual)
         step = self.tolerance * scale_of(scale)
         weights = np.full(cut.samples + 1, len(self.contours) / (cut.samples + 1))
-        sections = cut.encoder.coded(step, start * step**2, weights, keys)
-        points = EdgePoints.of(cut)
-        everywhere, beyond, margin = _NEAR if near else (_EVERYWHERE, _BEYOND, _MARGIN)
-        if not near and self._overall < self._allowed:
-            everywhere = (self._allowed / step) ** 2 / OVERALL_PRICE
+        first = self.measured(cut, scale, cut.encoder.coded(step, start * step**2, weights, keys))
+        return [] if first is None else [first, *self.lowered(first, rounds, near=near)]
+
+    def lowered(
+        self, one: KeptCode, rounds: int, *, near: bool = False, move_keys: bool = False
+    ) -> list[KeptCode]:
+        """Return attempts that go on from one, each of lower cost than the one before.
+
+        Parameters
+        ----------
+        one
+            The numbers to begin with.
+        rounds
+            Most attempts.
+        near
+            Whether to come as near to the sections as the steps allow.
+        move_keys
+            Whether key sections may be moved, and come and go.
+
+        Returns
+        -------
+        list[KeptCode]
+            The attempts.
+        """
+        scale, step = one.code.section_scale, one.code.section_step
+        together = not near and self._overall < self._allowed
+        aim = NEAR if near else EACH_SLICE
+        if together:
+            errors = len(self.contours) * (self._overall / self._allowed) ** 2
+            aim = replace(aim, everywhere=OVERALL_SHARE * 8.0 * len(one.data) / errors)
+        aiming = Aiming(aim, together=together)
         found: list[KeptCode] = []
-        still = 0
-        for _ in range(rounds + 1):
-            attempt = self.measured(axis_scale, axis, cut, scale, sections)
+        cut, points = one.cut, EdgePoints.of(one.cut)
+        free_axis, still = not near, 0
+        for _ in range(rounds):
+            if (near and one.worst <= 1.0) or aiming.settled or still == _PATIENCE:
+                break
+            if one.cut is not cut:
+                cut, points = one.cut, EdgePoints.of(one.cut)
+            descent = SliceDescent(
+                points, one.numbers, signal_steps(step), self.limits, one.rms, aiming.aim,
+                free_axis=free_axis,
+            )  # fmt: skip
+            numbers = descent.lowered(move_keys=move_keys)
+            bent = not np.array_equal(numbers.bends, one.code.bends)
+            new_cut = self._cut_by(cut.axis.bent(numbers.bends), cut.depth) if bent else cut
+            attempt = self.measured(new_cut, scale, numbers.sections)
+            excess = math.inf if attempt is None else float((attempt.rms / self.limits).max())
+            if bent and excess > _ASTRAY * max(1.0, descent.foreseen):
+                free_axis = False
+                continue
             if attempt is None:
                 break
             found.append(attempt)
-            if near and attempt.worst <= 1.0:
-                break
-            excess = float((attempt.rms / self.limits).max())
-            if 1.0 < excess < 1.1:
-                margin = max(margin - (excess**2 - 1.0), _LEAST_MARGIN)
-            if excess > 1.0:
-                beyond = min(2.0 * beyond, _MOST_BEYOND)
-            if self._overall < self._allowed:
-                everywhere *= min(max(attempt.overall / self._overall, 0.85), 1.2) ** 4
-                everywhere = max(everywhere, _EVERYWHERE)
-            stored = (
-                [sections.outer] if sections.lumen is None else [sections.outer, sections.lumen]
-            )
-            chosen, numbers = fewer_bits(
-                points,
-                sections.keys,
-                np.stack(stored),
-                signal_steps(step),
-                self.limits,
-                attempt.rms,
-                Aim(everywhere, beyond, margin),
-            )
-            same = len(chosen) == len(sections.keys) and np.array_equal(numbers, np.stack(stored))
-            sections = CodedSections(chosen, numbers[0], numbers[1] if len(numbers) > 1 else None)
+            same = not bent and _same(attempt, one)
             still = still + 1 if same else 0
-            if (same and attempt.worst <= 1.0) or still == _PATIENCE:
+            if same and attempt.worst <= 1.0 and not together:
                 break
+            aiming.learn(excess, attempt.overall / self._overall)
+            # What is beyond what all together may be has lost keys that it does not find again.
+            if not together or attempt.worst <= 1.0 or one.worst > 1.0:
+                one = attempt
         return found
 
-    def measured(
-        self,
-        axis_scale: int,
-        axis: CodedAxis | OrganCode,
-        cut: OrganCut,
-        scale: int,
-        sections: CodedSections,
-    ) -> KeptCode | None:
+    def measured(self, cut: OrganCut, scale: int, sections: CodedSections) -> KeptCode | None:
         """Return how well numbers keep the sections, or None if they make no organ.
 
         Parameters
         ----------
-        axis_scale
-            Step of the axis, see `scale_of`.
-        axis
-            The axis.
         cut
-            The contours cut across it.
+            The contours cut across an axis.
         scale
             Step of half-curves, see `scale_of`.
         sections
@@ -355,23 +380,24 @@ class OrganAttempts:
         KeptCode or None
             The numbers.
         """
+        axis = cut.axis
         code = OrganCode(
             units=self._units,
             left_handed=self._left_handed,
             tolerance=self._number,
-            axis_scale=axis_scale,
-            along_steps=ALONG_STEPS,
+            axis_scale=axis.scale,
             start_axis=cut.start_axis,
             roll=cut.roll,
             turn=cut.turn,
+            tilt_scale=cut.tilt_scale,
             tilts=cut.tilts,
             ends=axis.ends,
             bends=axis.bends,
             section_scale=scale,
             candidates=cut.candidates,
             keys=sections.keys,
-            outer=sections.outer,
-            lumen=sections.lumen,
+            outer=sections.stored[0],
+            lumen=sections.stored[1] if len(sections.stored) > 1 else None,
         )
         walls = code.signals()
         # Steps as long as a section is wide may leave none of it.
@@ -426,6 +452,11 @@ class OrganAttempts:
             for outlines, rings in zip(corners, walls, strict=True)
             for outline, edge in zip(outlines, rings, strict=True)
         )
+
+
+def _same(one: KeptCode, other: KeptCode) -> bool:
+    here, there = one.numbers.sections, other.numbers.sections
+    return np.array_equal(here.keys, there.keys) and np.array_equal(here.stored, there.stored)
 
 
 def _depth(sections: int) -> int:

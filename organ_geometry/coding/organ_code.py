@@ -14,7 +14,9 @@ from organ_geometry.organ import Organ
 ROLLS = 256
 TURNS = 32
 """Parts of half a turn by which the sections' half-curves may be turned in them."""
-TILTS = 64
+COARSEST_TILTS = 8
+ALONG_STEPS = 2
+"""The axis may be off along its chord by 2^2 times what it may be off across it."""
 TILTED_PART = 0.25
 """Share of the length over which the sections turn from an end's plane to those across the axis."""
 SPAN_STEPS = 2
@@ -40,17 +42,17 @@ class OrganCode:
         Number of the tolerance, see `tolerance_of`.
     axis_scale
         Step of the axis in tolerances, see `scale_of`.
-    along_steps
-        Steps of the axis along its chord are longer by 2 to this power.
     start_axis
         0, 1 or 2: the axis of space from which x_dir is turned at the first point.
     roll
         That turn, in 1/256.
     turn
         How far the half-curves' x is turned from there towards y, in 1/32 of half a turn.
+    tilt_scale
+        Step of the tilts, see `leans_of`.
     tilts
         (2, 2) how far the normals of the first and the last section lean out of the axis, along
-        x_dir and y_dir there, in 1/64.
+        x_dir and y_dir there, in steps.
     ends
         (2, 3) first end of the axis, and from there to the last, in steps.
     bends
@@ -72,10 +74,10 @@ class OrganCode:
     left_handed: bool
     tolerance: int
     axis_scale: int
-    along_steps: int
     start_axis: int
     roll: int
     turn: int
+    tilt_scale: int
     tilts: NDArray[np.int64]
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
@@ -133,16 +135,11 @@ class OrganCode:
         tolerance = tolerance_of(self.tolerance)
         pieces = axis_pieces(self.candidates)
         points, frames = axis_and_frames(
-            axis_keys(
-                self.ends,
-                self.bends,
-                self.axis_step,
-                self.along_steps,
-            ),
+            axis_keys(self.ends, self.bends, self.axis_step),
             pieces,
             self.start_axis,
             self.roll,
-            self.tilts,
+            leans_of(self.tilts, self.tilt_scale),
             self.turn,
             left_handed=self.left_handed,
         )
@@ -266,8 +263,26 @@ def scale_number(scale: float) -> int:
     return min(max(number, 0), 63)
 
 
+def leans_of(tilts: NDArray[np.int64], scale: int) -> NDArray[np.float64]:
+    """Return how far sections lean out of the axis.
+
+    Parameters
+    ----------
+    tilts
+        (2, 2) in steps.
+    scale
+        The steps are 1/8, 1/16, 1/32 or 1/64, from 0 to 3.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (2, 2) tangents of the angles along x_dir and y_dir.
+    """
+    return tilts / (COARSEST_TILTS << scale)
+
+
 def axis_keys(
-    ends: NDArray[np.int64], bends: NDArray[np.int64], step: float, along_steps: int
+    ends: NDArray[np.int64], bends: NDArray[np.int64], step: float
 ) -> NDArray[np.float64]:
     """Return the keys of an axis.
 
@@ -279,8 +294,6 @@ def axis_keys(
         (K, 3) stored differences along the chord and across it, in steps.
     step
         The step, mm.
-    along_steps
-        Steps along the chord are longer by 2 to this power.
 
     Returns
     -------
@@ -290,7 +303,7 @@ def axis_keys(
     count = len(bends)
     first, chord = ends[0] * step, ends[1] * step
     frame = chord_frame(chord)
-    steps = np.array([math.ldexp(step, along_steps), step, step])
+    steps = np.array([math.ldexp(step, ALONG_STEPS), step, step])
     straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord + first
     depth = (count - 1).bit_length() - 1
     return np.asarray(straight + (refinement(depth) @ (bends * steps)) @ frame, dtype=np.float64)
@@ -330,7 +343,7 @@ def axis_and_frames(
     pieces: int,
     start_axis: int,
     roll: int,
-    tilts: NDArray[np.int64],
+    leans: NDArray[np.float64],
     turn: int = 0,
     *,
     left_handed: bool,
@@ -347,8 +360,8 @@ def axis_and_frames(
         0, 1 or 2: axis of space from which x_dir is turned at the first point.
     roll
         That turn about the axis, in 1/256.
-    tilts
-        (2, 2) lean of the normals at both ends along x_dir and y_dir, in 1/64.
+    leans
+        (2, 2) lean of the normals at both ends along x_dir and y_dir, as tangents of the angles.
     turn
         How far x_dir and y_dir are turned at last, in 1/32 of half a turn.
     left_handed
@@ -373,11 +386,11 @@ def axis_and_frames(
     sign = -1.0 if left_handed else 1.0
     y_dirs = np.cross(tangents, x_dirs) * sign
     normals = tangents
-    if tilts.any():
+    if leans.any():
         # The first and the last section lie as their images do, those between turn out of that.
         along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_PART
         for end, way in ((0, along), (1, along[::-1])):
-            x_lean, y_lean = tilts[end] / TILTS
+            x_lean, y_lean = leans[end]
             rest = np.clip(1.0 - way, 0.0, 1.0)
             part = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
             normals = normals + part * (x_lean * x_dirs + y_lean * y_dirs)

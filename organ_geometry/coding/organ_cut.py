@@ -2,21 +2,50 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.organ_code import ROLLS, TILTS, TURNS, axis_and_frames, axis_pieces
+from organ_geometry.coding.axis_encoder import CodedAxis
+from organ_geometry.coding.organ_code import (
+    ALONG_STEPS,
+    COARSEST_TILTS,
+    ROLLS,
+    TURNS,
+    axis_and_frames,
+    axis_pieces,
+    chord_frame,
+    leans_of,
+)
 from organ_geometry.coding.section_encoder import Outlines, SectionEncoder
 from organ_geometry.coding.section_signals import extents, fitted_signals, signals_to_rows
 from organ_geometry.coding.surface_distance import LocatedPoints
 from organ_geometry.contours.contour import ContourLoft, SectionContour
+from organ_geometry.curves.axis_curve import even_places, natural_cubic, refinement
 from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
 
 _TURN_STEP, _TURNED_OUTLINES, _TURN_PAYS = 2, 32, 0.7
 # An end section leans out of the axis by up to 1 in 1/4.
 _STEEPEST = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BendMoves:
+    """How the sections of an axis move with its bends: each by its weight, in its way.
+
+    Attributes
+    ----------
+    weights
+        (N + 1, K) weights of the axis's K keys in the N + 1 sections.
+    across
+        (N + 1, 3, 2) how far a bend of one in each of its three ways moves a section in x and y
+        where its weight is one, mm.
+    """
+
+    weights: NDArray[np.float64]
+    across: NDArray[np.float64]
 
 
 class OrganCut:
@@ -30,8 +59,8 @@ class OrganCut:
         The loft through their outer boundaries, and that through their lumens if they count.
     centroids
         (S, 3) their centroids, mm.
-    keys
-        (K, 3) keys of the axis, mm.
+    axis
+        The axis.
     depth
         There are 2^depth + 1 candidates for key sections.
     far
@@ -40,6 +69,8 @@ class OrganCut:
         How far half-curves are turned in their sections, as in `OrganCode`.
     left_handed
         Whether frames are left-handed.
+    tilt_scale
+        Step of the end sections' tilts, see `leans_of`.
     like
         A cut of some of the contours across this axis; its frames and candidates are taken, and
         the depth says how many outlines there are.
@@ -48,13 +79,13 @@ class OrganCut:
 
     Attributes
     ----------
-    keys
-        (K, 3) keys of the axis, mm.
+    axis
+        The axis.
     candidates
         Number of pieces between candidates.
     samples
         Number of pieces between outlines, a multiple of that.
-    start_axis, roll, turn, tilts
+    start_axis, roll, turn, tilt_scale, tilts
         The frames, as in `OrganCode`.
     places
         (S,) place of each section along the axis, from 0 to 1.
@@ -69,31 +100,39 @@ class OrganCut:
         contours: Sequence[SectionContour],
         lofts: Sequence[ContourLoft],
         centroids: NDArray[np.float64],
-        keys: NDArray[np.float64],
+        axis: CodedAxis,
         depth: int,
         far: float,
         turn: int = 0,
         *,
         left_handed: bool,
+        tilt_scale: int = 3,
         like: "OrganCut | None" = None,
         finer: int = 1,
     ) -> None:
-        self.keys = keys
+        self.axis, keys = axis, axis.keys
         self.turn = turn if like is None else like.turn
         self.candidates = 2**depth if like is None else like.candidates * finer
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
+        self.tilt_scale = tilt_scale
         if like is None:
             self._lay(contours, centroids, left_handed)
         else:
             self.start_axis, self.roll, self.tilts = like.start_axis, like.roll, like.tilts
+            self.tilt_scale = like.tilt_scale
         points, frames = axis_and_frames(
-            keys, samples, self.start_axis, self.roll, self.tilts, self.turn, left_handed=hand
+            keys, samples, self.start_axis, self.roll, self._leans, self.turn, left_handed=hand
         )
         self.places = _places(centroids, points, frames[:, :, 2])
         self._lofts, self._far = lofts, far
         self._points, self._frames = points, frames
         self._locate(contours, keys, left_handed=hand, hollow=len(lofts) > 1)
+
+    @property
+    def depth(self) -> int:
+        """How often the axis is halved for the candidates for key sections."""
+        return self.candidates.bit_length() - 1
 
     @cached_property
     def outlines(self) -> Outlines:
@@ -122,8 +161,9 @@ class OrganCut:
         left_handed: bool,
     ) -> None:
         """Find frames that lie as the images do, and that end in the planes of the end sections."""
-        keys, samples, hand = self.keys, self.samples, left_handed
-        upright = np.zeros((2, 2), dtype=np.int64)
+        keys, samples, hand = self.axis.keys, self.samples, left_handed
+        upright, tilts = np.zeros((2, 2)), COARSEST_TILTS << self.tilt_scale
+        self.tilts = np.zeros((2, 2), dtype=np.int64)
         _, frames = axis_and_frames(keys, samples, 0, 0, upright, left_handed=hand)
         start = self.start_axis = int(np.abs(frames[0, :, 2]).argmin())
         points, frames = axis_and_frames(keys, samples, start, 0, upright, left_handed=hand)
@@ -138,10 +178,9 @@ class OrganCut:
         points, frames = axis_and_frames(keys, samples, start, self.roll, upright, left_handed=hand)
         for end, contour in ((0, contours[0]), (-1, contours[-1])):
             lean_x, lean_y, onwards = contour.normal @ frames[end]
-            upright[end] = np.round(
-                np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * TILTS
+            self.tilts[end] = np.round(
+                np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * tilts
             ).astype(np.int64)
-        self.tilts = upright
 
     def _locate(
         self,
@@ -154,9 +193,10 @@ class OrganCut:
         """Find out where the edge points lie across the axis that a reader will have."""
         self.pieces = axis_pieces(self.candidates)
         axis, frames = axis_and_frames(
-            keys, self.pieces, self.start_axis, self.roll, self.tilts, self.turn,
+            keys, self.pieces, self.start_axis, self.roll, self._leans, self.turn,
             left_handed=left_handed,
         )  # fmt: skip
+        self._frames_read = frames
         self.edges: list[tuple[LocatedPoints, NDArray[np.intp]]] = []
         for wall in ("outer", "lumen") if hollow else ("outer",):
             edges = [getattr(contour, wall) for contour in contours]
@@ -164,6 +204,28 @@ class OrganCut:
             near = self.places[section] * self.pieces
             located = LocatedPoints.along(np.concatenate(edges), near, axis, frames)
             self.edges.append((located, section))
+
+    @property
+    def _leans(self) -> NDArray[np.float64]:
+        return leans_of(self.tilts, self.tilt_scale)
+
+    def bend_moves(self) -> BendMoves:
+        """Return how the sections of a reader's axis move with the axis's bends.
+
+        Returns
+        -------
+        BendMoves
+            The moves.
+        """
+        axis = self.axis
+        count = len(axis.bends)
+        weights = natural_cubic(even_places(axis.keys, self.pieces), count) @ refinement(
+            (count - 1).bit_length() - 1
+        )
+        ways = chord_frame(np.asarray(axis.ends[1] * axis.step, dtype=np.float64))
+        ways *= np.array([math.ldexp(axis.step, ALONG_STEPS), axis.step, axis.step])[:, np.newaxis]
+        across = np.einsum("wc,ncx->nwx", ways, self._frames_read[:, :, :2])
+        return BendMoves(weights, across)
 
     def section_rms(
         self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]

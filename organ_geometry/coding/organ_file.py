@@ -12,18 +12,21 @@ from organ_geometry.coding.organ_code import (
     OrganCode,
 )
 from organ_geometry.coding.section_signals import SIGNALS, WIDTH
-from organ_geometry.coding.symbol_coder import SymbolError, SymbolReader, SymbolWriter
+from organ_geometry.coding.symbol_coder import EVEN_START, SymbolError, SymbolReader, SymbolWriter
 from organ_geometry.curves.axis_curve import key_levels
 from organ_geometry.organ import Organ
 from organ_geometry.whole_file import write_whole
 
-MAGIC = b"\x89o"
-VERSION = 2
+MAGIC = 0x89
+VERSION = 3
+_VERSION_MARK = 0xE0
 LARGEST_FILE_BYTES = 2**20
 LONGEST_UNITS = 15
 
-_FIRST_MAGIC = b"\x89organ\r\n"
-_HEADER_BYTES = len(MAGIC) + 3
+# How files of versions 1 and 2 began.
+_FIRST_MAGICS = (b"\x89organ\r\n", b"\x89o\x02")
+_START = bytes([MAGIC, _VERSION_MARK | VERSION])
+_HEADER_BYTES = len(_START) + 2
 
 
 class OrganFileError(ValueError):
@@ -143,9 +146,8 @@ def code_bytes(code: OrganCode) -> bytes:
         _pass_code(writer, code)
     except SymbolError as error:
         raise OrganFileError(f"an organ file cannot hold this organ: {error}") from error
-    start = MAGIC + bytes([VERSION])
     packed = writer.as_bytes()
-    return start + _checksum(start, packed) + packed
+    return _START + _checksum(packed) + packed
 
 
 def code_from_bytes(data: bytes) -> OrganCode:
@@ -168,22 +170,23 @@ def code_from_bytes(data: bytes) -> OrganCode:
     """
     if len(data) > LARGEST_FILE_BYTES:
         raise OrganFileError(f"larger than an organ file may be, {LARGEST_FILE_BYTES} bytes")
-    if len(data) > len(MAGIC) and _FIRST_MAGIC[: len(data)] == data[: len(_FIRST_MAGIC)]:
-        raise OrganFileError(
-            f"organ file of version 1; this program reads version {VERSION}: build it again from "
-            f"its images"
-        )
-    if not data or data[: len(MAGIC)] != MAGIC[: len(data)]:
+    for number, magic in enumerate(_FIRST_MAGICS, start=1):
+        if len(data) > 2 and magic[: len(data)] == data[: len(magic)]:
+            raise OrganFileError(
+                f"organ file of version {number}; this program reads version {VERSION}: build it "
+                f"again from its images"
+            )
+    if not data or data[0] != MAGIC or (len(data) > 1 and data[1] & 0xF0 != _VERSION_MARK):
         raise OrganFileError("not an organ file")
     if len(data) < _HEADER_BYTES:
         raise OrganFileError(f"truncated: {len(data)} bytes, the header alone has {_HEADER_BYTES}")
-    version = data[len(MAGIC)]
+    version = data[1] & 0x0F
     if version != VERSION:
         raise OrganFileError(
             f"organ file of version {version}; this program reads version {VERSION}"
         )
     packed = data[_HEADER_BYTES:]
-    if _checksum(data[: len(MAGIC) + 1], packed) != data[len(MAGIC) + 1 : _HEADER_BYTES]:
+    if _checksum(packed) != data[len(_START) : _HEADER_BYTES]:
         raise OrganFileError("truncated or damaged: the checksum does not fit")
     try:
         code = _pass_code(SymbolReader(packed), None)
@@ -196,23 +199,23 @@ def code_from_bytes(data: bytes) -> OrganCode:
     return code
 
 
-def _checksum(start: bytes, packed: bytes) -> bytes:
-    return binascii.crc_hqx(packed, binascii.crc_hqx(start, 0xFFFF)).to_bytes(2, "big")
+def _checksum(packed: bytes) -> bytes:
+    return binascii.crc_hqx(packed, binascii.crc_hqx(_START, 0xFFFF)).to_bytes(2, "big")
 
 
 def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) -> OrganCode:
     """Write an organ's numbers, or read them if none are given."""
     # A reader ignores what it is passed, so that one order of numbers serves both ways.
     code = _BLANK if given is None else given
-    hollow = numbers.plain(int(code.lumen is not None), 1)
-    left_handed = numbers.plain(int(code.left_handed), 1)
+    hollow = _pass_flag(numbers, "hollow", code.lumen is not None)
+    left_handed = _pass_flag(numbers, "left-handed", code.left_handed)
     units = _pass_units(numbers, code.units)
     tolerance = numbers.plain(code.tolerance, 12)
-    axis_scale = numbers.plain(code.axis_scale, 6)
-    along_steps = numbers.plain(code.along_steps, 2)
+    axis_scale = _pass_usual(numbers, "scale", code.axis_scale, _USUAL_SCALES)
     start_axis = numbers.plain(code.start_axis, 2)
     roll = numbers.plain(code.roll, 8)
-    turn = numbers.plain(code.turn, 5)
+    turn = numbers.plain(code.turn, 5) if _pass_flag(numbers, "turned", code.turn != 0) else 0
+    tilt_scale = numbers.plain(code.tilt_scale, 2)
     tilts = np.array(
         [[numbers.whole(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
     )
@@ -220,7 +223,7 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     axis_depth = numbers.plain((len(code.bends) - 1).bit_length() - 1, 3)
     bends = code.bends if given else np.zeros((2**axis_depth + 1, 3), dtype=np.int64)
     bends = _pass_bends(numbers, bends, axis_depth)
-    section_scale = numbers.plain(code.section_scale, 6)
+    section_scale = _pass_usual(numbers, "scale", code.section_scale, _USUAL_SCALES)
     depth = numbers.plain(code.candidates.bit_length() - 1, 4)
     if depth > LARGEST_KEY_DEPTH or start_axis > 2:
         raise SymbolError("a number is out of its range")
@@ -232,13 +235,13 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
         lumen = _pass_signals(numbers, keys, blank if code.lumen is None else code.lumen, "lumen")
     return OrganCode(
         units=units,
-        left_handed=bool(left_handed),
+        left_handed=left_handed,
         tolerance=tolerance,
         axis_scale=axis_scale,
-        along_steps=along_steps,
         start_axis=start_axis,
         roll=roll,
         turn=turn,
+        tilt_scale=tilt_scale,
         tilts=tilts,
         ends=ends,
         bends=bends,
@@ -250,9 +253,24 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     )
 
 
+def _pass_flag(numbers: SymbolWriter | SymbolReader, name: str, flag: bool) -> bool:
+    """Pass what is seldom so."""
+    return bool(numbers.bit(((name,),), int(flag), _SELDOM))
+
+
+def _pass_usual(
+    numbers: SymbolWriter | SymbolReader, name: str, number: int, usual: tuple[int, int, int]
+) -> int:
+    """Pass a number in few bits from a first one on, and otherwise in more."""
+    first, few, more = usual
+    if _pass_flag(numbers, name, not first <= number < first + 2**few):
+        return numbers.plain(number, more)
+    return first + numbers.plain(number - first, few)
+
+
 def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
     """Pass what the lengths are called: mm, or a word of up to fifteen bytes."""
-    if not numbers.plain(int(units != "mm"), 1):
+    if not _pass_flag(numbers, "units", units != "mm"):
         return "mm"
     letters = units.encode()
     if len(letters) > LONGEST_UNITS:
@@ -270,9 +288,9 @@ def _pass_point(
 ) -> NDArray[np.int64]:
     """Pass three numbers of the bits that the largest needs."""
     width = max(int(abs(number)).bit_length() for number in point)
-    if width >= 2**_WIDTH_BITS:
+    if width >= 2 ** _USUAL_WIDTHS[2]:
         raise SymbolError("the axis ends too far away for its step")
-    bits = numbers.plain(width, _WIDTH_BITS)
+    bits = _pass_usual(numbers, "width", width, _USUAL_WIDTHS)
     return np.array([numbers.plain_signed(int(number), bits) for number in point], dtype=np.int64)
 
 
@@ -285,11 +303,13 @@ def _pass_bends(
     for level in range(1, depth + 1):
         for key in np.flatnonzero(levels == level):
             for way in range(3):
-                across = int(way > 0)
+                across, row = int(way > 0), min(level, 4)
                 passed[key, way] = numbers.whole(
-                    (("bend", across, min(level, 4)),),
-                    (("bend", min(level, 4)),),
+                    (("bend", across, row),),
+                    (("bend", row),),
                     int(bends[key, way]),
+                    BEND_STARTS[across][row - 1],
+                    BEND_RUN_STARTS[row - 1],
                 )
     return passed
 
@@ -323,8 +343,13 @@ def _pass_signals(
             kind = KINDS[signal]
             number = int(stored[key, signal])
             if key == 0:
+                width = signal == WIDTH
                 passed[key, signal] = numbers.whole(
-                    (("first", signal == WIDTH),), (("size", 0),), number
+                    (("first", kind),),
+                    (("first", width),),
+                    number,
+                    FIRST_STARTS[kind],
+                    WIDTH_RUN_START if width else EVEN_START,
                 )
                 continue
             passed[key, signal] = numbers.whole(
@@ -340,16 +365,26 @@ KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
 """Kind of each signal: half width, middle, then both halves' coefficients by their order."""
 KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
 """Counts of zeros and others that a kind's odds begin with: shapes are smooth."""
-_WIDTH_BITS = 5
+FIRST_STARTS = ((1, 5), (2, 2), (2, 3), (2, 2), (3, 2), (5, 2), (9, 1))
+"""The same for the first key section."""
+WIDTH_RUN_START = (1, 5)
+"""Counts of no and yes that the odds of the first width's size begin with."""
+BEND_STARTS = (((2, 4), (2, 3), (3, 2), (5, 2)), ((1, 5), (1, 6), (1, 4), (3, 2)))
+"""Counts of zeros and others of the axis's bends, along and across, by level."""
+BEND_RUN_STARTS = ((1, 4), (1, 4), (2, 3), (3, 2))
+"""Counts of no and yes of their sizes, by level."""
+_SELDOM = (14, 2)
+# The first of the usual numbers, the bits of those, and the bits of any.
+_USUAL_SCALES, _USUAL_WIDTHS = (44, 4, 6), (7, 3, 5)
 _BLANK = OrganCode(
     units="mm",
     left_handed=False,
     tolerance=0,
     axis_scale=0,
-    along_steps=0,
     start_axis=0,
     roll=0,
     turn=0,
+    tilt_scale=0,
     tilts=np.zeros((2, 2), dtype=np.int64),
     ends=np.zeros((2, 3), dtype=np.int64),
     bends=np.zeros((2, 3), dtype=np.int64),

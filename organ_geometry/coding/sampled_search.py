@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.coding.aiming import EACH_SLICE, Aiming
 from organ_geometry.coding.edge_changes import EdgePoints
 from organ_geometry.coding.encoder_search import EncoderSearch, NotKept
 from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
 from organ_geometry.coding.organ_code import signal_steps
-from organ_geometry.coding.section_encoder import CodedSections
-from organ_geometry.coding.slice_descent import Aim, fewer_bits
+from organ_geometry.coding.slice_descent import SliceDescent
 
 MANY_SECTIONS = 192
 """Stacks of fewer sections are searched by all of them."""
@@ -21,8 +21,6 @@ _TRIES, _LARGEST_SHARE, _LARGEST_SAMPLE = 2, 0.5, 384
 _ROUNDS = 6
 # More rounds are of no use where one hardly gained.
 _GAINS = 0.995
-_EVERYWHERE, _BEYOND, _MOST_BEYOND = 0.3, 300.0, 5000.0
-_MARGIN, _LEAST_MARGIN = 0.96, 0.6
 # Sections so near to their limit join those that are searched by.
 _NEAR = 0.97
 
@@ -102,7 +100,7 @@ class SampledSearch:
         if held is None or held.worst <= 1.0:
             return held
         points, code = EdgePoints.of(held.cut), found.code
-        beyond, margin = _BEYOND, _MARGIN
+        aiming = Aiming(EACH_SLICE)
         worst = np.inf
         for _ in range(_ROUNDS):
             if held.worst > _GAINS * worst:
@@ -110,27 +108,15 @@ class SampledSearch:
             worst = held.worst
             joined[_worst_of_runs(held.rms / limits)] = True
             slices = np.flatnonzero(joined)
-            walls = [held.code.outer]
-            if held.code.lumen is not None:
-                walls.append(held.code.lumen)
-            chosen, numbers = fewer_bits(
-                points.of_slices(slices),
-                held.code.keys,
-                np.stack(walls),
-                signal_steps(code.section_step),
-                limits[slices],
-                held.rms[slices],
-                Aim(_EVERYWHERE, beyond, margin),
-            )
-            sections = CodedSections(chosen, numbers[0], numbers[1] if len(walls) > 1 else None)
-            again = attempts.measured(code.axis_scale, code, held.cut, code.section_scale, sections)
+            descent = SliceDescent(
+                points.of_slices(slices), held.numbers, signal_steps(code.section_step),
+                limits[slices], held.rms[slices], aiming.aim, free_axis=False,
+            )  # fmt: skip
+            again = attempts.measured(held.cut, code.section_scale, descent.lowered().sections)
             if again is None or again.worst <= 1.0:
                 return again
             held = again
-            excess = float((held.rms / limits).max())
-            if excess < 1.1:
-                margin = max(margin - (excess**2 - 1.0), _LEAST_MARGIN)
-            beyond = min(2.0 * beyond, _MOST_BEYOND)
+            aiming.learn(float((held.rms / limits).max()), 1.0)
         return None
 
 

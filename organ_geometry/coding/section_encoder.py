@@ -11,7 +11,7 @@ from organ_geometry.coding.key_lattice import (
     descend,
     differences_to_values,
     hats,
-    known_order,
+    nearest_differences,
 )
 from organ_geometry.coding.number_prices import LARGEST_SIZE, first_prices, learned_prices
 from organ_geometry.coding.organ_code import signal_steps
@@ -55,15 +55,12 @@ class CodedSections:
     ----------
     keys
         (K,) key sections.
-    outer
-        (K, 16) stored numbers.
-    lumen
-        (K, 16) stored numbers of the lumen, or None.
+    stored
+        (W, K, 16) stored numbers, of the outer boundary and then of the lumen if it counts.
     """
 
     keys: NDArray[np.intp]
-    outer: NDArray[np.int64]
-    lumen: NDArray[np.int64] | None
+    stored: NDArray[np.int64]
 
 
 class SectionEncoder:
@@ -133,7 +130,7 @@ class SectionEncoder:
                 used = np.any([(numbers != 0).any(axis=1) for numbers in stored], axis=0)
                 used[[0, -1]] = True
                 chosen = chosen[used]
-        return CodedSections(chosen, stored[0], stored[1] if len(stored) > 1 else None)
+        return CodedSections(chosen, np.stack(stored))
 
     def _breaks(self, price: float, weights: NDArray[np.float64]) -> NDArray[np.intp]:
         """Return the candidates between which the signals are nearly straight."""
@@ -167,7 +164,6 @@ class _Solver:
         self._rows = np.ones(len(keys), dtype=np.intp)
         self._rows[0] = 0
         self._keys = keys
-        self._order = known_order(keys)
         self._node_sums = nodes.T * weights
         self._node_products = self._node_sums @ nodes
         trace = float(np.trace(self._node_products))
@@ -202,25 +198,11 @@ class _Solver:
 
     def _rounded(self, wanted: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the numbers nearest to the least-squares values at the keys."""
-        values = np.linalg.solve(self._node_products, self._node_sums @ wanted)
+        values = np.asarray(
+            np.linalg.solve(self._node_products, self._node_sums @ wanted), dtype=np.float64
+        )
         dead = _DEAD_ZONE if self._price > 0.0 else 0.5
-        numbers = np.zeros(values.shape, dtype=np.int64)
-        decoded = np.zeros_like(values)
-        numbers[0] = np.round(values[0])
-        decoded[0] = numbers[0]
-        numbers[-1] = _with_dead_zone(values[-1] - decoded[0], dead)
-        decoded[-1] = decoded[0] + numbers[-1]
-        for key, low, high, _ in self._order:
-            share = (self._keys[key] - self._keys[low]) / (self._keys[high] - self._keys[low])
-            line = (1.0 - share) * decoded[low] + share * decoded[high]
-            numbers[key] = _with_dead_zone(values[key] - line, dead)
-            decoded[key] = line + numbers[key]
-        return numbers
-
-
-def _with_dead_zone(values: NDArray[np.float64], dead: float) -> NDArray[np.int64]:
-    """Return whole numbers nearest to values, but zero for one up to where it pays little."""
-    return np.where(np.abs(values) < dead, 0.0, np.round(values)).astype(np.int64)
+        return nearest_differences(values, self._keys, dead)
 
 
 def _stored(

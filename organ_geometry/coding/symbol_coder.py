@@ -76,6 +76,7 @@ class _Numbers:
         runs: Sequence[Hashable],
         number: int,
         start: tuple[int, int] = EVEN_START,
+        run_start: tuple[int, int] = EVEN_START,
     ) -> int:
         """Pass a whole number: whether it is zero, its sign, and its size.
 
@@ -91,6 +92,8 @@ class _Numbers:
             The number to write.
         start
             Counts of zeros and others that `contexts` begin with.
+        run_start
+            Counts of no and yes that `runs` begin with.
 
         Returns
         -------
@@ -109,7 +112,7 @@ class _Numbers:
         digits = max(size, 1).bit_length() - 1
         passed = 0
         while self.bit(
-            [("run", one, min(passed, _MOST_RUNS)) for one in runs], int(passed < digits)
+            [("run", one, min(passed, _MOST_RUNS)) for one in runs], int(passed < digits), run_start
         ):
             passed += 1
             if passed > _MOST_DIGITS:

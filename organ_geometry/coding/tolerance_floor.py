@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-_RAISE, _HALVINGS, _NEAR_ENOUGH = 1.05, 3, 1.06
+_RAISE, _RAISES_GROW, _HALVINGS, _NEAR_ENOUGH = 1.05, 1.5, 5, 1.04
 
 
 class ToleranceTooSmall(ValueError):  # noqa: N818
@@ -37,9 +37,10 @@ def smallest_kept(kept: Callable[[float], bool], refused: float, nearest: float)
     float
         The tolerance, mm.
     """
-    largest = _four_digits(nearest)
+    largest, more = _four_digits(nearest), _RAISE
     while not kept(largest):
-        refused, largest = largest, _four_digits(largest * _RAISE)
+        refused, largest = largest, _four_digits(largest * more)
+        more **= _RAISES_GROW
     for _ in range(_HALVINGS):
         if largest <= refused * _NEAR_ENOUGH:
             break

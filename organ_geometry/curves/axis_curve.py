@@ -155,17 +155,35 @@ def even_axis(
     tuple[NDArray[np.float64], NDArray[np.float64]]
         (N + 1, 3) points, mm, and (N + 1, 3) unit tangents there.
     """
+    wanted = even_places(keys, intervals)
+    points = natural_cubic(wanted, len(keys)) @ keys
+    tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
+    sizes = np.sqrt((tangents * tangents).sum(axis=1, keepdims=True))
+    return points, tangents / np.maximum(sizes, np.finfo(np.float64).tiny)
+
+
+def even_places(keys: NDArray[np.float64], intervals: int) -> NDArray[np.float64]:
+    """Return the places at equal arc length along the natural cubic spline through keys.
+
+    Parameters
+    ----------
+    keys
+        (K, 3) keys, mm.
+    intervals
+        Number of equal pieces N.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N + 1,) places from 0, the first key, to 1, the last.
+    """
     places = np.linspace(0.0, 1.0, 4 * intervals + 1)
     fine = natural_cubic(places, len(keys)) @ keys
     steps = np.diff(fine, axis=0)
     lengths = np.zeros(len(fine))
     np.cumsum(np.sqrt((steps * steps).sum(axis=1)), out=lengths[1:])
     even = np.linspace(0.0, float(lengths[-1]), intervals + 1)
-    wanted = np.asarray(np.interp(even, lengths, places), dtype=np.float64)
-    points = natural_cubic(wanted, len(keys)) @ keys
-    tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
-    sizes = np.sqrt((tangents * tangents).sum(axis=1, keepdims=True))
-    return points, tangents / np.maximum(sizes, np.finfo(np.float64).tiny)
+    return np.asarray(np.interp(even, lengths, places), dtype=np.float64)
 
 
 def least_turning(

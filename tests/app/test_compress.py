@@ -265,7 +265,7 @@ def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
     assert said["key_stations_mm"] == pytest.approx(organ.key_stations, abs=1e-4)
     assert said["last_mm"] == pytest.approx(organ.axis[-1], abs=1e-4)
     words = run("info", path).stdout
-    for part in ("version 2", "checksum right", "hollow", "mm RMS", "sections"):
+    for part in ("version 3", "checksum right", "hollow", "mm RMS", "sections"):
         assert part in words
 
 

@@ -15,6 +15,9 @@ HALF_CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 
 KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
 STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
+FIRST_STARTS = ((1, 5), (2, 2), (2, 3), (2, 2), (3, 2), (5, 2), (9, 1))
+BEND_STARTS = [[(2, 4), (2, 3), (3, 2), (5, 2)], [(1, 5), (1, 6), (1, 4), (3, 2)]]
+BEND_RUNS = [(1, 4), (1, 4), (2, 3), (3, 2)]
 
 
 def crc16(data: bytes) -> int:
@@ -51,12 +54,24 @@ class Answers:
     def signed(self, bits: int) -> int:
         return self.plain(bits + 1) - 2**bits
 
-    def whole(self, zeros: list[Any], sizes: list[Any], start: tuple[int, int] = (2, 2)) -> int:
+    def seldom(self, context: str) -> int:
+        return self.ask(context, start=(14, 2))
+
+    def usual(self, context: str, first: int, few: int, many: int) -> int:
+        return self.plain(many) if self.seldom(context) else first + self.plain(few)
+
+    def whole(
+        self,
+        zeros: list[Any],
+        sizes: list[Any],
+        start: tuple[int, int] = (2, 2),
+        runs: tuple[int, int] = (2, 2),
+    ) -> int:
         if not self.ask(*(("zero", context) for context in zeros), start=start):
             return 0
         negative = self.even()
         power = 0
-        while self.ask(*(("run", context, min(power, 3)) for context in sizes)):
+        while self.ask(*(("run", context, min(power, 3)) for context in sizes), start=runs):
             power += 1
         size = 2**power + self.plain(power)
         return -size if negative else size
@@ -85,25 +100,26 @@ class Decoded:
 
 
 def decode(data: bytes) -> Decoded:
-    assert data[:3] == b"\x89\x6f\x02"
-    assert crc16(data[:3] + data[5:]) == int.from_bytes(data[3:5], "big")
-    answers = Answers(data[5:])
-    plain, whole = answers.plain, answers.whole
-    hollow, left = plain(1), plain(1)
-    units = bytes(plain(8) for _ in range(plain(4))).decode() if plain(1) else "mm"
+    assert data[:2] == b"\x89\xe3"
+    assert crc16(data[:2] + data[4:]) == int.from_bytes(data[2:4], "big")
+    answers = Answers(data[4:])
+    plain, whole, seldom, usual = answers.plain, answers.whole, answers.seldom, answers.usual
+    hollow, left = seldom("hollow"), seldom("left-handed")
+    units = bytes(plain(8) for _ in range(plain(4))).decode() if seldom("units") else "mm"
 
     def scaled(number: int) -> float:
         return tolerance * (4 + number % 4) * 2.0 ** (number // 4 - 16)
 
     number = plain(12)
     tolerance = (1 + number % 64 / 64) * 2.0 ** (number // 64 - 32)
-    axis_step = scaled(plain(6))
-    along = plain(2)
-    start_axis, roll, turn = plain(2), plain(8), plain(5) * math.pi / 32
-    tilts = np.array([whole(["tilt"], ["tilt"]) for _ in range(4)]).reshape(2, 2)
+    axis_step = scaled(usual("scale", 44, 4, 6))
+    start_axis, roll = plain(2), plain(8)
+    turn = plain(5) * math.pi / 32 if seldom("turned") else 0.0
+    finest = 8 * 2 ** plain(2)
+    tilts = np.array([whole(["tilt"], ["tilt"]) for _ in range(4)]).reshape(2, 2) / finest
     ends = []
     for _ in range(2):
-        bits = plain(5)
+        bits = usual("width", 7, 3, 5)
         ends.append([answers.signed(bits) for _ in range(3)])
     axis_depth = plain(3)
     bends: dict[int, list[tuple[int, list[int]]]] = {}
@@ -112,7 +128,12 @@ def decode(data: bytes) -> Decoded:
             (
                 key,
                 [
-                    whole([("bend", int(way > 0), min(level, 4))], [("bend", min(level, 4))])
+                    whole(
+                        [("bend", int(way > 0), min(level, 4))],
+                        [("bend", min(level, 4))],
+                        BEND_STARTS[way > 0][min(level, 4) - 1],
+                        BEND_RUNS[min(level, 4) - 1],
+                    )
                     for way in range(3)
                 ],
             )
@@ -120,7 +141,7 @@ def decode(data: bytes) -> Decoded:
                 2 ** (axis_depth - level), 2**axis_depth, 2 ** (axis_depth - level + 1)
             )
         ]
-    section_step = scaled(plain(6))
+    section_step = scaled(usual("scale", 44, 4, 6))
     pieces = 2 ** plain(4)
     keys, before = [0], 1
     for place in range(1, pieces):
@@ -141,7 +162,7 @@ def decode(data: bytes) -> Decoded:
         known = sorted(offsets)
         spline = CubicSpline(known, [offsets[k] for k in known], bc_type="natural")
         for key, bend in bends[level]:
-            step = axis_step * (2**along * bend[0] * c + bend[1] * u + bend[2] * v)
+            step = axis_step * (4 * bend[0] * c + bend[1] * u + bend[2] * v)
             offsets[key] = spline(key) + step
     places = np.array(sorted(offsets)) / 2**axis_depth
     curve = CubicSpline(
@@ -170,7 +191,11 @@ def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArra
     steps = np.array([2.0, 2.0] + [1.0] * 14) * step
     values = np.zeros((last + 1, 16))
     for n in range(16):
-        values[0, n] = answers.whole([("first", int(n == 0))], [("size", 0)])
+        kind, width = KINDS[n], int(n == 0)
+        runs = (1, 5) if width else (2, 2)
+        values[0, n] = answers.whole(
+            [("first", kind)], [("first", width)], FIRST_STARTS[kind], runs
+        )
 
     def difference(n: int, level: int) -> int:
         kind = KINDS[n]
@@ -202,7 +227,7 @@ def frames_along(
     tangents: NDArray[np.float64],
     start_axis: int,
     roll: int,
-    tilts: NDArray[np.int64],
+    tilts: NDArray[np.float64],
     sign: float,
 ) -> NDArray[np.float64]:
     def across(x: NDArray[np.float64], n: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -226,7 +251,7 @@ def frames_along(
         y, n = sign * np.cross(t, x), t
         for tilt, d in ((tilts[0], i / (len(points) - 1)), (tilts[1], 1 - i / (len(points) - 1))):
             r = max(0.0, 1 - 4 * d)
-            n = n + r * r * (3 - 2 * r) * (tilt[0] * x + tilt[1] * y) / 64
+            n = n + r * r * (3 - 2 * r) * (tilt[0] * x + tilt[1] * y)
         n = n / np.linalg.norm(n)
         x = across(x, n)
         frames.append(np.stack([x, sign * np.cross(n, x), n], axis=1))

@@ -267,14 +267,19 @@ def test_other_parts_are_warned_of(cover: Cover, write_stack: WriteStack) -> Non
 
 
 def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
-    images = [image(open_ring(cover, 6.0, 30.0, 60.0))] * 3
+    images = [image(open_ring(cover, 4.0, 30.0, 60.0))] * 3
     stack = read_image_stack(write_stack(images, SPACING))
-    far, raised = build_organ(stack).warnings
+    built = build_organ(stack)
+    far, raised = built.warnings
     assert raised.startswith("the tolerance was raised from 0.0")
     assert "not single-valued" in raised
-    largest = max(section.max_mm for section in build_organ(stack).sections)
+    largest = max(section.max_mm for section in built.sections)
     assert far.startswith(f"the organ is up to {largest:.3g} mm from its edge in 0-2: ")
-    # A tolerance that allows it is the user's own, and leaves curves that do not go astray.
+
+
+def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStack) -> None:
+    images = [image(open_ring(cover, 6.0, 30.0, 60.0))] * 3
+    stack = read_image_stack(write_stack(images, SPACING))
     assert build_organ(stack, tolerance_mm=2.0).warnings == ()
 
 
@@ -285,7 +290,7 @@ def test_a_tolerance_below_the_floor_names_the_smallest(
     with pytest.raises(ToleranceTooSmall, match=r"a tolerance of 0 mm cannot be kept") as raised:
         build_organ(stack, tolerance_mm=0.0)
     smallest = raised.value.smallest_mm
-    assert 0.003 * 3.0 < smallest < 0.1 * CIRCLE_RMS_PX
+    assert 0.0029 * 3.0 < smallest < 0.1 * CIRCLE_RMS_PX
     built = build_organ(stack, tolerance_mm=1.05 * smallest)
     assert all(section.rms_mm <= built.tolerance_mm for section in built.sections)
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from contours import LENGTH, RADIUS, bent_tube, circle, cylinder
 
+from organ_geometry.coding.encoder_search import Effort
 from organ_geometry.coding.organ_encoder import EncodedOrgan, encoded_organ
+from organ_geometry.coding.organ_file import code_from_bytes
 from organ_geometry.coding.section_signals import (
     extents,
     fitted_signals,
@@ -204,3 +206,10 @@ def test_centroid_radius_and_even_points_of_a_rectangle() -> None:
     np.testing.assert_allclose(
         even_points(corners, 5), [[0, 0, 5], [2, 0, 5], [4, 0, 5], [3, 1, 5], [1, 1, 5]]
     )
+
+
+@pytest.mark.parametrize("effort", ["quick", "full"])
+def test_a_straight_organ_of_many_sections_has_no_bends(effort: Effort) -> None:
+    encoded = encoded_organ(cylinder(sections=400), 0.02 * RADIUS, effort=effort)
+    assert not code_from_bytes(encoded.organ.encoded).bends.any()
+    assert len(encoded.organ.encoded) < 45

@@ -46,7 +46,7 @@ def any_code(seed: int, *, hollow: bool) -> OrganCode:
         left_handed=bool(rng.integers(2)),
         tolerance=int(rng.integers(1600, 2200)),
         axis_scale=int(rng.integers(56, 64)),
-        along_steps=int(rng.integers(4)),
+        tilt_scale=int(rng.integers(4)),
         start_axis=int(rng.integers(3)),
         roll=int(rng.integers(256)),
         turn=int(rng.integers(32)),
@@ -151,7 +151,7 @@ def test_every_flipped_bit_is_refused() -> None:
 
 def signed(packed: bytes) -> bytes:
     """Packed numbers in a file whose checksum fits."""
-    start = b"\x89\x6f\x02"
+    start = b"\x89\xe3"
     return start + crc16(start + packed).to_bytes(2, "big") + packed
 
 
@@ -183,7 +183,7 @@ def test_no_bytes_make_an_organ_of_many_sections_from_nothing() -> None:
         with pytest.raises(OrganFileError, match=message):
             organ_from_bytes(code_bytes(code))
     with pytest.raises(OrganFileError, match="larger than an organ file may be"):
-        organ_from_bytes(b"\x89\x6f" + bytes(LARGEST_FILE_BYTES))
+        organ_from_bytes(b"\x89\xe3" + bytes(LARGEST_FILE_BYTES))
 
 
 @pytest.mark.parametrize(
@@ -191,9 +191,10 @@ def test_no_bytes_make_an_organ_of_many_sections_from_nothing() -> None:
     [
         (b"", "not an organ file"),
         (b"PK\x03\x04 not an organ", "not an organ file"),
-        (b"\x89\x6f\x02\x00", "truncated: 4 bytes, the header alone has 5"),
-        (b"\x89organ\r\n\x01\x00rest", "of version 1; this program reads version 2: build it"),
-        (b"\x89\x6f\x03rest", "organ file of version 3; this program reads version 2"),
+        (b"\x89\xe3\x00", "truncated: 3 bytes, the header alone has 4"),
+        (b"\x89organ\r\n\x01\x00rest", "of version 1; this program reads version 3: build it"),
+        (b"\x89o\x02\x00rest", "of version 2; this program reads version 3: build it"),
+        (b"\x89\xe4rest", "organ file of version 4; this program reads version 3"),
     ],
 )
 def test_foreign_and_other_versions_are_named(data: bytes, message: str, tmp_path: Path) -> None:
