@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.tube_images import LEVEL, SIDE, draw_tube_images
+from benchmarks.tube_images import LEVEL, SIDE, SMOOTH, draw_tube_images
 from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
@@ -20,7 +20,7 @@ from organ_geometry.organ_builder import build_organ
 __all__ = ["BuilderRates", "builder_memory", "builder_rates"]
 
 SLICES, RUNS = 300, 3
-MANY_SLICES, DISTINCT = 2000, 250
+MANY_SLICES = 2000
 WARM_SLICES = 24
 PEER_FACES = 2000
 MEBIBYTE = 2**20
@@ -117,7 +117,7 @@ def cubes_of_images(folder: Path) -> int:
     return len(few)
 
 
-def builder_memory(slices: int = MANY_SLICES, distinct: int = DISTINCT) -> dict[str, float]:
+def builder_memory(slices: int = MANY_SLICES, distinct: int = SMOOTH) -> dict[str, float]:
     """Return how much memory a long stack takes, in a process of its own.
 
     Parameters

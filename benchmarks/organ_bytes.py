@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import Mesh, tube_faces
 from organ_geometry.coding.organ_file import read_organ, write_organ
+from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import BuiltOrgan, build_organ
 
@@ -18,14 +19,11 @@ __all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
 
 STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
-FIRST_SHARES = (0.3, 1.0)
-"""Tolerances to begin with, in target errors."""
+LOOSE_SHARE = 3.0
+"""Tolerance of each section, in target errors: what is sought is the error of all together."""
 
-LOOSE_SHARE, OVERALL_SHARES = 3.0, (1.0, 1.1, 1.2)
-"""A tolerance of each section, and those of all together that are tried with it."""
-
-LEAST_SHARE, MOST_SHARE = 0.02, 4.0
-STEPS = 6
+STEPS, NEAR_ENOUGH = 6, 0.985
+RAISE, LEAST_SHARE = 1.15, 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +32,7 @@ class OrganBytes:
 
     Attributes
     ----------
-    tolerance
+    tolerance, overall
         What it was built with, mm.
     built
         The organ and its report.
@@ -45,6 +43,7 @@ class OrganBytes:
     """
 
     tolerance: float
+    overall: float
     built: BuiltOrgan
     size: int
     rms: float
@@ -67,37 +66,36 @@ class OrganSearch:
     def __init__(self, organ: OrganSet) -> None:
         self.tried = 0
         self._organ = organ
-        self._built: dict[tuple[float, float | None], OrganBytes | None] = {}
 
-    def at(self, tolerance: float, overall: float | None = None) -> OrganBytes | None:
+    def at(self, tolerance: float, overall: float) -> OrganBytes | None:
         """Return the organ of a tolerance, mm, or None if the builder says that it cannot be kept.
 
         Parameters
         ----------
         tolerance
-            RMS distance that the builder is given, mm.
+            RMS distance that each section may have, mm.
         overall
-            RMS distance of all sections together, mm, if it is given one.
+            RMS distance that all sections together may have, mm.
 
         Returns
         -------
         OrganBytes or None
             The organ.
         """
-        key = (tolerance, overall)
-        if key not in self._built:
-            self.tried += 1
-            try:
-                built = build_organ(
-                    self._organ.stack, tolerance_mm=tolerance, overall_mm=overall, effort="full"
-                )
-            except ValueError:
-                self._built[key] = None
-            else:
-                size, organ = stored(built.organ)
-                rms = self._organ.rms(organ_mesh(organ), CHECK_POINTS)
-                self._built[key] = OrganBytes(tolerance, built, size, rms)
-        return self._built[key]
+        self.tried += 1
+        try:
+            built = build_organ(
+                self._organ.stack,
+                edge_shift_mm=self._organ.edge_shift,
+                tolerance_mm=tolerance,
+                overall_mm=overall,
+                effort="full",
+            )
+        except ToleranceTooSmall:
+            return None
+        size, organ = stored(built.organ)
+        rms = self._organ.rms(organ_mesh(organ), CHECK_POINTS)
+        return OrganBytes(tolerance, overall, built, size, rms)
 
     def best(self, target: float) -> OrganBytes | None:
         """Return the smallest organ file whose error is a target at most.
@@ -112,26 +110,23 @@ class OrganSearch:
         OrganBytes or None
             The best one; None if none reaches the target.
         """
-        low, high = LEAST_SHARE * target, MOST_SHARE * target
-        for share in FIRST_SHARES:
-            if self._reaches(share * target, target):
-                low = share * target
-            else:
-                high = min(high, share * target)
+        overall, refused = target, 0.0
+        enough: list[OrganBytes] = []
         for _ in range(STEPS):
-            middle = math.sqrt(low * high)
-            if self._reaches(middle, target):
-                low = middle
-            else:
-                high = middle
-        for share in OVERALL_SHARES:
-            self.at(LOOSE_SHARE * target, share * target)
-        enough = [one for one in self._built.values() if one is not None and one.rms <= target]
+            found = self.at(LOOSE_SHARE * target, overall)
+            if found is None:
+                refused, overall = overall, RAISE * overall
+                continue
+            if found.rms <= target:
+                enough.append(found)
+                if found.rms >= NEAR_ENOUGH * target:
+                    break
+            # What edges and mesh differ by adds to what edges and organ do, in squares.
+            squared = overall**2 + (0.5 * (1.0 + NEAR_ENOUGH) * target) ** 2 - found.rms**2
+            overall = max(math.sqrt(max(squared, 0.0)), LEAST_SHARE * target)
+            if overall <= refused:
+                break
         return min(enough, key=lambda one: one.size, default=None)
-
-    def _reaches(self, tolerance: float, target: float) -> bool:
-        found = self.at(tolerance)
-        return found is not None and found.rms <= target
 
 
 def organ_mesh(organ: Organ, stations: int = STATIONS, angles: int = ANGLES) -> Mesh:

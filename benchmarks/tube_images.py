@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEVEL", "SIDE", "draw_tube_images", "tube_image"]
+__all__ = ["LEVEL", "PERIOD", "RADIUS", "SIDE", "SMOOTH", "SWAY", "draw_tube_images", "tube_image"]
 
 SIDE = 512
 """Rows and columns of an image."""
@@ -17,7 +17,10 @@ INSIDE, OUTSIDE, NOISE = 180.0, 60.0, 6.0
 LEVEL = 0.5 * (INSIDE + OUTSIDE)
 """Grey level half way between tube and background."""
 
-RADIUS, SWAY, PERIOD = 60.0, 80.0, 400.0
+RADIUS, SWAY, PERIOD = 60.0, 40.0, 400
+SMOOTH = 2 * PERIOD
+"""Images after which the tube is where it was."""
+
 PIXEL_MM, STEP_MM = 0.1, 0.1
 
 
@@ -31,16 +34,15 @@ def draw_tube_images(folder: Path, count: int, distinct: int | None = None) -> N
     count
         Number of images.
     distinct
-        Number of drawings; the tube goes back and forth through them, by links to one file each.
-        Default: as many as images.
+        Number of drawings; the tube goes through them again and again, by links to one file each.
+        It is smooth where that is a multiple of `SMOOTH`. Default: as many as images.
     """
     folder.mkdir(parents=True)
     distinct = count if distinct is None else min(distinct, count)
     rng = np.random.default_rng(512)
     for index in range(count):
         path = folder / f"slice_{index:05d}.png"
-        there = index % max(1, 2 * distinct - 2)
-        drawn = min(there, 2 * distinct - 2 - there) if index >= distinct else index
+        drawn = index % distinct
         if drawn == index:
             cv2.imwrite(str(path), tube_image(index, rng), [cv2.IMWRITE_PNG_COMPRESSION, 1])
         else:

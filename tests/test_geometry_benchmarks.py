@@ -12,7 +12,7 @@ from benchmarks.draco_peer import DracoSearch, least_count
 from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import contour_loft, rings_of
 from benchmarks.surface_distance import TriangleSurface, spread_points, triangle_distances
-from benchmarks.tube_images import SIDE, draw_tube_images
+from benchmarks.tube_images import PERIOD, RADIUS, SIDE, SMOOTH, SWAY, draw_tube_images, tube_image
 from organ_geometry.images.stack_reader import read_image_stack
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
@@ -106,16 +106,31 @@ def test_loft_keeps_a_parabola_under_smoothing_and_shares_no_edge_thrice() -> No
     assert np.bincount(counts).tolist()[1:] == [2 * 24, len(counts) - 2 * 24]
 
 
-def test_drawn_tube_goes_back_and_forth(tmp_path: Path) -> None:
+def test_drawn_tube_goes_on_from_where_it_began(tmp_path: Path) -> None:
     draw_tube_images(tmp_path / "tube", 9, distinct=4)
     stack = read_image_stack(tmp_path / "tube")
     assert (len(stack), stack.shape) == (9, (SIDE, SIDE))
     images = list(stack.images())
     first = [next(k for k in range(9) if (images[k] == image).all()) for image in images]
-    assert first == [0, 1, 2, 3, 2, 1, 0, 1, 2]
+    assert first == [0, 1, 2, 3, 0, 1, 2, 3, 0]
     areas = [np.count_nonzero(image > 120) for image in images[:4]]
     turns = 2.0 * np.pi * np.arange(4) / 400.0
     assert areas == pytest.approx(np.pi * (60.0 + 10.0 * np.sin(3.0 * turns)) ** 2, rel=3e-3)
+
+
+def test_the_drawn_tube_comes_back_to_itself_and_bends_less_than_it_is_wide() -> None:
+    def drawn(index: int) -> np.ndarray:
+        return tube_image(index, np.random.default_rng(1))
+
+    np.testing.assert_array_equal(drawn(SMOOTH), drawn(0))
+    assert not np.array_equal(drawn(SMOOTH // 2), drawn(0))
+    turns = 2.0 * np.pi * np.arange(SMOOTH) / PERIOD
+    middle = SWAY * np.stack([np.sin(turns), np.cos(0.5 * turns), turns * PERIOD / SWAY / 6.2832])
+    first = np.gradient(middle, axis=1)
+    second = np.gradient(first, axis=1)
+    speeds = np.linalg.norm(first, axis=0)
+    bends = np.linalg.norm(np.cross(first.T, second.T), axis=1) / speeds**3
+    assert 1.0 / bends[2:-2].max() > 1.3 * (RADIUS + 10.0)
 
 
 def test_rounding_and_size_of_a_loft_have_closed_forms() -> None:
@@ -164,10 +179,11 @@ def test_draco_gives_a_tube_within_its_error(
     organ = OrganSet("tube")
     # Cut by images a pixel apart, a tube that runs askew shows its area over the cosine.
     turns = 2.0 * np.pi * np.arange(16) / 400.0
-    askew = 80.0 * np.pi / 200.0 * np.stack([np.cos(turns), -0.5 * np.sin(0.5 * turns)])
+    askew = SWAY * np.pi / 200.0 * np.stack([np.cos(turns), -0.5 * np.sin(0.5 * turns)])
     cosines = 1.0 / np.sqrt(1.0 + (askew**2).sum(axis=0))
     radii = 0.1 * (60.0 + 10.0 * np.sin(3.0 * turns)) * np.sqrt(cosines)
-    assert organ.radius == pytest.approx(radii.mean(), rel=3e-3)
+    # The axis, a mean of edge points, jitters by a tenth of a pixel.
+    assert organ.radius == pytest.approx(radii.mean(), rel=5e-3)
     target = 0.02 * organ.radius
     best = DracoSearch(organ).best(target)
     assert best is not None
