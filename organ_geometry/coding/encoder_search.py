@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -15,30 +16,48 @@ from organ_geometry.curves.key_sections import key_sections
 
 Effort: TypeAlias = Literal["quick", "full"]
 Search: TypeAlias = Literal["quick", "full", "sample"]
-Tries: TypeAlias = Literal["quick", "full", "sample", "nearest"]
 
-# Steps in tolerances: of the axis, of half-curves, of these where none of them will do.
-_AXIS_STEPS = {
-    "quick": (1.0, 2.0),
-    "full": (1.0, 1.5, 2.0, 3.0),
-    "sample": (1.5,),
-    "nearest": (1.0,),
+
+@dataclass(frozen=True, slots=True)
+class _Tries:
+    """What is tried.
+
+    Attributes
+    ----------
+    levels
+        Levels of the axis, beyond those that its centroids are kept by in fewest bits.
+    axis_steps, steps
+        Steps of the axis and of half-curves, in tolerances.
+    prices
+        What a bit is worth in the sections that the search for fewer bits begins with.
+    axes
+        How many axes are tried in all steps or some of them.
+    rounds
+        Most attempts with each.
+    refined, fine_rounds
+        How many of the smallest have their key sections moved, and most attempts with each.
+    """
+
+    levels: tuple[int, ...]
+    axis_steps: tuple[float, ...]
+    steps: tuple[float, ...]
+    prices: tuple[float, ...]
+    axes: int
+    rounds: int
+    refined: int = 0
+    fine_rounds: int = 0
+
+
+_TRIES = {
+    "quick": _Tries((0, -1), (1.0, 2.0), (0.75, 0.5, 1.0), (0.1,), 2, 6),
+    "full": _Tries((0, -1, 1), (1.0, 1.5, 2.0, 3.0), (0.75, 0.5, 1.0), (0.1, 0.3), 3, 10, 5, 6),
+    "sample": _Tries((0, -1), (1.5,), (0.75, 1.0), (0.1,), 1, 5),
 }
-_STEPS = {
-    "quick": (0.75, 0.5, 1.0),
-    "full": (0.75, 0.5, 1.0),
-    "sample": (0.75, 1.0),
-}
-_FINER_STEPS = (0.35, 0.25, 0.15)
-_FINEST_STEP = 1.0 / 16.0
-# What a bit is worth in the sections that the search for fewer bits begins with.
-_START_PRICES = {"quick": (0.1,), "full": (0.1, 0.3), "sample": (0.1,)}
-_BEST_AXES = {"quick": 2, "full": 3, "sample": 1}
-_LEVELS = {"quick": (0, -1), "full": (0, -1, 1), "sample": (0, -1), "nearest": (1, 0)}
-_ROUNDS = {"quick": 6, "full": 10, "sample": 5}
 _FEW_ROUNDS = 3
-_REFINED = {"quick": 0, "full": 5, "sample": 0}
-_FINE_ROUNDS = {"quick": 0, "full": 6, "sample": 0}
+# Steps of half-curves where none of those will do, and the finest.
+_FINER_STEPS, _FINEST_STEP = (0.35, 0.25, 0.15), 1.0 / 16.0
+_NEAREST_LEVELS = (1, 0)
+_THESIS_PRICE = 0.1
 _TIGHTENINGS, _TIGHTER = 3, 0.6
 _NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
 # Where first attempts are so far off, in tolerances, and finest steps so far, more are of no use.
@@ -133,12 +152,11 @@ class EncoderSearch:
 
     def _kept_soonest(self, effort: Search) -> list[KeptCode]:
         """Return numbers that keep the tolerance, with candidates for keys as few as will do."""
-        depth = self._attempts.depth
-        coarser = max(1, depth - 1)
+        *coarser, depth = range(max(1, self._attempts.depth - 1), self._attempts.depth + 1)
         if effort != "sample":
-            kept = self._searched(effort, (coarser, depth), last=True)
+            kept = self._searched(effort, (*coarser, depth), last=True)
         else:
-            kept = self._searched(effort, (coarser,)) if coarser < depth else []
+            kept = self._searched(effort, tuple(coarser))
             if not kept:
                 kept = self._searched(effort, (depth,), last=True)
         if not kept:
@@ -151,12 +169,12 @@ class EncoderSearch:
         self, effort: Search, depths: tuple[int, ...], *, last: bool = False, every: bool = False
     ) -> list[KeptCode]:
         """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
-        steps, starts, rounds = _STEPS[effort], _START_PRICES[effort], _ROUNDS[effort]
+        tries, attempts = _TRIES[effort], self._attempts
         kept: list[KeptCode] = []
         tried: list[tuple[float, OrganCut]] = []
         nearest = np.inf
         for cut in self._cuts(effort, depths):
-            found = self._attempts.descended(cut, steps[0], starts[0], _FEW_ROUNDS)
+            found = attempts.descended(cut, tries.steps[0], tries.prices[0], _FEW_ROUNDS)
             kept += _keeping(found)
             nearest = min([nearest, *(one.worst for one in found)])
             if found:
@@ -168,22 +186,20 @@ class EncoderSearch:
                 return []
             self._check_within_reach()
         # The axis of most promise is tried with all steps, the next with some.
-        best = len(tried) if every else _BEST_AXES[effort]
-        for number, (_, cut) in enumerate(tried[:best]):
-            for step in steps if number == 0 or effort == "full" else steps[:2]:
-                if effort == "sample" and step == steps[0]:
-                    # A few rounds were enough to choose this axis by, and are for a sample.
-                    continue
-                for start in starts:
-                    kept += self._kept(cut, step, start, rounds)
+        for number, (_, cut) in enumerate(tried if every else tried[: tries.axes]):
+            steps = tries.steps if number == 0 or effort == "full" else tries.steps[:2]
+            # A few rounds were enough to choose an axis by, and are for a sample.
+            for step in steps[1:] if effort == "sample" else steps:
+                for price in tries.prices:
+                    kept += _keeping(attempts.descended(cut, step, price, tries.rounds))
         for step in _FINER_STEPS:
             if kept:
                 break
             for _, cut in tried[:2]:
-                kept += self._kept(cut, step, starts[0], rounds)
+                kept += _keeping(attempts.descended(cut, step, tries.prices[0], tries.rounds))
         kept.sort(key=lambda one: len(one.data))
-        for one in kept[: _REFINED[effort]]:
-            kept += _keeping(self._attempts.lowered(one, _FINE_ROUNDS[effort], move_keys=True))
+        for one in kept[: tries.refined]:
+            kept += _keeping(attempts.lowered(one, tries.fine_rounds, move_keys=True))
         return kept
 
     def _check_within_reach(self) -> None:
@@ -217,7 +233,7 @@ class EncoderSearch:
         attempts = self._attempts
         first = attempts.depth
         ways = (
-            [(levels, first) for levels, _ in self._settings("nearest")] if way is None else [way]
+            [(levels, first) for levels in self._levels(_NEAREST_LEVELS)] if way is None else [way]
         )
         found: list[tuple[float, tuple[int, int], KeptCode]] = []
         while ways:
@@ -270,21 +286,19 @@ class EncoderSearch:
         weights = np.full(cut.samples + 1, len(self._attempts.contours) / (cut.samples + 1))
         for _ in range(24):
             keys = key_sections(rows[0], lumen, threshold)
-            sections = cut.encoder.coded(
-                step, _START_PRICES["quick"][0] * step * step, weights, keys
-            )
+            sections = cut.encoder.coded(step, _THESIS_PRICE * step * step, weights, keys)
             attempt = self._attempts.measured(cut, scale, sections)
             if attempt is not None and attempt.worst <= 1.0:
                 return attempt
             threshold *= 0.8
         return exact
 
-    def _settings(self, effort: Tries) -> Iterator[tuple[int, float]]:
-        """Yield levels of the axis, and its step as a share of what lengths go with."""
+    def _levels(self, beyond: tuple[int, ...]) -> Iterator[int]:
+        """Yield levels of the axis, so many beyond those that keep its centroids in fewest bits."""
         attempts = self._attempts
         most = most_levels(len(attempts.centroids))
-        scale = scale_number(attempts.usual)
         if self._turn is None:
+            scale = scale_number(attempts.usual)
             costs = [
                 coded_axis(attempts.centroids, levels, scale, attempts.tolerance, AXIS_PRICE).cost
                 for levels in range(1, most + 1)
@@ -292,21 +306,17 @@ class EncoderSearch:
             self._middle = 1 + int(np.argmin(costs))
             cut = attempts.cut(self._middle, scale, attempts.depth)
             self._turn = attempts.turn = best_turn(cut.outlines.outer)
-        for more in _LEVELS[effort]:
+        for more in beyond:
             if 1 <= self._middle + more <= most:
-                for share in _AXIS_STEPS[effort]:
-                    yield self._middle + more, share
+                yield self._middle + more
 
     def _cuts(self, effort: Search, depths: tuple[int, ...]) -> Iterator[OrganCut]:
         """Yield the contours cut across axes of several steps and numbers of keys."""
-        for levels, share in self._settings(effort):
-            scale = scale_number(share * self._attempts.usual)
-            for depth in depths:
-                yield self._attempts.cut(levels, scale, depth)
-
-    def _kept(self, cut: OrganCut, step: float, start: float, rounds: int) -> list[KeptCode]:
-        """Return the attempts of one axis and step that keep the tolerance."""
-        return _keeping(self._attempts.descended(cut, step, start, rounds))
+        tries, attempts = _TRIES[effort], self._attempts
+        for levels in self._levels(tries.levels):
+            for share in tries.axis_steps:
+                for depth in depths:
+                    yield attempts.cut(levels, scale_number(share * attempts.usual), depth)
 
 
 def _best_of_each_depth(tried: list[tuple[float, OrganCut]]) -> list[tuple[float, OrganCut]]:
