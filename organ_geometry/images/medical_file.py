@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.meta_image import META_SUFFIXES, whole_meta_values
 
 VOLUME_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 DICOM_SUFFIXES = (".dcm", ".dicom", ".ima")
@@ -141,9 +142,10 @@ def read_values(path: Path) -> NDArray[Any]:
         If SimpleITK is not there or cannot read the file.
     """
     try:
-        return np.asarray(_simple_itk().GetArrayFromImage(_reader(path).Execute()))
+        values = np.asarray(_simple_itk().GetArrayFromImage(_reader(path).Execute()))
     except RuntimeError as error:
         raise ImageStackError(_unreadable(path, error)) from error
+    return whole_meta_values(path, values) if path.suffix.lower() in META_SUFFIXES else values
 
 
 def check_whole_nifti(path: Path, header: MedicalHeader) -> None:

@@ -2,8 +2,10 @@
 
 import gzip
 import json
+import re
 import struct
 import sys
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.medical_file import read_values
 from organ_geometry.images.stack_reader import read_image_stack
 
 itk = pytest.importorskip("SimpleITK")
@@ -374,6 +377,56 @@ def test_threads_read_the_same(
         with ThreadPoolExecutor(8) as threads:
             images = list(threads.map(stack.image, range(40)))
         np.testing.assert_array_equal(np.stack(images), voxels)
+
+
+def resized(path: Path, size: int) -> None:
+    """Let a MetaImage's header say another size of its compressed voxels."""
+    content = path.read_bytes()
+    said = re.sub(rb"CompressedDataSize = \d+", b"CompressedDataSize = %d" % size, content)
+    assert said != content
+    path.write_bytes(said)
+
+
+@pytest.mark.parametrize("suffix", [".mha", ".mhd"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16])
+def test_compressed_voxels_are_read_whole_where_their_size_is_wrong(
+    write_volume: Callable[..., Path], suffix: str, dtype: Any
+) -> None:
+    voxels = noise(dtype, (30, 40, 50))
+    path = write_volume(voxels, suffix)
+    expected = read_values(path)
+    resized(path, 5000)
+    # What was in memory before is what the reader leaves where it reads too little.
+    for level in (1, 2, 3):
+        spoiled = np.full(voxels.nbytes, level, np.uint8)
+        del spoiled
+        np.testing.assert_array_equal(read_values(path), expected)
+    np.testing.assert_array_equal(expected, voxels)
+
+
+def test_voxels_of_the_other_byte_order_are_read_whole(write_volume: Callable[..., Path]) -> None:
+    voxels = noise(np.int16, (30, 40, 50))
+    path = write_volume(voxels, ".mhd")
+    packed = zlib.compress(voxels.astype(">i2").tobytes())
+    (path.parent / "volume.zraw").write_bytes(packed)
+    order = (b"BinaryDataByteOrderMSB = False", b"BinaryDataByteOrderMSB = True")
+    path.write_bytes(path.read_bytes().replace(*order))
+    resized(path, 5000)
+    np.testing.assert_array_equal(read_values(path), voxels)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_compressed_voxels_that_are_too_few_are_refused(
+    write_volume: Callable[..., Path], damaged: bool
+) -> None:
+    voxels = noise(shape=(30, 40, 50))
+    path = write_volume(voxels, ".mhd")
+    beside = path.parent / "volume.zraw"
+    packed = zlib.compress(voxels[:20].tobytes())
+    beside.write_bytes(packed[:-2000] + bytes(2000) if damaged else packed)
+    resized(path, len(packed))
+    message = "cannot be unpacked" if damaged else "need 60,000 bytes and 40,000 are in it"
+    refused(path, message if not damaged else f"({message}|cannot be read|cut short)")
 
 
 def test_a_volume_s_bytes_count_its_voxels_file(write_volume: Callable[..., Path]) -> None:
