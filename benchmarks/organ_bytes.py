@@ -19,8 +19,9 @@ __all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
 
 STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
-LOOSE_SHARE = 3.0
-"""Tolerance of each section, in target errors: what is sought is the error of all together."""
+LOOSE_SHARES = (3.0, 4.0, 5.0)
+"""Tolerances of each section, in target errors: what is sought is the error of all together. The
+first is searched with, the others are tried where that ends: steps of numbers go with them."""
 
 STEPS, NEAR_ENOUGH = 6, 0.985
 RAISE, LEAST_SHARE = 1.15, 0.3
@@ -113,7 +114,7 @@ class OrganSearch:
         overall, refused = target, 0.0
         enough: list[OrganBytes] = []
         for _ in range(STEPS):
-            found = self.at(LOOSE_SHARE * target, overall)
+            found = self.at(LOOSE_SHARES[0] * target, overall)
             if found is None:
                 refused, overall = overall, RAISE * overall
                 continue
@@ -126,6 +127,10 @@ class OrganSearch:
             overall = max(math.sqrt(max(squared, 0.0)), LEAST_SHARE * target)
             if overall <= refused:
                 break
+        if enough:
+            largest = max(one.overall for one in enough)
+            others = [self.at(loose * target, largest) for loose in LOOSE_SHARES[1:]]
+            enough += [one for one in others if one is not None and one.rms <= target]
         return min(enough, key=lambda one: one.size, default=None)
 
 
