@@ -128,8 +128,8 @@ class OrganSearch:
             if overall <= refused:
                 break
         if enough:
-            largest = max(one.overall for one in enough)
-            others = [self.at(loose * target, largest) for loose in LOOSE_SHARES[1:]]
+            overall = min(enough, key=lambda one: one.size).overall
+            others = [self.at(loose * target, overall) for loose in LOOSE_SHARES[1:]]
             enough += [one for one in others if one is not None and one.rms <= target]
         return min(enough, key=lambda one: one.size, default=None)
 
