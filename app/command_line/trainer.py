@@ -1,5 +1,6 @@
 """`bluntdissect trainer`: the trainer in a browser tab."""
 
+import os
 import signal
 import sys
 import threading
@@ -30,7 +31,16 @@ def trainer(
         raise ValueError(f"--look must be full or plain, not {look}")
     if not 0 <= port <= 65535:
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
-    # Both signals end the wait below, so that server and clock stop in order.
+    # Within what is compiled on a first start Python could lose an interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    tissue = organ_from(organ)
+    # Stdout has the address first, for who reads it by program.
+    if sys.stderr.isatty():
+        print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
+    from app.trainer.server import Trainer
+
+    running = Trainer(tissue, host=host, port=port, look=look)
+    # From here on both signals end the wait below, so that server and clock stop in order.
     stop = threading.Event()
 
     def end(_signal: int, _frame: FrameType | None) -> None:
@@ -38,19 +48,12 @@ def trainer(
 
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
-    tissue = organ_from(organ)
-    if stop.is_set():
-        return
-
-    # Stdout has the address first, for who reads it by program.
-    if sys.stderr.isatty():
-        print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
-    from app.trainer.server import Trainer
-
-    running = Trainer(tissue, host=host, port=port, look=look)
     try:
         print(f"The trainer is ready: {running.address}", flush=True)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
         stop.wait()
     finally:
         running.stop()
+    # The warming may be at work yet, for seconds. Nobody waits for it, and where it is inside some
+    # C++ code Python's own end would abort: threads that are left cannot be unwound from there.
+    os._exit(0)

@@ -138,10 +138,14 @@ class Trainer:
             return {number: view.frames for number, view in self._views.items()}
 
     def stop(self) -> None:
-        """Stop the clock and the server."""
+        """Stop the clock and the server, and let go of what the clients have sent."""
         self._stopping.set()
         self.warming.stop()
         self._clock.join(timeout=5.0)
+        with self._views_lock:
+            views, self._views = self._views, {}
+        for view in views.values():
+            view.close()
         self._background.stop()
         self._build_process.stop()
         self._builder.stop()

@@ -8,9 +8,9 @@ ENTRY = "from app.command_line import main; main()"
 """What the installed script runs."""
 
 
-def command(*arguments: object) -> list[str]:
+def command(*arguments: object, entry: str = ENTRY) -> list[str]:
     """The command line of a process that runs the program."""
-    return [sys.executable, "-c", ENTRY, *map(str, arguments)]
+    return [sys.executable, "-c", entry, *map(str, arguments)]
 
 
 def run(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:

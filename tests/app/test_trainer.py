@@ -1,9 +1,11 @@
 """The trainer in a real browser, and as a process."""
 
+import os
 import re
 import signal
 import socket
 import subprocess
+import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +18,7 @@ import numpy as np
 import pytest
 from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
-from program import command, refused
+from program import ENTRY, command, refused
 from simulated import phantom
 from viser import ClientHandle, _messages
 
@@ -249,11 +251,12 @@ def _reached(plot: list[list[float]]) -> float:
 
 
 @contextmanager
-def started(*arguments: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def started(*arguments: object, entry: str = ENTRY) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A trainer's process and the address that it prints."""
     with subprocess.Popen(
-        command("trainer", *arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+        command("trainer", *arguments, entry=entry),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
         try:
             assert process.stdout is not None
             line = process.stdout.readline()
@@ -275,6 +278,49 @@ def test_prints_the_address_that_answers_and_ends_cleanly(number: signal.Signals
         _, errors = process.communicate(timeout=20)
         assert process.returncode == 0
         assert errors == ""
+
+
+BUSY_WARMING = f"""
+import numpy, scipy.fft
+from app.trainer import warming
+
+def busy(**_):
+    places = numpy.ones((300, 300))
+    while True:
+        scipy.fft.dctn(places)
+
+warming.stage_files = busy
+{ENTRY}"""
+
+
+def test_ends_cleanly_while_its_warming_is_in_compiled_code() -> None:
+    """Python would abort ("terminate called without an active exception") at its own end."""
+    with started("--port", 0, "--look", "plain", entry=BUSY_WARMING) as (process, _):
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=20)
+        assert (process.returncode, errors) == (0, "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_it_is_prepared_ends_it_at_once(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """A first start compiles for many seconds."""
+    with subprocess.Popen(
+        command("trainer", "--port", 0, "--look", "plain"),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+    ) as process:  # fmt: skip
+        try:
+            deadline = time.monotonic() + 60.0
+            while not any(tmp_path.rglob("*.nbc")):  # the first kernel of many
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            process.send_signal(number)
+            assert process.communicate(timeout=20) == ("", "")
+        finally:
+            process.kill()
+    assert process.returncode == -number
 
 
 def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> None:

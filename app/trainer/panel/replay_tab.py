@@ -143,5 +143,5 @@ class ReplayTab:
     def _seek(self, seconds: object) -> None:
         player = self._workplace.player
         if player is not None:
-            player.pause()
             player.seek(number(seconds))
+            player.pause()  # after the jump: where it pauses is what the slider is put to
