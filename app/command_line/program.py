@@ -67,9 +67,15 @@ def _status() -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _stopped()
     except Exception as error:  # the last resort: one line instead of a traceback
-        if isinstance(error.__cause__, KeyboardInterrupt):  # pressed within a compiled kernel
+        if _interrupted(error):
             return _stopped()
         return _say(f"internal error, please report it: {type(error).__name__}: {error}", OUR_FAULT)
+
+
+def _interrupted(error: BaseException) -> bool:
+    """Return whether an error comes of an interrupt: compiled kernels make others of it."""
+    cause = error.__cause__
+    return cause is not None and (isinstance(cause, KeyboardInterrupt) or _interrupted(cause))
 
 
 def _stopped() -> int:
