@@ -11,7 +11,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.coding.organ_file import organ_from_bytes
+from organ_geometry.coding.encoder_search import Effort
+from organ_geometry.coding.organ_file import code_from_bytes, organ_from_bytes
 from organ_geometry.coding.surface_distance import wall_distances
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.edge_curve import enclosed_area
@@ -281,6 +282,17 @@ def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStac
     images = [image(open_ring(cover, 6.0, 30.0, 60.0))] * 3
     stack = read_image_stack(write_stack(images, SPACING))
     assert build_organ(stack, tolerance_mm=2.0).warnings == ()
+
+
+@pytest.mark.parametrize("effort", ["quick", "full"])
+def test_hundreds_of_equal_discs_are_a_straight_organ(
+    cover: Cover, write_stack: WriteStack, effort: Effort
+) -> None:
+    # Along a straight axis a bend along it changes nothing, to rounding: none is to be stored.
+    stack = read_image_stack(write_stack([disc(cover, 40.0)] * 400, SPACING))
+    organ = build_organ(stack, effort=effort).organ
+    assert not code_from_bytes(organ.encoded).bends.any()
+    assert len(organ.encoded) < 30
 
 
 def test_a_tolerance_below_the_floor_names_the_smallest(
