@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from organ_geometry.coding.key_lattice import differences_to_values
 from organ_geometry.coding.organ_cut import BendMoves, OrganCut
 from organ_geometry.coding.section_signals import ASIDE, CIRCLE, SKEW
-from organ_geometry.curves.outline_distance import FURTHER, nearest_column
+from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
@@ -148,7 +148,7 @@ class EdgePoints:
             bends=self.bends,
         )
 
-    def shares(self, keys: NDArray[np.intp]) -> "PointShares":
+    def shares(self, keys: NDArray[np.intp]) -> PointShares:
         """Return the weights of stored differences in the points' signals.
 
         Parameters
@@ -443,12 +443,4 @@ def _side(
 ) -> tuple[float, float]:
     """Return a point's squared distance to the side that ends at a corner, and its foot's share."""
     before = corner - 1 if corner > 0 else len(xs) - 1
-    sx, sy = xs[corner] - xs[before], ys[corner] - ys[before]
-    tx, ty = x - xs[before], y - ys[before]
-    squared = sx * sx + sy * sy
-    share = 0.0
-    if squared > 0.0:
-        share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-    tx -= share * sx
-    ty -= share * sy
-    return tx * tx + ty * ty, share
+    return foot_on_side(xs[before], ys[before], xs[corner], ys[corner], x, y)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.half_curves import closed_outlines
-from organ_geometry.curves.outline_distance import FURTHER, nearest_column
+from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
 from organ_geometry.organ import Organ, Wall
 
 _HALF_CORNERS = 48
@@ -290,11 +290,4 @@ def _squared_distance(
     x0, x1 = _across(outlines, k, share, first), _across(outlines, k, share, second)
     y0 = outlines[k, first, 1] * (1.0 - share) + outlines[k + 1, first, 1] * share
     y1 = outlines[k, second, 1] * (1.0 - share) + outlines[k + 1, second, 1] * share
-    sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
-    squared = sx * sx + sy * sy
-    part = 0.0
-    if squared > 0.0:
-        part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-    tx -= part * sx
-    ty -= part * sy
-    return tx * tx + ty * ty
+    return foot_on_side(x0, y0, x1, y1, x, y)[0]

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
-from organ_geometry.curves.outline_distance import outline_distances
+from organ_geometry.curves.outline_distance import foot_on_side, outline_distances
 
 DEGREE = COEFFICIENTS - 1
 ROW_SIZE = 2 + 2 * COEFFICIENTS
@@ -304,14 +304,7 @@ def _polygon_distances(
         x0, y0 = corners[-1, 0], corners[-1, 1]
         for c in range(len(corners)):
             x1, y1 = corners[c, 0], corners[c, 1]
-            sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
-            squared = sx * sx + sy * sy
-            share = 0.0
-            if squared > 0.0:
-                share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-            tx -= share * sx
-            ty -= share * sy
-            best = min(best, tx * tx + ty * ty)
+            best = min(best, foot_on_side(x0, y0, x1, y1, x, y)[0])
             x0, y0 = x1, y1
         distances[i] = np.sqrt(best)
     return distances

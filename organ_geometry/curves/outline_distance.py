@@ -84,12 +84,36 @@ def _squared_distance(
     corners: NDArray[np.float64], first: int, second: int, x: float, y: float
 ) -> float:
     """Return the squared distance of a point to the side between two corners."""
-    x0, y0 = corners[first, 0], corners[first, 1]
-    sx, sy, tx, ty = corners[second, 0] - x0, corners[second, 1] - y0, x - x0, y - y0
+    return foot_on_side(
+        corners[first, 0], corners[first, 1], corners[second, 0], corners[second, 1], x, y
+    )[0]
+
+
+@numba.njit(cache=True, nogil=True)
+def foot_on_side(
+    x0: float, y0: float, x1: float, y1: float, x: float, y: float
+) -> tuple[float, float]:
+    """Return where a point's foot on a side is, the nearest place of the side to it.
+
+    Parameters
+    ----------
+    x0, y0
+        Where the side begins, mm.
+    x1, y1
+        Where it ends, mm.
+    x, y
+        The point, mm.
+
+    Returns
+    -------
+    tuple[float, float]
+        Squared distance of point and foot, mm^2, and the foot's share of the way along the side.
+    """
+    sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
     squared = sx * sx + sy * sy
-    part = 0.0
+    share = 0.0
     if squared > 0.0:
-        part = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-    tx -= part * sx
-    ty -= part * sy
-    return tx * tx + ty * ty
+        share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+    tx -= share * sx
+    ty -= share * sy
+    return tx * tx + ty * ty, share
