@@ -200,15 +200,13 @@ class OrganAttempts:
         some._shares = self._shares[chosen] / self._shares[chosen].sum()
         return some
 
-    def of_all(self, one: KeptCode, finer: int = 1) -> KeptCode | None:
+    def of_all(self, one: KeptCode) -> KeptCode | None:
         """Return how well numbers found by some of the sections keep all of them.
 
         Parameters
         ----------
         one
             The numbers.
-        finer
-            How many times as many candidates for key sections there are to be, a power of two.
 
         Returns
         -------
@@ -218,10 +216,9 @@ class OrganAttempts:
         code = one.code
         cut = OrganCut(
             self.contours, self._loft(), self.centroids, one.cut.axis, self.depth,
-            4.0 * self._radius, left_handed=self._left_handed, like=one.cut, finer=finer,
+            4.0 * self._radius, left_handed=self._left_handed, like=one.cut,
         )  # fmt: skip
-        sections = CodedSections(code.keys * finer, one.numbers.sections.stored)
-        return self.measured(cut, code.section_scale, sections)
+        return self.measured(cut, code.section_scale, one.numbers.sections)
 
     def cut(self, levels: int, scale: int, depth: int) -> OrganCut:
         """Return the contours cut by an axis whose ends' planes enclose the end sections.

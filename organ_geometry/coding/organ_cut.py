@@ -74,8 +74,6 @@ class OrganCut:
     like
         A cut of some of the contours across this axis; its frames and candidates are taken, and
         the depth says how many outlines there are.
-    finer
-        How many times as many candidates there are.
 
     Attributes
     ----------
@@ -108,11 +106,10 @@ class OrganCut:
         left_handed: bool,
         tilt_scale: int = 3,
         like: "OrganCut | None" = None,
-        finer: int = 1,
     ) -> None:
         self.axis, keys = axis, axis.keys
         self.turn = turn if like is None else like.turn
-        self.candidates = 2**depth if like is None else like.candidates * finer
+        self.candidates = 2**depth if like is None else like.candidates
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
         self.tilt_scale = tilt_scale

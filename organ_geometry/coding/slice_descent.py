@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.aiming import Aim
-from organ_geometry.coding.edge_changes import EdgePoints
+from organ_geometry.coding.edge_changes import EdgePoints, PointShares
 from organ_geometry.coding.key_lattice import differences_to_values, hats, nearest_differences
 from organ_geometry.coding.number_prices import bend_prices, first_prices, learned_prices
 from organ_geometry.coding.section_encoder import CodedSections
@@ -30,6 +30,8 @@ _NEAR = 2
 _PASSES = 2
 _PAYS = 0.5
 _DEAD_ZONE = 0.6
+_NOWHERE = np.zeros(0, dtype=np.intp)
+_NO_BENDS = PointShares(_NOWHERE, _NOWHERE, _NOWHERE, np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +113,7 @@ class SliceDescent:
         sections = numbers.sections
         self._points, self._steps = points, steps
         away, self._changes = points.distances(sections.keys, sections.stored, steps)
-        self._bent = points.bent(self._changes[0])
-        self._free_axis = free_axis
+        self._bent = points.bent(self._changes[0]) if free_axis else _NO_BENDS
         self._weights = points.weights / limits[points.slices] ** 2
         self._aim = np.array([aim.everywhere, aim.beyond, aim.margin])
         self._prices = np.stack([
@@ -158,7 +159,7 @@ class SliceDescent:
         shares = self._points.shares(state.keys)
         slices, weights = self._points.slices, self._weights
         lowest, highest = self._range
-        start, stop, bends = 0, len(state.keys), len(state.bends) if self._free_axis else 0
+        start, stop, bends = 0, len(state.keys), len(self._bent.first)
         if trial is not None:
             start, stop, bends = max(0, trial - _NEAR), min(stop, trial + _NEAR + 1), 0
         for _ in range(_ROUNDS if trial is None else 1):
