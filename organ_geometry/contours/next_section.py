@@ -277,10 +277,12 @@ def _leaks(
     rule: EdgeRule,
 ) -> bool:
     """Return whether the organ won or lost much ground where the image did not change."""
+    largest = LEAK_SHARE * last.areas[-1]
+    if cv2.countNonZero(cv2.bitwise_xor(region.filled, before.filled)) <= largest:
+        return False
     won = without(region.solid, grown(before.filled, 2))
     lost = without(before.solid, grown(region.filled, 2))
     moved = cv2.bitwise_or(won, lost)
-    largest = LEAK_SHARE * last.areas[-1]
     if cv2.countNonZero(moved) <= largest:
         return False
     steady = len(last.areas) == _AREAS and max(last.areas) < STEADY * min(last.areas)
