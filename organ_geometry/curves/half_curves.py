@@ -297,17 +297,16 @@ def polygon_distances(
 def _polygon_distances(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    distances = np.empty(len(points))
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        best = np.inf
-        x0, y0 = corners[-1, 0], corners[-1, 1]
-        for c in range(len(corners)):
-            x1, y1 = corners[c, 0], corners[c, 1]
-            best = min(best, foot_on_side(x0, y0, x1, y1, x, y)[0])
-            x0, y0 = x1, y1
-        distances[i] = np.sqrt(best)
-    return distances
+    x, y = points[:, 0].copy(), points[:, 1].copy()
+    squared = np.full(len(points), np.inf)
+    x0, y0 = corners[-1, 0], corners[-1, 1]
+    # Side by side, several points are measured at once.
+    for c in range(len(corners)):
+        x1, y1 = corners[c, 0], corners[c, 1]
+        for i in range(len(points)):
+            squared[i] = min(squared[i], foot_on_side(x0, y0, x1, y1, x[i], y[i])[0])
+        x0, y0 = x1, y1
+    return np.sqrt(squared)
 
 
 def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
