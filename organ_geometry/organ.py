@@ -13,6 +13,7 @@ from organ_geometry.curves.half_curves import (
     closed_outlines,
     outline_points,
 )
+from organ_geometry.curves.key_blend import KeyBlend
 
 Wall: TypeAlias = Literal["outer", "lumen"]
 
@@ -44,8 +45,9 @@ class SectionProperties:
 class Organ:
     """A tubular organ where its images stand.
 
-    S sections have an axis point and a frame; K of them are key sections with curves, and the
-    sections between follow from their neighbours. Arrays are copied, checked and locked.
+    S sections have an axis point and a frame; K of them are key sections with curves, and those of
+    the sections between follow from them by their numbers, as `KeyBlend` has it. Between two
+    sections everything is linear. Arrays are copied, checked and locked.
 
     Attributes
     ----------
@@ -84,6 +86,9 @@ class Organ:
     turn: float = 0.0
     # Of the circle; found when it is first asked for: an encoder makes many organs.
     _mean_radius: float | None = field(default=None, init=False, repr=False)
+    # (S, 16) half-curves of all sections.
+    _outer_rows: NDArray[np.float64] = field(init=False, repr=False)
+    _lumen_rows: NDArray[np.float64] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         sections = len(self.axis)
@@ -105,9 +110,6 @@ class Organ:
         self._lock("outer", (len(keys), ROW_SIZE))
         if self.lumen is not None:
             self._lock("lumen", (len(keys), ROW_SIZE))
-        for wall, rows in (("outer", self.outer), ("lumen", self.lumen)):
-            if rows is not None and not (rows[:, HALF_WIDTH] > 0.0).all():
-                raise ValueError(f"every half width in {wall} must be above 0 mm")
         if not (np.linalg.norm(np.diff(self.axis, axis=0), axis=1) > 0.0).all():
             raise ValueError("neighbouring points of axis must be apart, above 0 mm")
         products = np.einsum("sij,sik->sjk", self.frames, self.frames)
@@ -122,6 +124,13 @@ class Organ:
             raise ValueError(
                 f"tolerance_mm must be 0 mm or more and finite, not {self.tolerance_mm:g} mm"
             )
+        blend = KeyBlend.at(np.arange(sections), keys)
+        for wall, rows in (("outer", self.outer), ("lumen", self.lumen)):
+            if rows is not None:
+                between = blend.of(rows)
+                if not (between[:, HALF_WIDTH] > 0.0).all():
+                    raise ValueError(f"every half width in {wall} must be above 0 mm")
+                object.__setattr__(self, f"_{wall}_rows", between)
 
     def _lock(self, field: str, shape: tuple[int, ...]) -> None:
         locked = np.array(getattr(self, field), dtype=np.float64)
@@ -231,7 +240,7 @@ class Organ:
         return self.frames_at(stations)[:, :, :2] @ self._up
 
     def rows_at(self, stations: NDArray[np.float64], wall: Wall = "outer") -> NDArray[np.float64]:
-        """Return half-curves along the organ, linear between neighbouring key sections.
+        """Return half-curves along the organ.
 
         Parameters
         ----------
@@ -250,10 +259,10 @@ class Organ:
         ValueError
             If the lumen of a solid organ is asked for.
         """
-        rows = self.outer if wall == "outer" else self.lumen
+        rows = self._outer_rows if wall == "outer" else self._lumen_rows
         if rows is None:
             raise ValueError(f"the organ {self.name!r} is solid and has no lumen")
-        before, share = _neighbours(self.key_stations, np.asarray(stations, dtype=np.float64))
+        before, share = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
         share = share[:, np.newaxis]
         return rows[before] * (1.0 - share) + rows[before + 1] * share
 

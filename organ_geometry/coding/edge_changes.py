@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from organ_geometry.coding.key_lattice import differences_to_values
 from organ_geometry.coding.organ_cut import BendMoves, OrganCut
 from organ_geometry.coding.section_signals import ASIDE, CIRCLE, SKEW
+from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
 
 _HALF_CORNERS = 48
@@ -162,8 +163,8 @@ class EdgePoints:
             The weights.
         """
         values = np.ascontiguousarray(differences_to_values(keys).T)
-        before, share = self._between(keys)
-        return PointShares(*_key_shares(values, before, share))
+        blend = KeyBlend.at(self.at, keys)
+        return PointShares(*_key_shares(values, blend.before, blend.weights))
 
     def distances(
         self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
@@ -209,9 +210,7 @@ class EdgePoints:
         NDArray[np.float64]
             (N, 16) signals, mm.
         """
-        before, share = self._between(keys)
-        share = share[:, np.newaxis]
-        return values[before] * (1.0 - share) + values[before + 1] * share
+        return KeyBlend.at(self.at, keys).of(values)
 
     def bent(self, changes: NDArray[np.float64]) -> PointShares:
         """Return how the points' distances change with the axis's bends.
@@ -230,16 +229,10 @@ class EdgePoints:
         moves = self.bends
         return PointShares(*_bent(moves.weights, moves.across, self.piece, self.share, aside, up))
 
-    def _between(self, keys: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Return the (N,) keys before the points, and shares of the way to the next."""
-        before = np.clip(np.searchsorted(keys, self.at, side="right") - 1, 0, len(keys) - 2)
-        share = (self.at - keys[before]) / (keys[before + 1] - keys[before])
-        return before, np.clip(share, 0.0, 1.0)
-
 
 @numba.njit(cache=True)
 def _key_shares(
-    values: NDArray[np.float64], before: NDArray[np.intp], share: NDArray[np.float64]
+    values: NDArray[np.float64], before: NDArray[np.intp], blend: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
     """Return what `PointShares` holds, from the (K, K) values that each difference gives."""
     keys, points = len(values), len(before)
@@ -254,17 +247,20 @@ def _key_shares(
     for k in range(keys):
         p0, p1 = points, 0
         for i in range(keys - 1):
-            if values[k, i] != 0.0 or values[k, i + 1] != 0.0:
-                p0, p1 = min(p0, low[i]), max(p1, high[i])
+            for j in range(max(i - 1, 0), min(i + 3, keys)):
+                if values[k, j] != 0.0:
+                    p0, p1 = min(p0, low[i]), max(p1, high[i])
         first[k], last[k], start[k] = p0, max(p0, p1), total
         total += last[k] - p0
     weights = np.empty(total)
     for k in range(keys):
         for p in range(first[k], last[k]):
-            i = before[p]
-            weights[start[k] + p - first[k]] = (
-                values[k, i] * (1.0 - share[p]) + values[k, i + 1] * share[p]
-            )
+            weight = 0.0
+            for column in range(4):
+                j = before[p] + column - 1
+                if 0 <= j < keys:
+                    weight += values[k, j] * blend[p, column]
+            weights[start[k] + p - first[k]] = weight
     return first, last, start, weights
 
 

@@ -50,13 +50,16 @@ class _Tries:
 
 _TRIES = {
     "quick": _Tries((0, -1), (1.0, 2.0), (0.75, 0.5, 1.0), (0.1,), 2, 6),
-    "full": _Tries((0, -1, 1), (1.0, 1.5, 2.0, 3.0), (0.75, 0.5, 1.0), (0.1, 0.3), 3, 10, 5, 6),
+    "full": _Tries((0, -1, -2), (1.0, 1.5, 2.0, 3.0), (0.75, 0.5, 1.0), (0.1, 0.3), 3, 10, 5, 6),
     "sample": _Tries((0, -1), (1.5,), (0.75, 1.0), (0.1,), 1, 5),
 }
 _FEW_ROUNDS = 3
 # Steps of half-curves where none of those will do, and the finest.
 _FINER_STEPS, _FINEST_STEP = (0.35, 0.25, 0.15), 1.0 / 16.0
 _NEAREST_LEVELS = (1, 0)
+# A turn that leaves so little of the error is taken; of one that leaves less than all but a little,
+# it shows only in the end.
+_TURN_PAYS, _TURN_MAY_PAY = 0.7, 0.95
 _THESIS_PRICE = 0.1
 _TIGHTENINGS, _TIGHTER = 3, 0.6
 _NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
@@ -74,11 +77,11 @@ class NotKept(Exception):  # noqa: N818
     nearest_mm, overall_mm
         Its RMS distance there, and that of all sections, mm.
     way
-        Levels of the axis and of the candidates for key sections there.
+        Levels of the axis and of the candidates for key sections, and the half-curves' turn there.
     """
 
     def __init__(
-        self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int]
+        self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int, int]
     ) -> None:
         super().__init__(section, nearest_mm, overall_mm, way)
         self.way = way
@@ -93,13 +96,13 @@ class EncoderSearch:
     Parameters
     ----------
     attempts
-        Makes and measures numbers. The search sets its turn, limits and depth: it needs its own.
+        Makes and measures numbers. The search sets its limits: it needs its own.
     """
 
     def __init__(self, attempts: OrganAttempts) -> None:
         self._attempts = attempts
-        self._turn: int | None = None
-        self._middle = 1
+        self._middle: int | None = None
+        self._turn, self._turned = 0, 1.0
 
     def in_fewest_bytes(self, effort: Search = "quick") -> KeptCode:
         """Return the numbers of fewest bytes that keep the tolerance.
@@ -210,13 +213,14 @@ class EncoderSearch:
             if error.nearest_mm > _OUT_OF_REACH * float(self._attempts.limits.max()):
                 raise
 
-    def nearest(self, way: tuple[int, int] | None = None) -> KeptCode:
+    def nearest(self, way: tuple[int, int, int] | None = None) -> KeptCode:
         """Return the numbers in finest steps that come nearest to the sections.
 
         Parameters
         ----------
         way
-            Levels of the axis and of the candidates for key sections, if they are chosen already.
+            Levels of the axis and of the candidates for key sections, and the half-curves' turn, if
+            they are chosen already.
 
         Returns
         -------
@@ -233,17 +237,23 @@ class EncoderSearch:
         attempts = self._attempts
         first = attempts.depth
         ways = (
-            [(levels, first) for levels in self._levels(_NEAREST_LEVELS)] if way is None else [way]
+            [way]
+            if way is not None
+            else [
+                (levels, first, turn)
+                for levels in self._levels(_NEAREST_LEVELS)
+                for turn in self._turns("quick")
+            ]
         )
-        found: list[tuple[float, tuple[int, int], KeptCode]] = []
+        found: list[tuple[float, tuple[int, int, int], KeptCode]] = []
         while ways:
-            levels, depth = ways.pop(0)
-            cut = attempts.cut(levels, scale_number(attempts.usual), depth)
+            levels, depth, turn = ways.pop(0)
+            cut = attempts.cut(levels, scale_number(attempts.usual), depth, turn)
             keys = np.arange(cut.candidates + 1, dtype=np.intp)
             tried = attempts.descended(
                 cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
             )
-            found += [(one.worst, (levels, depth), one) for one in tried]
+            found += [(one.worst, (levels, depth, turn), one) for one in tried]
             found = sorted(found, key=lambda one: one[0])[:1]
             if found and found[0][0] <= 1.0:
                 return found[0][2]
@@ -254,7 +264,8 @@ class EncoderSearch:
                 and found
                 and deeper <= min(first + _FINER_CANDIDATES, LARGEST_KEY_DEPTH)
             ):
-                ways = [(found[0][1][0], deeper)]
+                levels, _, turn = found[0][1]
+                ways = [(levels, deeper, turn)]
         if not found:
             raise ValueError("the sections make no organ: their widths vanish")
         _, nearest, best = found[0]
@@ -297,7 +308,7 @@ class EncoderSearch:
         """Yield levels of the axis, so many beyond those that keep its centroids in fewest bits."""
         attempts = self._attempts
         most = most_levels(len(attempts.centroids))
-        if self._turn is None:
+        if self._middle is None:
             scale = scale_number(attempts.usual)
             costs = [
                 coded_axis(attempts.centroids, levels, scale, attempts.tolerance, AXIS_PRICE).cost
@@ -305,18 +316,27 @@ class EncoderSearch:
             ]
             self._middle = 1 + int(np.argmin(costs))
             cut = attempts.cut(self._middle, scale, attempts.depth)
-            self._turn = attempts.turn = best_turn(cut.outlines.outer)
+            self._turn, self._turned = best_turn(cut.outlines.outer)
         for more in beyond:
             if 1 <= self._middle + more <= most:
                 yield self._middle + more
 
+    def _turns(self, effort: Search) -> list[int]:
+        """Return how far half-curves are turned in their sections, once axes' levels are known."""
+        if self._turned < _TURN_PAYS:
+            return [self._turn]
+        may_pay = effort == "full" and self._turned < _TURN_MAY_PAY
+        return [0, self._turn] if may_pay else [0]
+
     def _cuts(self, effort: Search, depths: tuple[int, ...]) -> Iterator[OrganCut]:
-        """Yield the contours cut across axes of several steps and numbers of keys."""
+        """Yield the contours cut across axes of several steps and numbers of keys, and turned."""
         tries, attempts = _TRIES[effort], self._attempts
         for levels in self._levels(tries.levels):
             for share in tries.axis_steps:
+                scale = scale_number(share * attempts.usual)
                 for depth in depths:
-                    yield attempts.cut(levels, scale_number(share * attempts.usual), depth)
+                    for turn in self._turns(effort):
+                        yield attempts.cut(levels, scale, depth, turn)
 
 
 def _best_of_each_depth(tried: list[tuple[float, OrganCut]]) -> list[tuple[float, OrganCut]]:

@@ -1,8 +1,8 @@
 """Whole numbers at key sections: which keys, and which steps at each, for the fewest bits.
 
-A signal is linear between key sections. What is stored of a key is its difference from the line
-between keys known before it, in steps; the first key is stored as it is, the last as its difference
-from the first, and then always the middle one of the keys between two known ones.
+What is stored of a key is its difference from the line between keys known before it, in steps; the
+first key is stored as it is, the last as its difference from the first, and then always the middle
+one of the keys between two known ones.
 """
 
 from bisect import bisect_left
@@ -18,8 +18,7 @@ _LEAST_STIFF = 1e-12
 def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
     """Return the order in which keys between the two ends become known.
 
-    Keys at coarse places come first, as halving the whole way finds them. A key whose stored
-    differences are all zero lies on the line between those known before, and so may be left out.
+    Keys at coarse places come first, as halving the whole way finds them.
 
     Parameters
     ----------
@@ -105,31 +104,6 @@ def nearest_differences(
 def _with_dead_zone(values: NDArray[np.float64], dead: float) -> NDArray[np.int64]:
     """Return whole numbers nearest to values, but zero for one up to where it pays little."""
     return np.where(np.abs(values) < dead, 0.0, np.round(values)).astype(np.int64)
-
-
-def hats(places: NDArray[np.float64], keys: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return the weights of keys in what is linear between them.
-
-    Parameters
-    ----------
-    places
-        (N,) places, on the scale of the keys.
-    keys
-        (K,) places of the keys, growing.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, K) weights.
-    """
-    before = np.clip(np.searchsorted(keys, places, side="right") - 1, 0, len(keys) - 2)
-    share = (places - keys[before]) / (keys[before + 1] - keys[before])
-    share = np.clip(share, 0.0, 1.0)
-    weights = np.zeros((len(places), len(keys)))
-    rows = np.arange(len(places))
-    weights[rows, before] = 1.0 - share
-    weights[rows, before + 1] = share
-    return weights
 
 
 @numba.njit(cache=True)

@@ -25,7 +25,6 @@ from organ_geometry.coding.organ_code import (
 from organ_geometry.coding.organ_cut import OrganCut
 from organ_geometry.coding.organ_file import code_bytes
 from organ_geometry.coding.section_encoder import CodedSections
-from organ_geometry.coding.section_signals import WIDTH
 from organ_geometry.coding.slice_descent import OrganNumbers, SliceDescent
 from organ_geometry.coding.wall_thickness import thinnest_walls
 from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
@@ -118,8 +117,6 @@ class OrganAttempts:
         (S,) RMS distance that each section may have, mm.
     usual
         What lengths go with, in tolerances: one, if no section is too small for it.
-    turn
-        How far half-curves are turned in their sections, as in `OrganCode`.
     depth
         With 2^depth pieces between them, candidates for key sections are about as far from one
         another as sections.
@@ -138,7 +135,6 @@ class OrganAttempts:
         self.contours: Sequence[SectionContour] = contours
         self._units = units
         self._hollow = hollow
-        self.turn = 0
         self._left_handed = left_handed
         self.depth = _depth(len(contours))
         measures = [centroid_and_radius(contour.outer) for contour in contours]
@@ -220,7 +216,7 @@ class OrganAttempts:
         )  # fmt: skip
         return self.measured(cut, code.section_scale, one.numbers.sections)
 
-    def cut(self, levels: int, scale: int, depth: int) -> OrganCut:
+    def cut(self, levels: int, scale: int, depth: int, turn: int = 0) -> OrganCut:
         """Return the contours cut by an axis whose ends' planes enclose the end sections.
 
         Parameters
@@ -231,6 +227,8 @@ class OrganAttempts:
             Its step, see `scale_of`.
         depth
             There are 2^depth + 1 candidates for key sections.
+        turn
+            How far half-curves are turned in their sections, as in `OrganCode`.
 
         Returns
         -------
@@ -243,7 +241,7 @@ class OrganAttempts:
             axis = coded_axis(
                 self.centroids, levels, scale, self.tolerance, AXIS_PRICE, (reach[0], reach[1])
             )
-            cut = self._cut_by(axis, depth)
+            cut = self._cut_by(axis, depth, turn)
             located, section = cut.edges[0]
             beyond = [located.beyond[section == end] for end in (0, len(self.contours) - 1)]
             rms = [float(np.sqrt(np.mean(away * away))) for away in beyond]
@@ -255,10 +253,10 @@ class OrganAttempts:
                     reach[end] += 1.05 * float(beyond[end].max())
         return min(found, key=lambda one: one[0])[1]
 
-    def _cut_by(self, axis: CodedAxis, depth: int) -> OrganCut:
+    def _cut_by(self, axis: CodedAxis, depth: int, turn: int) -> OrganCut:
         return OrganCut(
             self.contours, self._loft(), self.centroids, axis, depth, 4.0 * self._radius,
-            self.turn, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
+            turn, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
         )  # fmt: skip
 
     def descended(
@@ -341,7 +339,9 @@ class OrganAttempts:
             )  # fmt: skip
             numbers = descent.lowered(move_keys=move_keys)
             bent = not np.array_equal(numbers.bends, one.code.bends)
-            new_cut = self._cut_by(cut.axis.bent(numbers.bends), cut.depth) if bent else cut
+            new_cut = cut
+            if bent:
+                new_cut = self._cut_by(cut.axis.bent(numbers.bends), cut.depth, cut.turn)
             attempt = self.measured(new_cut, scale, numbers.sections)
             excess = math.inf if attempt is None else float((attempt.rms / self.limits).max())
             if bent and excess > _ASTRAY * max(1.0, descent.foreseen):
@@ -396,11 +396,10 @@ class OrganAttempts:
             outer=sections.stored[0],
             lumen=sections.stored[1] if len(sections.stored) > 1 else None,
         )
-        walls = code.signals()
+        rms = cut.section_rms(code.keys, code.signals())
         # Steps as long as a section is wide may leave none of it.
-        if any((signals[:, WIDTH] <= 0.0).any() for signals in walls):
+        if rms is None:
             return None
-        rms = cut.section_rms(code.keys, walls)
         overall = math.sqrt(float(self._shares @ (rms * rms)))
         worst = max(float((rms / self.limits).max()), overall / self._overall)
         return KeptCode(code, cut, rms, overall, worst)

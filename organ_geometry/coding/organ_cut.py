@@ -24,9 +24,10 @@ from organ_geometry.coding.section_signals import extents, fitted_signals, signa
 from organ_geometry.coding.surface_distance import LocatedPoints
 from organ_geometry.contours.contour import ContourLoft, SectionContour
 from organ_geometry.curves.axis_curve import even_places, natural_cubic, refinement
-from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines, polygon_distances
+from organ_geometry.curves.key_blend import KeyBlend
 
-_TURN_STEP, _TURNED_OUTLINES, _TURN_PAYS = 2, 32, 0.7
+_TURN_STEP, _TURNED_OUTLINES = 2, 32
 # An end section leans out of the axis by up to 1 in 1/4.
 _STEEPEST = 0.25
 
@@ -226,7 +227,7 @@ class OrganCut:
 
     def section_rms(
         self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
+    ) -> NDArray[np.float64] | None:
         """Return the RMS distance of each section's edge points to decoded signals.
 
         Parameters
@@ -238,23 +239,22 @@ class OrganCut:
 
         Returns
         -------
-        NDArray[np.float64]
-            (S,) mm.
+        NDArray[np.float64] | None
+            (S,) mm; None if nothing is left of a section.
         """
-        pieces = np.arange(self.pieces + 1)
-        at = keys * (self.pieces // self.candidates)
-        before = np.clip(np.searchsorted(at, pieces, side="right") - 1, 0, len(at) - 2)
-        share = ((pieces - at[before]) / (at[before + 1] - at[before]))[:, np.newaxis]
+        blend = KeyBlend.at(np.arange(self.pieces + 1), keys * (self.pieces // self.candidates))
         squares, counts = np.zeros(len(self.places)), np.zeros(len(self.places))
         for (located, section), signals in zip(self.edges, walls, strict=True):
-            rows = signals_to_rows(signals)
-            away = located.distances(rows[before] * (1.0 - share) + rows[before + 1] * share)
+            rows = blend.of(signals_to_rows(signals))
+            if (rows[:, HALF_WIDTH] <= 0.0).any():
+                return None
+            away = located.distances(rows)
             squares += np.bincount(section, away * away, len(squares))
             counts += np.bincount(section, minlength=len(squares))
         return np.sqrt(squares / counts)
 
 
-def best_turn(outlines: NDArray[np.float64]) -> int:
+def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
     """Return how far half-curves are best turned in their sections to lie near outlines.
 
     Parameters
@@ -264,8 +264,8 @@ def best_turn(outlines: NDArray[np.float64]) -> int:
 
     Returns
     -------
-    int
-        The turn, in 1/32 of half a turn; 0 where another would do little.
+    tuple[int, float]
+        The turn, in 1/32 of half a turn, and what it leaves of the squared distances.
     """
     some = outlines[:: max(1, len(outlines) // _TURNED_OUTLINES)]
     errors = np.empty(TURNS // _TURN_STEP)
@@ -280,7 +280,7 @@ def best_turn(outlines: NDArray[np.float64]) -> int:
             for ring, near in zip(turned, corners, strict=True)
         )
     best = int(errors.argmin())
-    return best * _TURN_STEP if errors[best] < _TURN_PAYS * errors[0] else 0
+    return best * _TURN_STEP, float(errors[best] / max(errors[0], np.finfo(np.float64).tiny))
 
 
 def _places(

@@ -10,12 +10,12 @@ from organ_geometry.coding.key_lattice import (
     best_breaks,
     descend,
     differences_to_values,
-    hats,
     nearest_differences,
 )
 from organ_geometry.coding.number_prices import LARGEST_SIZE, first_prices, learned_prices
 from organ_geometry.coding.organ_code import signal_steps
 from organ_geometry.coding.section_signals import ASIDE, SIGNALS, WIDTH, extents, fitted_signals
+from organ_geometry.curves.key_blend import KeyBlend
 
 KEY_BITS = 16.0
 """What a key section takes where little is known of it."""
@@ -155,7 +155,7 @@ class _Solver:
         weights: NDArray[np.float64],
         price: float,
     ) -> None:
-        nodes = hats(places, keys)
+        nodes = KeyBlend.at(places, keys).matrix(len(keys))
         self.design = nodes @ differences_to_values(keys)
         self._weighted = self.design.T * weights
         self._products = self._weighted @ self.design

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from organ_geometry.coding.aiming import Aim
 from organ_geometry.coding.edge_changes import EdgePoints, PointShares
-from organ_geometry.coding.key_lattice import differences_to_values, hats, nearest_differences
+from organ_geometry.coding.key_lattice import differences_to_values, nearest_differences
 from organ_geometry.coding.number_prices import bend_prices, first_prices, learned_prices
 from organ_geometry.coding.section_encoder import CodedSections
+from organ_geometry.curves.key_blend import KeyBlend
 
 KEY_PRICE = 6.0
 """Bits of a key section, its numbers apart."""
@@ -27,7 +28,7 @@ _OPTIONS = 6
 _MOVES = (-1, 1, -2, 2, -4, 4)
 # How many keys to both sides of a move are changed with it, on trial.
 _NEAR = 2
-_PASSES = 2
+_PASSES, _SILENCINGS = 2, 3
 _PAYS = 0.5
 _DEAD_ZONE = 0.6
 _NOWHERE = np.zeros(0, dtype=np.intp)
@@ -139,7 +140,7 @@ class SliceDescent:
         Returns
         -------
         OrganNumbers
-            The numbers, without key sections that say nothing.
+            The numbers, without key sections that are not worth their bits.
         """
         self._descend(self._state)
         if move_keys:
@@ -147,7 +148,7 @@ class SliceDescent:
                 if not self._move_keys():
                     break
             self._descend(self._state)
-        state = _without_silent_keys(self._state)
+        state = self._state = self._without_silent_keys(self._state)
         self.foreseen = math.sqrt(max(0.0, float(state.errors.max())))
         return OrganNumbers(
             CodedSections(state.keys, np.ascontiguousarray(state.stored)),
@@ -166,7 +167,7 @@ class SliceDescent:
             moved = _descend(
                 shares.weights, shares.start, shares.first, shares.last, self._changes,
                 self._steps, slices, weights, state.away, state.errors, state.stored,
-                self._prices, KEY_PRICE, start, stop, self._bent.weights, self._bent.start,
+                self._prices, start, stop, self._bent.weights, self._bent.start,
                 self._bent.first, self._bent.last, state.bends[:bends], self._bend_prices,
                 lowest, highest, self._aim, _SWEEPS if trial is None else _TRIAL_SWEEPS,
             )  # fmt: skip
@@ -180,7 +181,7 @@ class SliceDescent:
 
     def _move_keys(self) -> bool:
         """Leave out, move and add key sections, one after the other, where that lowers the cost."""
-        self._state = _without_silent_keys(self._state)
+        self._state = self._without_silent_keys(self._state)
         cost = self._cost(self._state)
         moved = False
         place = 1
@@ -190,7 +191,8 @@ class SliceDescent:
                 self._descend(trial, place)
                 trial_cost = self._cost(trial)
                 if trial_cost < cost - _PAYS:
-                    self._state, cost, moved = _without_silent_keys(trial), trial_cost, True
+                    self._state, moved = self._without_silent_keys(trial), True
+                    cost = self._cost(self._state)
                     break
             place += 1
         return moved
@@ -202,7 +204,7 @@ class SliceDescent:
         away = state.away.copy()
         for wall, changes in zip(state.stored, self._changes, strict=True):
             values = here @ wall
-            moved = hats(keys.astype(np.float64), state.keys) @ values
+            moved = KeyBlend.at(keys, state.keys).of(values)
             numbers = nearest_differences(moved, keys, _DEAD_ZONE)
             stored.append(numbers)
             before = self._points.signals(state.keys, values * self._steps)
@@ -214,22 +216,27 @@ class SliceDescent:
         )
         return _State(keys, np.stack(stored), state.bends.copy(), away, errors)
 
+    def _without_silent_keys(self, state: _State) -> _State:
+        """Return a state without the keys of which all numbers are zero, where it costs less."""
+        # They do say something: that signals go through the line between other keys there.
+        for _ in range(_SILENCINGS):
+            used = np.asarray((state.stored != 0).any(axis=(0, 2)))
+            used[[0, -1]] = True
+            if used.all():
+                break
+            trial = self._with_keys(state, state.keys[used])
+            self._descend(trial)
+            if self._cost(trial) > self._cost(state):
+                break
+            state = trial
+        return state
+
     def _cost(self, state: _State) -> float:
         """Return what a state costs, bits."""
         return _total_cost(
             state.stored, self._prices, KEY_PRICE, state.bends, self._bend_prices, state.errors,
             self._aim,
         )  # fmt: skip
-
-
-def _without_silent_keys(state: _State) -> _State:
-    """Return a state without the keys of which all numbers are zero."""
-    used = np.asarray((state.stored != 0).any(axis=(0, 2)))
-    used[[0, -1]] = True
-    return _State(
-        state.keys[used], np.ascontiguousarray(state.stored[:, used]), state.bends, state.away,
-        state.errors,
-    )  # fmt: skip
 
 
 def _neighbours(keys: NDArray[np.intp], place: int) -> list[NDArray[np.intp]]:
@@ -274,13 +281,10 @@ def _total_cost(
     walls, keys, kinds = numbers.shape
     total = 0.0
     for k in range(keys):
-        used = 0
         for w in range(walls):
             for j in range(kinds):
-                number = numbers[w, k, j]
-                used += 1 if number != 0 else 0
-                total += _bits(prices[w, 0 if k == 0 else 1, j], abs(number))
-        total += key_price if used > 0 and 0 < k < keys - 1 else 0.0
+                total += _bits(prices[w, 0 if k == 0 else 1, j], abs(numbers[w, k, j]))
+        total += key_price if 0 < k < keys - 1 else 0.0
     for i in range(len(bends)):
         total += _bits(of_bends[i], abs(bends[i]))
     for s in range(len(errors)):
@@ -301,7 +305,6 @@ def _chosen(
     away: NDArray[np.float64],
     errors: NDArray[np.float64],
     table: NDArray[np.float64],
-    extra: float,
     aim: NDArray[np.float64],
     lin: NDArray[np.float64],
     quad: NDArray[np.float64],
@@ -332,7 +335,7 @@ def _chosen(
     options[3] = floor
     options[4] = floor + 1
     options[5] = (floor + now) // 2
-    best, choice = cost0 + _bits(table, abs(now)) + (extra if now != 0 else 0.0), now
+    best, choice = cost0 + _bits(table, abs(now)), now
     for o in range(len(options)):
         number = options[o]
         if number == now or (o > 2 and abs(number - now) <= 1):
@@ -340,7 +343,7 @@ def _chosen(
         if number < lowest or number > highest:
             continue
         delta = number - now
-        cost = _bits(table, abs(number)) + (extra if number != 0 else 0.0)
+        cost = _bits(table, abs(number))
         if cost >= best:
             continue
         for s in range(s0, s1):
@@ -370,7 +373,6 @@ def _descend(
     errors: NDArray[np.float64],
     numbers: NDArray[np.int64],
     prices: NDArray[np.float64],
-    key_price: float,
     start: int,
     stop: int,
     bent: NDArray[np.float64],
@@ -385,7 +387,7 @@ def _descend(
     sweeps: int,
 ) -> int:
     """Change numbers one after the other for the least cost, and return how many changed."""
-    walls, keys, kinds = numbers.shape
+    walls, _, kinds = numbers.shape
     lin = np.zeros(len(errors))
     quad = np.zeros(len(errors))
     effect = np.empty(len(away))
@@ -403,38 +405,29 @@ def _descend(
             now = bends[i]
             choice = _chosen(
                 now, lowest[i], highest[i], effect, p0, p1, slices, weights, away, errors,
-                of_bends[i], 0.0, aim, lin, quad, options,
+                of_bends[i], aim, lin, quad, options,
             )  # fmt: skip
             if choice != now:
                 changed += 1
                 bends[i] = choice
         for k in range(start, stop):
-            inner = 0 < k < keys - 1
             row = 0 if k == 0 else 1
             p0, p1 = first[k], last[k]
             if p1 <= p0:
                 continue
             at = begins[k] - p0
-            used = 0
-            for w in range(walls):
-                for j in range(kinds):
-                    if numbers[w, k, j] != 0:
-                        used += 1
             for w in range(walls):
                 for j in range(kinds):
                     step = steps[j]
                     for p in range(p0, p1):
                         effect[p] = shares[at + p] * changes[w, j, p] * step
                     now = numbers[w, k, j]
-                    others = used - (1 if now != 0 else 0)
-                    extra = key_price if inner and others == 0 else 0.0
                     choice = _chosen(
                         now, now - _FARTHEST, now + _FARTHEST + 1, effect, p0, p1, slices, weights,
-                        away, errors, prices[w, row, j], extra, aim, lin, quad, options,
+                        away, errors, prices[w, row, j], aim, lin, quad, options,
                     )  # fmt: skip
                     if choice != now:
                         changed += 1
-                        used = others + (1 if choice != 0 else 0)
                         numbers[w, k, j] = choice
         total += changed
         if changed == 0:
@@ -459,7 +452,7 @@ def _drop_keys(
     key_price: float,
     aim: NDArray[np.float64],
 ) -> int:
-    """Set all numbers of keys to zero where that lowers the cost, and return of how many."""
+    """Set all numbers of keys to zero where that pays, the keys left out; return of how many."""
     walls, keys, kinds = numbers.shape
     dropped = 0
     trial = np.empty(len(away))

@@ -7,7 +7,7 @@ from typing import Any
 import constriction
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 # The library's own stubs leave its submodules out.
 STREAM: Any = vars(constriction)["stream"]
@@ -89,6 +89,20 @@ class Decoded:
     pieces: int
     outer: NDArray[np.float64]
     lumen: NDArray[np.float64] | None
+
+    def everywhere(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals at all points of the axis, from those at the key sections."""
+        last = len(self.points) - 1
+        p = np.array(self.keys) * (last // self.pieces)
+        lines = [(signals[i + 1] - signals[i]) / (p[i + 1] - p[i]) for i in range(len(p) - 1)]
+        slopes = [lines[0] for _ in p]
+        for i in range(1, len(p) - 1):
+            left, right = p[i] - p[i - 1], p[i + 1] - p[i]
+            slopes[i] = (right * lines[i - 1] + left * lines[i]) / (left + right)
+        if len(p) > 2:
+            slopes[0] = (3 * lines[0] - slopes[1]) / 2
+            slopes[-1] = (3 * lines[-1] - slopes[-2]) / 2
+        return CubicHermiteSpline(p, signals, np.array(slopes))(np.arange(last + 1))
 
     def outline(self, signals: NDArray[np.float64], u: NDArray[np.float64]) -> Any:
         """x, y of both curves of one key section at u."""

@@ -484,7 +484,7 @@ def test_a_real_duct_lies_on_the_mesh_it_was_cut_from(
         # sections out may add the tolerance, half a pixel or more, and takes what it may.
         ("bile_duct_perpendicular", 0.5),
         ("bile_duct_parallel", 0.4),
-        ("ureter_left", 0.7),
+        ("ureter_left", 0.8),
     ],
 )
 def test_real_ducts_stay_below_the_published_fit(

@@ -93,6 +93,10 @@ def test_a_reader_made_from_the_document_alone_gives_the_same_organ(
         np.array(other.keys) * ((len(organ.axis) - 1) // other.pieces), organ.keys
     )
     np.testing.assert_allclose(signals_to_rows(other.outer), organ.outer, atol=ROUNDING)
+    everywhere = organ.rows_at(organ.stations)
+    np.testing.assert_allclose(
+        signals_to_rows(other.everywhere(other.outer)), everywhere, atol=ROUNDING
+    )
     assert (other.units, other.tolerance) == (organ.units, organ.tolerance_mm)
     if hollow:
         assert other.lumen is not None

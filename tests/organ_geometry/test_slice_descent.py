@@ -53,7 +53,7 @@ def test_an_axis_s_bend_moves_edges_as_foreseen(
     def away(change: int) -> tuple[np.ndarray, np.ndarray]:
         bends = one.code.bends.copy()
         bends[middle, way] += change
-        cut = attempts._cut_by(one.cut.axis.bent(bends), one.cut.depth)
+        cut = attempts._cut_by(one.cut.axis.bent(bends), one.cut.depth, one.cut.turn)
         # Against a circle far inside, distances are not turned over where they pass zero.
         smaller = stored.copy()
         smaller[0, 0, 0] //= 2
@@ -84,17 +84,15 @@ def test_what_numbers_will_give_is_foreseen(kept: tuple[OrganAttempts, KeptCode]
     assert again.worst == pytest.approx(descent.foreseen, rel=0.1)
 
 
-def test_a_key_section_moves_to_where_the_organ_bends() -> None:
+@pytest.mark.parametrize("places", [(16, 48), (28, 46, 56)])
+def test_key_sections_move_to_where_they_keep_the_organ(places: tuple[int, ...]) -> None:
     attempts = attempts_of(kinked(40 / 64), 0.01)
     cut = EncoderSearch(attempts).in_fewest_bytes().cut
-    keys = np.array([0, 36 * cut.candidates // 64, cut.candidates], dtype=np.intp)
+    keys = np.array([0, *places, 64], dtype=np.intp) * cut.candidates // 64
     first = attempts.descended(cut, 0.5, 0.02, 0, keys=keys)[0]
     stay, moved = (attempts.lowered(first, 6, move_keys=move)[-1] for move in (False, True))
-    place = 40 * cut.candidates // 64
-    assert place not in stay.code.keys
-    assert place in moved.code.keys
+    assert stay.worst > 1.2
     assert moved.worst <= 1.0
-    assert len(moved.data) <= len(stay.data) or stay.worst > 1.0
 
 
 @settings(deadline=None, max_examples=100)

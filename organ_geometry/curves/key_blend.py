@@ -1,0 +1,118 @@
+"""What lies between key sections: cubic curves through what is known there.
+
+Each piece between two keys is a cubic with the keys' values and slopes at its ends. A key's slope
+is that of the parabola through it and its two neighbours; at the first and the last key the second
+derivative vanishes. So a value has to do with two pieces to either side of its key, and what is
+straight stays straight.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["KeyBlend"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyBlend:
+    """Weights of keys at places between them.
+
+    Attributes
+    ----------
+    before
+        (N,) the key before each place.
+    weights
+        (N, 4) weights of the key before that, that key and the two after it; zero where there is
+        no such key.
+    """
+
+    before: NDArray[np.intp]
+    weights: NDArray[np.float64]
+
+    @classmethod
+    def at(
+        cls,
+        places: NDArray[np.float64] | NDArray[np.intp],
+        keys: NDArray[np.float64] | NDArray[np.intp],
+    ) -> "KeyBlend":
+        """Return the weights at some places.
+
+        Parameters
+        ----------
+        places
+            (N,) places on the scale of the keys; those beyond an end are taken at that end.
+        keys
+            (K,) places of the keys, growing, two or more.
+
+        Returns
+        -------
+        KeyBlend
+            The weights.
+
+        Notes
+        -----
+        Cubic Hermite pieces, Catmull-Rom where keys are even: C. de Boor, A Practical Guide to
+        Splines, chapter IV, "cubic Bessel interpolation", with the free end.
+        """
+        known = np.asarray(keys, dtype=np.float64)
+        last = len(known) - 1
+        before = np.clip(np.searchsorted(known, places, side="right") - 1, 0, last - 1)
+        gaps = np.diff(known)
+        gap = gaps[before]
+        t = np.clip((places - known[before]) / gap, 0.0, 1.0)
+        # Slopes times the gap at both ends of a piece, by the values of four keys.
+        slopes = np.zeros((len(t), 2, 4))
+        for end, key in ((0, before), (1, before + 1)):
+            inner = (key > 0) & (key < last)
+            left = gaps[np.maximum(key - 1, 0)]
+            right = gaps[np.minimum(key, last - 1)]
+            both = (left + right) * left * right / gap
+            slopes[inner, end, end] = (-right * right / both)[inner]
+            slopes[inner, end, end + 1] = ((right * right - left * left) / both)[inner]
+            slopes[inner, end, end + 2] = (left * left / both)[inner]
+        chord = np.array([0.0, -1.0, 1.0, 0.0])
+        first, final = before == 0, before == last - 1
+        slopes[first, 0] = 1.5 * chord - 0.5 * slopes[first, 1]
+        slopes[final, 1] = 1.5 * chord - 0.5 * slopes[final, 0]
+        slopes[first & final] = chord
+        t = t[:, np.newaxis]
+        weights = t * (1.0 - t) ** 2 * slopes[:, 0] - t * t * (1.0 - t) * slopes[:, 1]
+        rise = t * t * (3.0 - 2.0 * t)
+        weights[:, 1:2] += 1.0 - rise
+        weights[:, 2:3] += rise
+        return cls(before, weights)
+
+    def of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values at the places.
+
+        Parameters
+        ----------
+        values
+            (K, J) values at the keys.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, J) values.
+        """
+        found = np.zeros((len(self.before), values.shape[1]))
+        for column in range(4):
+            key = np.clip(self.before + (column - 1), 0, len(values) - 1)
+            found += self.weights[:, column, np.newaxis] * values[key]
+        return found
+
+    def matrix(self, count: int) -> NDArray[np.float64]:
+        """Return the weights of all keys.
+
+        Parameters
+        ----------
+        count
+            Number of keys K.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (N, K) weights.
+        """
+        return self.of(np.eye(count))
