@@ -20,10 +20,10 @@ __all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
 STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
 LOOSE_SHARES = (3.0, 4.0, 5.0)
-"""Tolerances of each section, in target errors: what is sought is the error of all together. The
-first is searched with, the others are tried where that ends: steps of numbers go with them."""
+"""Tolerances of each section, in target errors: what is sought is the error of all together, with
+each of them in turn, as steps of numbers go with them."""
 
-STEPS, NEAR_ENOUGH = 6, 0.985
+STEPS, NEAR_ENOUGH = 5, 0.985
 RAISE, LEAST_SHARE = 1.15, 0.3
 
 
@@ -111,10 +111,36 @@ class OrganSearch:
         OrganBytes or None
             The best one; None if none reaches the target.
         """
-        overall, refused = target, 0.0
+        overall = target
+        enough: list[OrganBytes] = []
+        for loose in LOOSE_SHARES:
+            found = self._sought(target, loose, overall)
+            enough += found
+            if found:
+                overall = max(one.overall for one in found)
+        return min(enough, key=lambda one: one.size, default=None)
+
+    def _sought(self, target: float, loose: float, overall: float) -> list[OrganBytes]:
+        """Return organs that reach a target, the RMS distance of all sections sought for it.
+
+        Parameters
+        ----------
+        target
+            RMS distance to the true surface, mm.
+        loose
+            Tolerance of each section, in targets.
+        overall
+            RMS distance of all sections to begin with, mm.
+
+        Returns
+        -------
+        list[OrganBytes]
+            The organs.
+        """
+        refused = 0.0
         enough: list[OrganBytes] = []
         for _ in range(STEPS):
-            found = self.at(LOOSE_SHARES[0] * target, overall)
+            found = self.at(loose * target, overall)
             if found is None:
                 refused, overall = overall, RAISE * overall
                 continue
@@ -127,11 +153,7 @@ class OrganSearch:
             overall = max(math.sqrt(max(squared, 0.0)), LEAST_SHARE * target)
             if overall <= refused:
                 break
-        if enough:
-            overall = min(enough, key=lambda one: one.size).overall
-            others = [self.at(loose * target, overall) for loose in LOOSE_SHARES[1:]]
-            enough += [one for one in others if one is not None and one.rms <= target]
-        return min(enough, key=lambda one: one.size, default=None)
+        return enough
 
 
 def organ_mesh(organ: Organ, stations: int = STATIONS, angles: int = ANGLES) -> Mesh:
