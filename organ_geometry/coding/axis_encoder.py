@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from organ_geometry.coding.key_lattice import descend
 from organ_geometry.coding.organ_code import (
-    ALONG_STEPS,
     LARGEST_AXIS_DEPTH,
     axis_keys,
+    bend_steps,
     chord_frame,
     scale_of,
 )
@@ -110,7 +110,7 @@ def coded_axis(
         chord[int(np.abs(keys[-1] - keys[0]).argmax())] = 1
     ends = np.stack([first, chord])
     frame = chord_frame(np.asarray(chord * step, dtype=np.float64))
-    unit = np.array([math.ldexp(step, ALONG_STEPS), step, step])
+    unit = bend_steps(step)
     weights = natural_cubic(places, count)
     tangents = (natural_cubic_slopes(places, count) @ keys) @ frame.T
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.coding.section_signals import SIGNALS
-from organ_geometry.curves.axis_curve import key_levels
+from organ_geometry.curves.axis_curve import key_depth, key_levels
 
 LARGEST_SIZE = 12
 """Largest size that has a price of its own."""
@@ -61,7 +61,7 @@ def bend_prices(bends: NDArray[np.int64]) -> NDArray[np.float64]:
         (3 B, 13) bits of each, by its size; those of the ends, which are not stored, are infinite
         but for zero.
     """
-    levels = np.minimum(key_levels((len(bends) - 1).bit_length() - 1), _BEND_LEVELS)
+    levels = np.minimum(key_levels(key_depth(len(bends))), _BEND_LEVELS)
     bits = np.full((len(bends), 3, LARGEST_SIZE + 1), np.inf)
     bits[:, :, 0] = 0.0
     for level in range(1, int(levels.max()) + 1):

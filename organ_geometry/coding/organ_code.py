@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from organ_geometry.coding.key_lattice import differences_to_values
 from organ_geometry.coding.section_signals import ASIDE, SIGNALS, WIDTH, signals_to_rows
-from organ_geometry.curves.axis_curve import even_axis, least_turning, refinement
+from organ_geometry.curves.axis_curve import even_axis, key_depth, least_turning, refinement
 from organ_geometry.organ import Organ
 
 ROLLS = 256
 TURNS = 32
 """Parts of half a turn by which the sections' half-curves may be turned in them."""
 COARSEST_TILTS = 8
-ALONG_STEPS = 2
+_ALONG_STEPS = 2
 """The axis may be off along its chord by 2^2 times what it may be off across it."""
 TILTED_PART = 0.25
 """Share of the length over which the sections turn from an end's plane to those across the axis."""
@@ -303,10 +303,25 @@ def axis_keys(
     count = len(bends)
     first, chord = ends[0] * step, ends[1] * step
     frame = chord_frame(chord)
-    steps = np.array([math.ldexp(step, ALONG_STEPS), step, step])
     straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord + first
-    depth = (count - 1).bit_length() - 1
-    return np.asarray(straight + (refinement(depth) @ (bends * steps)) @ frame, dtype=np.float64)
+    offsets = refinement(key_depth(count)) @ (bends * bend_steps(step))
+    return np.asarray(straight + offsets @ frame, dtype=np.float64)
+
+
+def bend_steps(step: float) -> NDArray[np.float64]:
+    """Return the steps of an axis's bends.
+
+    Parameters
+    ----------
+    step
+        The axis's step, mm.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (3,) steps along the chord and twice across it, mm.
+    """
+    return np.array([math.ldexp(step, _ALONG_STEPS), step, step])
 
 
 def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from organ_geometry.coding.axis_encoder import CodedAxis
 from organ_geometry.coding.organ_code import (
-    ALONG_STEPS,
     COARSEST_TILTS,
     ROLLS,
     TURNS,
     axis_and_frames,
     axis_pieces,
+    bend_steps,
     chord_frame,
     leans_of,
 )
@@ -23,7 +23,7 @@ from organ_geometry.coding.section_encoder import Outlines, SectionEncoder
 from organ_geometry.coding.section_signals import extents, fitted_signals, signals_to_rows
 from organ_geometry.coding.surface_distance import LocatedPoints
 from organ_geometry.contours.contour import ContourLoft, SectionContour
-from organ_geometry.curves.axis_curve import even_places, natural_cubic, refinement
+from organ_geometry.curves.axis_curve import even_places, key_depth, natural_cubic, refinement
 from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines, polygon_distances
 from organ_geometry.curves.key_blend import KeyBlend
 
@@ -217,11 +217,10 @@ class OrganCut:
         """
         axis = self.axis
         count = len(axis.bends)
-        weights = natural_cubic(even_places(axis.keys, self.pieces), count) @ refinement(
-            (count - 1).bit_length() - 1
-        )
+        spline = natural_cubic(even_places(axis.keys, self.pieces), count)
+        weights = spline @ refinement(key_depth(count))
         ways = chord_frame(np.asarray(axis.ends[1] * axis.step, dtype=np.float64))
-        ways *= np.array([math.ldexp(axis.step, ALONG_STEPS), axis.step, axis.step])[:, np.newaxis]
+        ways *= bend_steps(axis.step)[:, np.newaxis]
         across = np.einsum("wc,ncx->nwx", ways, self._frames_read[:, :, :2])
         return BendMoves(weights, across)
 

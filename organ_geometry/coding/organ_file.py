@@ -13,7 +13,7 @@ from organ_geometry.coding.organ_code import (
 )
 from organ_geometry.coding.section_signals import SIGNALS, WIDTH
 from organ_geometry.coding.symbol_coder import EVEN_START, SymbolError, SymbolReader, SymbolWriter
-from organ_geometry.curves.axis_curve import key_levels
+from organ_geometry.curves.axis_curve import key_depth, key_levels
 from organ_geometry.organ import Organ
 from organ_geometry.whole_file import write_whole
 
@@ -220,7 +220,7 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
         [[numbers.whole(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
     )
     ends = np.stack([_pass_point(numbers, point) for point in code.ends])
-    axis_depth = numbers.plain((len(code.bends) - 1).bit_length() - 1, 3)
+    axis_depth = numbers.plain(key_depth(len(code.bends)), 3)
     bends = code.bends if given else np.zeros((2**axis_depth + 1, 3), dtype=np.int64)
     bends = _pass_bends(numbers, bends, axis_depth)
     section_scale = _pass_usual(numbers, "scale", code.section_scale, _USUAL_SCALES)

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.curves.outline_distance import foot_on_side
 from organ_geometry.organ import Organ
 
 _CORNERS = 96
@@ -44,12 +45,7 @@ def _thinnest(outer: NDArray[np.float64], lumen: NDArray[np.float64]) -> NDArray
                 x1, y1 = outer[s, c, 0], outer[s, c, 1]
                 if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
                     inside = not inside
-                dx, dy = x1 - x0, y1 - y0
-                squared = dx * dx + dy * dy
-                part = 0.0
-                if squared > 0.0:
-                    part = min(max(((x - x0) * dx + (y - y0) * dy) / squared, 0.0), 1.0)
-                best = min(best, (x - x0 - part * dx) ** 2 + (y - y0 - part * dy) ** 2)
+                best = min(best, foot_on_side(x0, y0, x1, y1, x, y)[0])
                 x0, y0 = x1, y1
             away = np.sqrt(best)
             thinnest[s] = min(thinnest[s], away if inside else -away)

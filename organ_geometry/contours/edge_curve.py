@@ -129,8 +129,33 @@ def steepest_curve(
 
 def enclosed_area(points: NDArray[np.float64]) -> float:
     """Return the area within a closed curve of points (N, 2), px^2."""
+    return abs(_signed_area(points))
+
+
+def outward_normals(points: NDArray[np.float64], reach: int = 1) -> NDArray[np.float64]:
+    """Return the normals of a closed curve, pointing outwards.
+
+    Parameters
+    ----------
+    points
+        (N, 2) points of the curve, in either sense.
+    reach
+        Tangents are chords over so many points to both sides.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (N, 2) unit normals.
+    """
+    along = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return normals if _signed_area(points) > 0.0 else -normals
+
+
+def _signed_area(points: NDArray[np.float64]) -> float:
     after = np.roll(points, -1, axis=0)
-    return 0.5 * abs(float((points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum()))
+    return 0.5 * float((points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum())
 
 
 def curve_length(points: NDArray[np.float64]) -> float:

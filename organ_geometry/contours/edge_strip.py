@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.edge_curve import Image, enclosed_area
+from organ_geometry.contours.edge_curve import Image, enclosed_area, outward_normals
 
 # How far the edge may move from one section to the next, and how much of it is compared, px.
 REACH_PX = 3.0
@@ -53,7 +53,7 @@ def carried_edge(
         (M, 2) points x, y, or None if there are not enough steps to follow.
     """
     edge = _even(edge)
-    normals = _outward(edge)
+    normals = outward_normals(edge)
     profile = np.arange(-PROFILE_PX, PROFILE_PX + 0.5 * STEP_PX, STEP_PX)
     half = len(profile) // 2
     wide = REACH_PX + PROFILE_PX
@@ -93,16 +93,6 @@ def _even(edge: NDArray[np.float64]) -> NDArray[np.float64]:
     waves *= np.where(number <= WAVES, 1.0, np.exp(-0.125 * (number - WAVES) ** 2))
     smooth = np.fft.ifft(waves)
     return np.stack([smooth.real, smooth.imag], axis=1)
-
-
-def _outward(edge: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (N, 2) unit normals of a closed edge, pointing outwards."""
-    along = np.roll(edge, -1, axis=0) - np.roll(edge, 1, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    after = np.roll(edge, -1, axis=0)
-    turn = float((edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0]).sum())
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    return normals if turn > 0.0 else -normals
 
 
 def _strip(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.edge_curve import enclosed_area
+from organ_geometry.contours.edge_curve import enclosed_area, outward_normals
 from organ_geometry.contours.traced_organ import TracedSection
 
 _REACH = 3
@@ -62,11 +62,5 @@ def _moved(points: NDArray[np.float64], shift: float) -> NDArray[np.float64]:
             f"an edge of {radius:.4g} mm radius cannot be moved in by {-shift:.4g} mm: little of "
             f"it would be left"
         )
-    after = np.roll(points, -1, axis=0)
-    sense = np.sign(float((points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum()))
     # Chords over some points, so that noise of single points hardly turns the normals.
-    reach = min(_REACH, len(points) // 4)
-    chords = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
-    normals = np.stack([chords[:, 1], -chords[:, 0]], axis=1) * sense
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return points + shift * normals / np.maximum(lengths, np.finfo(np.float64).tiny)
+    return points + shift * outward_normals(points, min(_REACH, len(points) // 4))

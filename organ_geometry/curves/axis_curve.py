@@ -118,6 +118,22 @@ def refinement(depth: int) -> NDArray[np.float64]:
     return values
 
 
+def key_depth(count: int) -> int:
+    """Return the number of levels beyond the ends of so many keys.
+
+    Parameters
+    ----------
+    count
+        Number of keys, 2^depth + 1.
+
+    Returns
+    -------
+    int
+        The depth.
+    """
+    return (count - 1).bit_length() - 1
+
+
 def key_levels(depth: int) -> NDArray[np.intp]:
     """Return the level of each of 2^depth + 1 keys: 0 at the ends, then by halving.
 

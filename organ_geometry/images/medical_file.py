@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from organ_geometry.images.grey_image import ImageStackError
 from organ_geometry.images.meta_image import META_SUFFIXES, whole_meta_values
 
-VOLUME_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
+VOLUME_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", *META_SUFFIXES)
 DICOM_SUFFIXES = (".dcm", ".dicom", ".ima")
 
 _HEADER_SUFFIXES = frozenset({".mhd", ".nhdr"})
