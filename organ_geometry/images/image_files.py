@@ -1,11 +1,13 @@
 """Images in files: which files make a stack, in which order, and their pixels."""
 
+import os
 import re
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import cv2
 import numpy as np
@@ -150,41 +152,69 @@ def _page_count(file: Path) -> int:
     return count
 
 
-class _Quiet:
-    """How many threads want OpenCV quiet, and the level of its log before the first of them."""
-
-    lock = threading.Lock()
-    count = 0
-    level = 0
+_ERROR_STREAM = 2
+# One thread at a time decodes: the stream that libpng and libjpeg write to is the process's.
+_DECODING = threading.Lock()
+# How their lines begin; those of libjpeg that are here tell of pixels that it has made up.
+_REMARK = b"libpng "
+_MADE_UP = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Inconsistent progression")
 
 
 @contextmanager
-def _quiet_decoders() -> Generator[None]:
-    """Keep OpenCV's own lines about a broken file off the error stream: one error tells it."""
-    # The level belongs to the process: the last thread to leave gives it back.
-    with _Quiet.lock:
-        if _Quiet.count == 0:
-            _Quiet.level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        _Quiet.count += 1
+def _quiet_decoders() -> Generator[list[bytes]]:
+    """Keep the decoders' own lines about a broken file off the error stream: one error tells it.
+
+    Gives afterwards the lines that tell of pixels made up. What others have written to the stream
+    meanwhile goes on its way.
+    """
+    made_up: list[bytes] = []
+    diverted: list[bytes] = []
+    with _DECODING:
+        level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        try:
+            with _diverted_errors() as diverted:
+                yield made_up
+        finally:
+            cv2.utils.logging.setLogLevel(level)
+            for line in diverted:
+                if line.startswith(_MADE_UP):
+                    made_up.append(line)
+                elif not line.startswith(_REMARK):
+                    os.write(_ERROR_STREAM, line)
+
+
+@contextmanager
+def _diverted_errors() -> Generator[list[bytes]]:
+    """Give afterwards the lines that were written to the error stream, which has none of them."""
+    lines: list[bytes] = []
     try:
-        yield
-    finally:
-        with _Quiet.lock:
-            _Quiet.count -= 1
-            if _Quiet.count == 0:
-                cv2.utils.logging.setLogLevel(_Quiet.level)
+        stream = os.dup(_ERROR_STREAM)
+    except OSError:  # there is none
+        yield lines
+        return
+    with TemporaryFile() as written:
+        os.dup2(written.fileno(), _ERROR_STREAM)
+        try:
+            yield lines
+        finally:
+            os.dup2(stream, _ERROR_STREAM)
+            os.close(stream)
+            written.seek(0)
+            lines.extend(written)
 
 
 def _read_grey(file: Path, page: int | None, name: str) -> GreyImage:
     """Return one image as 8 or 16 bit grey."""
     try:
-        with _quiet_decoders():
+        with _quiet_decoders() as made_up:
             if page is None:
                 data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
                 image = cv2.imdecode(data, _READ_GREY)
             else:
                 _, pages = cv2.imreadmulti(str(file), start=page, count=1, flags=_READ_GREY)
                 image = pages[0] if pages else None
+        if made_up:
+            image = None
     except (OSError, cv2.error):
         image = None
     if image is None:

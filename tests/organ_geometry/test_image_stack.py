@@ -1,6 +1,7 @@
 """Stacks are read in order, placed in space, and refused with one clear line."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from organ_geometry.images.image_files import _quiet_decoders
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 
@@ -192,6 +194,30 @@ def test_an_unreadable_image_is_named_and_nothing_else_is_said(
     broken.write_bytes(broken.read_bytes()[: broken.stat().st_size // 2])
     fails(folder, rf"slice_{index}{suffix} cannot be read as an image")
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_an_image_with_changed_bytes_is_unreadable_in_one_line(
+    write_stack: WriteStack, capfd: pytest.CaptureFixture[str], suffix: str
+) -> None:
+    noise = np.random.default_rng(3).integers(0, 256, (200, 200)).astype(np.uint8)
+    folder = write_stack([noise] * 2, PARALLEL, suffix=suffix)
+    broken = folder / f"slice_1{suffix}"
+    content = bytearray(broken.read_bytes())
+    content[len(content) // 2] ^= 0x55
+    broken.write_bytes(content)
+    fails(folder, rf"slice_1{suffix} cannot be read as an image")
+    assert capfd.readouterr().err == ""
+
+
+def test_what_others_say_while_an_image_is_read_is_not_lost(
+    write_stack: WriteStack, capfd: pytest.CaptureFixture[str]
+) -> None:
+    stack = read_image_stack(write_stack([grey(0)] * 2, PARALLEL))
+    with _quiet_decoders():
+        os.write(2, b"libpng warning: a decoder's own\nanother thread's\n")
+    stack.image(1)
+    assert capfd.readouterr().err == "another thread's\n"
 
 
 def test_an_empty_file_is_unreadable(write_stack: WriteStack) -> None:
