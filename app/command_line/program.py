@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import compress, export, info, replay, solve, trainer, validate
+from app.command_line import compress, export, haptics, info, replay, solve, trainer, validate
 
 __all__ = ["main", "program"]
 
@@ -45,6 +45,7 @@ program.command("compress")(compress.compress)
 program.command("info")(info.info)
 program.command("export")(export.export)
 program.command("replay")(replay.replay)
+program.command("haptics")(haptics.haptics)
 program.command("solve")(solve.solve)
 program.command("validate")(validate.validate)
 
