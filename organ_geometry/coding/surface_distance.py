@@ -63,7 +63,8 @@ class LocatedPoints:
         LocatedPoints
             The points.
         """
-        return cls(*_located(np.ascontiguousarray(points), near, axis, frames))
+        # An organ's arrays are read-only, for which numba would compile once more: copied.
+        return cls(*_located(np.ascontiguousarray(points), near, np.array(axis), np.array(frames)))
 
     def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the points are from a wall.

@@ -231,26 +231,29 @@ def least_turning(
     )
 
 
+# Scalar loops: whole-array expressions take numba ten times as long to compile.
 @numba.njit(cache=True)
 def _least_turning(
     points: NDArray[np.float64], tangents: NDArray[np.float64], start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    across = np.empty_like(points)
-    now = _perpendicular(start, tangents[0])
-    across[0] = now
+    across = np.empty((len(points), 3))
+    step, along, turn = np.empty(3), np.empty(3), np.empty(3)
+    for c in range(3):
+        across[0, c] = start[c]
+    _make_perpendicular(across[0], tangents[0])
     for place in range(len(points) - 1):
-        step = points[place + 1] - points[place]
-        squared = _dot(step, step)
-        if squared > 0.0:
-            mirrored = now - (2.0 / squared) * _dot(step, now) * step
-            along = tangents[place] - (2.0 / squared) * _dot(step, tangents[place]) * step
-            turn = tangents[place + 1] - along
-            squared = _dot(turn, turn)
-            now = mirrored
-            if squared > 0.0:
-                now = mirrored - (2.0 / squared) * _dot(turn, mirrored) * turn
-        now = _perpendicular(now, tangents[place + 1])
-        across[place + 1] = now
+        now, tangent = across[place + 1], tangents[place + 1]
+        for c in range(3):
+            step[c] = points[place + 1, c] - points[place, c]
+            now[c], along[c] = across[place, c], tangents[place, c]
+        if _dot(step, step) > 0.0:
+            _reflect(now, step)
+            _reflect(along, step)
+            for c in range(3):
+                turn[c] = tangent[c] - along[c]
+            if _dot(turn, turn) > 0.0:
+                _reflect(now, turn)
+        _make_perpendicular(now, tangent)
     return across
 
 
@@ -260,8 +263,19 @@ def _dot(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
 
 
 @numba.njit(cache=True)
-def _perpendicular(
-    direction: NDArray[np.float64], tangent: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    across = direction - _dot(direction, tangent) * tangent
-    return across / max(math.sqrt(_dot(across, across)), _TINY)
+def _reflect(vector: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
+    """Reflect a vector in the plane with a normal of any length, in place."""
+    twice = 2.0 / _dot(normal, normal) * _dot(normal, vector)
+    for c in range(3):
+        vector[c] -= twice * normal[c]
+
+
+@numba.njit(cache=True)
+def _make_perpendicular(vector: NDArray[np.float64], tangent: NDArray[np.float64]) -> None:
+    """Make a vector a unit vector across a unit tangent, in place."""
+    along = _dot(vector, tangent)
+    for c in range(3):
+        vector[c] -= along * tangent[c]
+    size = max(math.sqrt(_dot(vector, vector)), _TINY)
+    for c in range(3):
+        vector[c] /= size

@@ -43,17 +43,21 @@ def boundary_halves(
         chord = math.hypot(chord_x, boundary[after, 1] - boundary[before, 1])
         along = abs(chord_x) / chord if chord > 0.0 else 0.0
         weights[i] = along * math.sqrt(0.5 * (ahead + back))
-    x = boundary[:, 0]
-    width = x.max() - x.min()
+    left = right = 0
+    for i in range(total):
+        if boundary[i, 0] < boundary[left, 0]:
+            left = i
+        if boundary[i, 0] > boundary[right, 0]:
+            right = i
+    near = _UPRIGHT * (boundary[right, 0] - boundary[left, 0])
     ends = np.empty((2, 2), np.intp)
     # Points of an upright end belong to neither half, only its two ends do.
     for side in range(2):
-        sign = -1.0 if side == 0 else 1.0
-        most = (sign * x).max() - _UPRIGHT * width
-        first = last = int((sign * x).argmax())
-        while sign * x[(first - 1) % total] >= most:
+        extreme = left if side == 0 else right
+        first = last = extreme
+        while abs(boundary[extreme, 0] - boundary[(first - 1) % total, 0]) <= near:
             first = (first - 1) % total
-        while sign * x[(last + 1) % total] >= most:
+        while abs(boundary[extreme, 0] - boundary[(last + 1) % total, 0]) <= near:
             last = (last + 1) % total
         ends[side, 0], ends[side, 1] = first, last
     halves = np.empty((2, 2), np.intp)

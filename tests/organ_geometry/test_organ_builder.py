@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -435,8 +436,24 @@ def test_an_unreadable_image_stops_the_build(cover: Cover, write_stack: WriteSta
         build_organ(read_image_stack(folder))
 
 
-def real(data_dir: Path, name: str, **options: Any) -> BuiltOrgan:
-    return build_organ(read_image_stack(data_dir / name / "masks"), **options)
+@cache
+def real(data_dir: Path, name: str) -> BuiltOrgan:
+    """The organ of a real stack with the builder's defaults, built once for all tests."""
+    return build_organ(read_image_stack(data_dir / name / "masks"))
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("bile_duct_perpendicular", 108),
+        ("bile_duct_parallel", 117),
+        ("ureter_left", 304),
+        ("aorta_ct", 110),
+    ],
+)
+def test_the_encoder_needs_no_more_bytes_than_it_did(data_dir: Path, name: str, size: int) -> None:
+    # Sizes of 2026-11-22; one per cent is for other machines' last digits.
+    assert 0 < len(real(data_dir, name).organ.encoded) <= 1.01 * size
 
 
 def surface_distances(built: BuiltOrgan, reference: Path) -> NDArray[np.float64]:
