@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, Polarity
 from organ_geometry.contours.organ_seed import Seed
 from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.contours.shifted_edges import NothingLeft, shifted_section
+from organ_geometry.contours.traced_organ import TracedOrgan
 from organ_geometry.curves.fitted_section import FittedSection, fitted_section, section_contour
 from organ_geometry.curves.half_curves import (
     NotSingleValued,
@@ -58,7 +59,10 @@ class BuiltOrgan:
     seconds
         Time for reading the images and building the organ, s.
     warnings
-        What may make the organ another than the one wanted, one sentence each.
+        What the organ's user should know, one sentence each.
+    doubts
+        Those of the warnings that make it probably another organ than the one wanted, or only a
+        part of it (`organ_warnings`).
     notes
         How it was found, one sentence each.
     contours
@@ -71,6 +75,7 @@ class BuiltOrgan:
     tolerance_mm: float
     seconds: float
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     contours: tuple[SectionContour, ...] = ()
 
@@ -181,19 +186,62 @@ def build_organ(
         image cannot be read, or fewer than two sections show an edge.
     """
     started = time.perf_counter()
-    if tolerance_px is not None:
-        if tolerance_mm is not None:
-            raise ValueError("give the tolerance in mm or in px, not both")
-        tolerance_mm = tolerance_px * stack.mean_pixel
-    if tolerance_mm is not None:
-        check_tolerance(tolerance_mm)
-    if not math.isfinite(edge_shift_mm):
-        raise ValueError(f"the edges' shift must be a length, not {edge_shift_mm} mm")
-    if select not in ("fewest", "thesis"):
-        raise ValueError(f"select must be fewest or thesis, not {select!r}")
+    tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
+    _check(edge_shift_mm, select)
     edges = trace_organ(
         stack, polarity=polarity, threshold=threshold, method=method, seed=seed, progress=progress
     )
+    built = organ_of_edges(
+        stack,
+        edges,
+        edge_shift_mm=edge_shift_mm,
+        tolerance_mm=tolerance_mm,
+        select=select,
+        effort=effort,
+        overall_mm=overall_mm,
+        name=name,
+    )
+    return replace(built, seconds=time.perf_counter() - started)
+
+
+def organ_of_edges(
+    stack: ImageStack,
+    edges: TracedOrgan,
+    *,
+    edge_shift_mm: float = 0.0,
+    tolerance_mm: float | None = None,
+    tolerance_px: float | None = None,
+    select: Selection = "fewest",
+    effort: Effort = "quick",
+    overall_mm: float | None = None,
+    name: str | None = None,
+) -> BuiltOrgan:
+    """Return the organ of edges that `trace_organ` has found: no image is read again.
+
+    Parameters
+    ----------
+    stack
+        The images.
+    edges
+        The edges that were found in them.
+    edge_shift_mm, tolerance_mm, tolerance_px, select, effort, overall_mm, name
+        As for `build_organ`.
+
+    Returns
+    -------
+    BuiltOrgan
+        What `build_organ` gives.
+
+    Raises
+    ------
+    ToleranceTooSmall
+        As of `build_organ`.
+    ValueError
+        As of `build_organ`, but for images.
+    """
+    started = time.perf_counter()
+    tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
+    _check(edge_shift_mm, select)
     fitted: list[FittedSection] = []
     problems = dict(edges.problems)
     for section in edges.sections:
@@ -241,10 +289,29 @@ def build_organ(
         polarity=edges.polarity,
         tolerance_mm=found.organ.tolerance_mm,
         seconds=time.perf_counter() - started,
-        warnings=warnings,
+        warnings=tuple(warning.text for warning in warnings),
+        doubts=tuple(warning.text for warning in warnings if warning.doubtful),
         notes=notes,
         contours=tuple(contours),
     )
+
+
+def _tolerance(stack: ImageStack, mm: float | None, px: float | None) -> float | None:
+    """Return a checked tolerance, mm."""
+    if px is not None:
+        if mm is not None:
+            raise ValueError("give the tolerance in mm or in px, not both")
+        mm = px * stack.mean_pixel
+    if mm is not None:
+        check_tolerance(mm)
+    return mm
+
+
+def _check(edge_shift_mm: float, select: str) -> None:
+    if not math.isfinite(edge_shift_mm):
+        raise ValueError(f"the edges' shift must be a length, not {edge_shift_mm} mm")
+    if select not in ("fewest", "thesis"):
+        raise ValueError(f"select must be fewest or thesis, not {select!r}")
 
 
 def _encoded(

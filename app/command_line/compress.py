@@ -238,7 +238,7 @@ def _compress_many(
     jobs: "list[StackJob]", folder: Path, figures: Path | None, *, every: bool, as_json: bool
 ) -> None:
     """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
-    from app.compression.report import Facts, section_lines, summary_lines
+    from app.compression.report import Facts, remark_lines, section_lines, summary_lines
     from app.compression.stack_job import Failed, compress_all
     from organ_geometry.whole_file import make_folder
 
@@ -263,8 +263,8 @@ def _compress_many(
             print("\n".join([said.file, *section_lines(said.sections), ""]))
         print("\n".join(summary_lines(done)))
         for said in done:
-            for warning in said.warnings:
-                print(f"note       {said.stack}: {warning}")
+            for line in remark_lines(said):
+                print(f"{line[:10]} {said.stack}: {line[11:]}")
         for one in failed:
             print(f"failed     {one.stack}: {one.reason}")
     if failed:

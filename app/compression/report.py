@@ -9,10 +9,22 @@ from pathlib import Path
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.organ_builder import BuiltOrgan, SectionReport
 
-__all__ = ["Facts", "facts", "report_lines", "section_lines", "summary_lines"]
+__all__ = [
+    "DOUBTFUL",
+    "Facts",
+    "facts",
+    "remark_lines",
+    "report_lines",
+    "section_lines",
+    "summary_lines",
+]
 
 MOST_LEFT_OUT = 10
 """Sections left out that a report names one by one."""
+
+
+DOUBTFUL = "probably another organ than the one wanted, or only a part of it"
+"""What is said of an organ with doubts, before these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +62,10 @@ class Facts:
     seconds
         Time for reading the images and building the organ, s.
     warnings
-        What may make the organ another than the one wanted.
+        What the organ's user should know.
+    doubts
+        Those of the warnings that make it probably another organ than the one wanted, or only a
+        part of it.
     notes
         How it was found.
     sections
@@ -81,6 +96,7 @@ class Facts:
     ratio: float
     seconds: float
     warnings: tuple[str, ...]
+    doubts: tuple[str, ...]
     notes: tuple[str, ...]
     sections: tuple[SectionReport, ...]
 
@@ -154,6 +170,7 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
         ratio=images.bytes_in / bytes_out,
         seconds=built.seconds,
         warnings=(*images.notes, *built.warnings),
+        doubts=built.doubts,
         notes=built.notes,
         sections=built.sections,
     )
@@ -204,7 +221,7 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         ("written", said.file),
     ]
     yield from (f"{name:<10} {value}" for name, value in rows)
-    yield from (f"{'note':<10} {warning}" for warning in said.warnings)
+    yield from remark_lines(said)
     yield from (f"{'how':<10} {note}" for note in said.notes)
     without = [section for section in said.sections if section.problem is not None]
     for section in without[:MOST_LEFT_OUT]:
@@ -213,6 +230,25 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         yield f"left out   {len(without) - MOST_LEFT_OUT} more; --sections lists every section"
     elif not every_section:
         yield "           --sections lists every section"
+
+
+def remark_lines(said: Facts) -> Iterator[str]:
+    """Yield what is doubtful about an organ, and what else its user should know.
+
+    Parameters
+    ----------
+    said
+        The facts.
+
+    Yields
+    ------
+    str
+        The lines.
+    """
+    if said.doubts:
+        yield f"{'doubtful':<10} {DOUBTFUL}; look at it with --figure before it is used:"
+    yield from (f"{'doubtful':<10} {doubt}" for doubt in said.doubts)
+    yield from (f"{'note':<10} {each}" for each in said.warnings if each not in said.doubts)
 
 
 def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:

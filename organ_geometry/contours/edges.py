@@ -38,6 +38,7 @@ from organ_geometry.contours.section_region import (
 from organ_geometry.images.image_stack import GreyImage
 
 __all__ = [
+    "BORDER_PROBLEM",
     "SMOOTHING_PX",
     "EdgeMethod",
     "FoundPolarity",
@@ -55,6 +56,8 @@ __all__ = [
 Polarity: TypeAlias = Literal["auto", "bright", "dark"]
 FoundPolarity: TypeAlias = Literal["bright", "dark"]
 EdgeMethod: TypeAlias = Literal["half-level", "canny"]
+
+BORDER_PROBLEM = "the organ touches the image's border"
 
 # Two edges nearer than this many sigmas pull each other's half level away.
 CLEAR_WALL = 3.0

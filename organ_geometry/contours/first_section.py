@@ -7,7 +7,12 @@ import cv2
 import numpy as np
 
 from organ_geometry.contours.edge_curve import Image, NoEdgeFound, blurred
-from organ_geometry.contours.edges import FoundPolarity, as_grey, touches_border
+from organ_geometry.contours.edges import (
+    BORDER_PROBLEM,
+    FoundPolarity,
+    as_grey,
+    touches_border,
+)
 from organ_geometry.contours.found_section import EdgeRule, FoundSection, open_sides, trimmed
 from organ_geometry.contours.section_region import (
     MARGIN,
@@ -61,7 +66,7 @@ def first_section(
     bright = with_margin(as_grey(image) * np.float32(rule.sign))
     region = find_region(bright, main_outline, threshold=rule.level, scale=rule.scale)
     if touches_border(region.filled):
-        raise NoEdgeFound("the organ touches the image's border")
+        raise NoEdgeFound(BORDER_PROBLEM)
     area = cv2.countNonZero(region.filled)
     return trimmed(FoundSection(index, image, (0, 0), bright, region, carried=None, areas=(area,)))
 
@@ -118,7 +123,7 @@ def _seeded(
             if open_sides(region.filled, (x0, y0), image.shape):
                 continue
             if touches_border(region.filled):
-                reason = "the organ touches the image's border"
+                reason = BORDER_PROBLEM
                 continue
             area = cv2.countNonZero(region.filled)
             edge = _weakest_edge(smoothed, region)

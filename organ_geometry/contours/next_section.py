@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from organ_geometry.contours.edge_curve import Image, NoEdgeFound, blurred
 from organ_geometry.contours.edge_strip import carried_edge
 from organ_geometry.contours.edges import (
+    BORDER_PROBLEM,
     as_grey,
     touches_border,
 )
@@ -116,7 +117,7 @@ def next_section(
             raise NoEdgeFound(trouble)
         region = replace(region, filled=filled, lumen=None, lumen_level=math.nan)
     if touches_border(region.filled):
-        raise NoEdgeFound("the organ touches the image's border")
+        raise NoEdgeFound(BORDER_PROBLEM)
     area = cv2.countNonZero(region.filled)
     if abs(index - last.index) > LONGEST_GAP and _overlap(region, before) < GAP_OVERLAP:
         raise NoEdgeFound(f"nothing continues the organ of {last_name}, the last one found")

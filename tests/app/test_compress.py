@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from program import command, refused, run
 
-from app.compression.stack_job import jobs_into
+from app.compression.report import report_lines
+from app.compression.stack_job import StackJob, compress_stack, jobs_into
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.coding.organ_file import read_organ
 
@@ -239,12 +240,38 @@ def test_an_interrupt_ends_the_work_in_one_line(
     assert not list(tmp_path.rglob("long*.organ*"))
 
 
-def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:
-    folder = tube(tmp_path / "scene", 14, 14, 14)
+def two_things(folder: Path) -> Path:
+    """Write a stack of discs with a smaller one beside them, about (56, 8)."""
+    tube(folder, 14, 14, 14)
     for image in folder.glob("*.png"):
         shown = cv2.imread(str(image), cv2.IMREAD_GRAYSCALE)
         assert shown is not None
         cv2.imwrite(str(image), cv2.circle(shown, (56, 8), 5, 255, -1))
+    return folder
+
+
+def test_doubts_come_before_all_notes_and_in_the_json(tmp_path: Path) -> None:
+    folder = two_things(tmp_path / "scene")
+    said = compress_stack(StackJob(folder, tmp_path / "duct.organ"))
+    doubt = "3 of 3 sections show another part of at least 5% of the organ's area beside it"
+    (found,) = said.doubts
+    assert found.startswith(doubt)
+    assert found in said.warnings
+    assert said.as_json()["doubts"] == said.doubts
+    lines = list(report_lines(said, every_section=False))
+    first = next(index for index, line in enumerate(lines) if line.startswith("doubtful"))
+    assert lines[first].startswith("doubtful   probably another organ than the one wanted")
+    assert lines[first + 1].startswith(f"doubtful   {doubt}")
+    assert sum(doubt in line for line in lines) == 1
+    pointed = compress_stack(
+        StackJob(folder, tmp_path / "duct.organ", building={"seed": (32.0, 32.0)})
+    )
+    assert pointed.doubts == ()
+    assert not any("doubtful" in line for line in report_lines(pointed, every_section=False))
+
+
+def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:
+    folder = two_things(tmp_path / "scene")
     radii = []
     for options in (
         ("--seed", "56,8"),

@@ -19,6 +19,7 @@ from organ_geometry.coding.surface_distance import wall_distances
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.edge_curve import enclosed_area
 from organ_geometry.contours.edges import find_edges
+from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
 from organ_geometry.curves.half_curves import (
     HalfCurves,
@@ -28,7 +29,7 @@ from organ_geometry.curves.half_curves import (
 )
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import BuiltOrgan, build_organ
+from organ_geometry.organ_builder import BuiltOrgan, build_organ, organ_of_edges
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]
@@ -262,11 +263,17 @@ def test_other_parts_are_warned_of(cover: Cover, write_stack: WriteStack) -> Non
         organ = cover(SHAPE, (60.0, 49.5), (30.0, 30.0))
         return image(organ + cover(SHAPE, (13.0, 13.0), (radius, radius)))
 
-    built = build_organ(read_image_stack(write_stack([beside(r) for r in (3, 9, 9)], SPACING)))
+    folder = write_stack([beside(r) for r in (3, 3, 9, 9)], SPACING)
+    last = SHAPE[1] - 1, SHAPE[0] - 1
+    built = build_organ(read_image_stack(folder, roi=(0, 0, *last, 1, 3)))
     assert built.warnings == (
         "2 of 3 sections show another part of at least 5% of the organ's area beside it, "
         "which was left out",
     )
+    assert built.doubts == built.warnings
+    one = build_organ(read_image_stack(folder, roi=(0, 0, *last, 0, 2)))
+    assert one.warnings[0].startswith("1 of 3 sections show another part")
+    assert one.doubts == ()
 
 
 def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
@@ -277,7 +284,12 @@ def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
     assert raised.startswith("the tolerance was raised from 0.0")
     assert "not single-valued" in raised
     largest = max(section.max_mm for section in built.sections)
-    assert far.startswith(f"the organ is up to {largest:.3g} mm from its edge in 0-2: ")
+    share = largest / built.organ.mean_radius
+    assert far.startswith(
+        f"the organ is up to {largest:.3g} mm from its edge, {share:.2g} times its mean radius, "
+        f"in 0-2: "
+    )
+    assert built.doubts == (far,)
 
 
 def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStack) -> None:
@@ -330,6 +342,44 @@ def test_a_jumping_organ_is_warned_of(cover: Cover, write_stack: WriteStack) -> 
     assert far.startswith("the organ is up to ")
     assert raised.startswith("the tolerance was raised from 0.05 to")
     assert "what was found jumps from section to section" in raised
+
+
+def test_an_organ_that_most_images_do_not_show_is_doubtful(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    empty = np.full(SHAPE, 50, dtype=np.uint8)
+
+    folder = write_stack([disc(cover, 20.0)] * 4 + [empty] * 5, SPACING)
+    last = SHAPE[1] - 1, SHAPE[0] - 1
+    half = build_organ(read_image_stack(folder, roi=(0, 0, *last, 0, 7)))
+    assert (half.sections_found, half.doubts) == (4, ())
+    less = build_organ(read_image_stack(folder, roi=(0, 0, *last, 1, 8)))
+    assert less.doubts == ("the organ was found in only 3 of 8 images",)
+
+
+def test_an_organ_that_runs_out_of_the_picture_is_doubtful(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    # Sideways by 5 px a section: the last two of ten are cut off by the image's border.
+    images = [disc(cover, 20.0, (26.5 + 5.0 * index, 49.5)) for index in range(10)]
+    width = 26 + 5 * 7 + 24
+    stack = read_image_stack(write_stack([each[:, :width] for each in images], SPACING))
+    built = build_organ(stack)
+    assert built.doubts == ("what was followed runs out of the picture in 8-9",)
+
+
+def test_edges_that_were_found_give_the_organ_without_an_image_read(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    stack = read_image_stack(write_stack([disc(cover, r) for r in (20.0, 24.0, 21.0)], SPACING))
+    edges = trace_organ(stack)
+    built = build_organ(stack, tolerance_px=0.5)
+    for image in stack.source.glob("*.png"):
+        image.unlink()
+    again = organ_of_edges(stack, edges, tolerance_px=0.5)
+    assert again.organ.encoded == built.organ.encoded
+    assert again.sections == built.sections
+    assert again.notes == built.notes
 
 
 def test_units_that_are_not_mm_are_warned_of(cover: Cover, write_stack: WriteStack) -> None:
@@ -544,6 +594,7 @@ def test_a_bent_organ_that_crosses_its_sections_twice_is_warned_of(data_dir: Pat
     assert [section.index for section in problems] == [*range(19), *range(77, 96)]
     assert all("merges with what was beside it" in str(one.problem) for one in problems)
     carried, beside = built.warnings
+    assert built.doubts == (beside,)
     # Where the limbs begin to touch.
     assert carried.startswith("no grey level parts the organ from what is beside it in 19-21, 76:")
     assert beside.startswith("39 of 58 sections show another part")
@@ -553,4 +604,5 @@ def test_real_anisotropic_pixels(data_dir: Path) -> None:
     built = real(data_dir, "frog_large_intestine")
     assert built.organ.units == "relative"
     assert built.sections_found >= 95
+    assert built.doubts == ()
     assert any("relative, not mm" in warning for warning in built.warnings)
