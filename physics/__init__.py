@@ -4,7 +4,6 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.exact import BeyondLaw, Exact, ExactSolver
-from physics.exact_along import ExactAlong
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -41,7 +40,6 @@ __all__ = [
     "Cubic",
     "Equilibrium",
     "Exact",
-    "ExactAlong",
     "ExactSolver",
     "Fem",
     "FittedQ",

@@ -52,25 +52,34 @@ class Beam:
 
     @classmethod
     def round(
-        cls, *, span: float, diameter: float, modulus: float, poisson_ratio: float = 0.3
+        cls,
+        *,
+        span: float,
+        diameter: float,
+        modulus: float,
+        poisson_ratio: float = 0.3,
+        wall: float | None = None,
     ) -> Self:
-        """Return a solid round beam.
+        """Return a round beam, full or a tube.
 
         Parameters
         ----------
         span
             Length between the clamps, mm.
         diameter
-            Diameter of the section, mm.
+            Outer diameter of the section, mm.
         modulus
             Young's modulus, MPa.
         poisson_ratio
             Poisson's ratio.
+        wall
+            Thickness of a tube's wall, mm, below half the diameter; full when None.
 
         Returns
         -------
         Self
-            The beam, with A = pi d^2/4, I = pi d^4/64 and c = d/2.
+            The beam, with A = pi d^2/4, I = pi d^4/64 and c = d/2; a tube's A and I less those of
+            its bore.
 
         Examples
         --------
@@ -79,10 +88,15 @@ class Beam:
         (62.072, 306.6)
         """
         positive(diameter, "diameter", "mm")
+        area, second_moment = math.pi * diameter**2 / 4.0, math.pi * diameter**4 / 64.0
+        if wall is not None:
+            bore = positive(diameter - 2.0 * positive(wall, "wall", "mm"), "bore of the tube", "mm")
+            area -= math.pi * bore**2 / 4.0
+            second_moment -= math.pi * bore**4 / 64.0
         return cls(
             span=span,
-            area=math.pi * diameter**2 / 4.0,
-            second_moment=math.pi * diameter**4 / 64.0,
+            area=area,
+            second_moment=second_moment,
             fibre_distance=diameter / 2.0,
             modulus=modulus,
             poisson_ratio=poisson_ratio,

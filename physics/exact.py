@@ -119,7 +119,7 @@ class Exact:
         if self.intervals < 4 or self.intervals % 2:
             raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
 
-    def solver(self, beam: Beam | VaryingBeam, grasp: float) -> "ExactSolver":
+    def solver(self, beam: Beam, grasp: float) -> "ExactSolver":
         """Return a solver that starts each solution from the last one.
 
         Parameters
@@ -136,7 +136,7 @@ class Exact:
         """
         return ExactSolver(beam, grasp, shear=self.shear, law=self.law, intervals=self.intervals)
 
-    def deflection(self, beam: Beam | VaryingBeam, grasp: float, force: float) -> float:
+    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
         """Return the deflection under a force, pulled up from rest.
 
         Parameters
@@ -155,7 +155,7 @@ class Exact:
         """
         return self.solver(beam, grasp).solve_force(force)
 
-    def force(self, beam: Beam | VaryingBeam, grasp: float, deflection: float) -> float:
+    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
         """Return the grasper's whole force at a deflection, pulled up from rest.
 
         Parameters
@@ -175,7 +175,7 @@ class Exact:
         return self.solver(beam, grasp).solve_deflection(deflection)
 
     def under_force(
-        self, beam: Beam | VaryingBeam, grasp: float, force: float, stations: NDArray[np.float64]
+        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
     ) -> Equilibrium:
         """Return the equilibrium under a force, pulled up from rest; see `Theory`."""
         solver = self.solver(beam, grasp)
@@ -184,7 +184,7 @@ class Exact:
 
     def under_deflection(
         self,
-        beam: Beam | VaryingBeam,
+        beam: Beam,
         grasp: float,
         deflection: float,
         stations: NDArray[np.float64],
@@ -227,7 +227,7 @@ class ExactSolver:
 
     def __init__(
         self,
-        beam: Beam | VaryingBeam,
+        beam: Beam,
         grasp: float,
         *,
         shear: bool = False,
@@ -287,7 +287,7 @@ class ExactSolver:
         points = np.zeros((kernels.NEO_HOOKE_ROWS, at.size))
         points[kernels.OFFSET] = offsets
         points[kernels.AREA] = areas / mean_area
-        constant = isinstance(self._beam, Beam)
+        constant = not isinstance(self._beam, VaryingBeam)
         for i in range(1 if constant else at.size):
             columns = slice(None) if constant else i
             ring = Ring(float(areas[i]), float(second_moments[i]))
@@ -466,11 +466,11 @@ class ExactSolver:
         return stresses * self._beam.modulus
 
 
-def _mirrored(beam: Beam | VaryingBeam, grasp: float) -> bool:
+def _mirrored(beam: Beam, grasp: float) -> bool:
     """Whether beam and grasp are their own mirror images, so that one half will do."""
     if abs(grasp - 0.5 * beam.span) > 1e-12 * beam.span:
         return False
-    if isinstance(beam, Beam):
+    if not isinstance(beam, VaryingBeam):
         return True
     rows = (
         beam.areas,
@@ -485,9 +485,9 @@ def _mirrored(beam: Beam | VaryingBeam, grasp: float) -> bool:
     )
 
 
-def _mean_section(beam: Beam | VaryingBeam) -> tuple[float, float]:
+def _mean_section(beam: Beam) -> tuple[float, float]:
     """Return mean area, mm^2, and mean second moment, mm^4."""
-    if isinstance(beam, Beam):
+    if not isinstance(beam, VaryingBeam):
         return beam.area, beam.second_moment
     return (
         float(np.trapezoid(beam.areas, beam.stations)) / beam.span,
@@ -496,10 +496,10 @@ def _mean_section(beam: Beam | VaryingBeam) -> tuple[float, float]:
 
 
 def _sections_at(
-    beam: Beam | VaryingBeam, at: NDArray[np.float64]
+    beam: Beam, at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return areas, second moments, fibre distances and Cowper's shear areas at places, mm."""
-    if isinstance(beam, Beam):
+    if not isinstance(beam, VaryingBeam):
         shear = beam.area * Ring(beam.area, beam.second_moment).shear_coefficient(
             beam.poisson_ratio
         )
@@ -523,20 +523,18 @@ def _sections_at(
     return areas, second_moments, fibre_distances, shear_areas
 
 
-def _offsets_at(beam: Beam | VaryingBeam, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _offsets_at(beam: Beam, at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances of the centroids from the axis at places, mm."""
-    if isinstance(beam, Beam) or beam.offsets is None:
+    if not isinstance(beam, VaryingBeam) or beam.offsets is None:
         return np.zeros(at.shape)
     return np.interp(at, beam.stations, beam.offsets)
 
 
-def _at_steps(
-    bounds: NDArray[np.float64], grasp: int, beam: Beam | VaryingBeam
-) -> NDArray[np.float64]:
+def _at_steps(bounds: NDArray[np.float64], grasp: int, beam: Beam) -> NDArray[np.float64]:
     """Return the bounds drawn so that one of them lies at each step of the sections."""
     # Across a step the curvature jumps, which an element's curve cannot follow. The bounds at the
     # clamps and the grasp stay; a part with more steps than bounds is left as it is.
-    if isinstance(beam, Beam):
+    if not isinstance(beam, VaryingBeam):
         return bounds
     steps = np.unique(beam.stations[1:][np.diff(beam.stations) == 0.0]) / beam.span
     anchors: list[int] = [0]

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
 from physics.exact import Exact, ExactSolver
-from physics.exact_along import ExactAlong
 from physics.theory import Theory
 
 __all__ = ["Pull"]
@@ -39,8 +38,6 @@ class Pull:
         self._solver: ExactSolver | None = None
         if isinstance(theory, Exact):
             self._solver = theory.solver(beam, grasp)
-        elif isinstance(theory, ExactAlong):
-            self._solver = theory.exact.solver(theory.sections, grasp)
 
     def to_force(self, force: float, stations: NDArray[np.float64]) -> Equilibrium:
         """Return the equilibrium under a force.

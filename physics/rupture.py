@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact_along import ExactAlong
 from physics.pull import Pull
 from physics.quantity import positive
 from physics.theory import Theory
+from physics.varying_beam import VaryingBeam
 
 __all__ = [
     "BreakEvent",
@@ -91,13 +91,11 @@ class BreakEvent:
     check: RuptureCheck
 
 
-def critical_stations(
-    beam: Beam, grasp: float, count: int = 41, *, theory: Theory | None = None
-) -> NDArray[np.float64]:
+def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.float64]:
     """Return stations among which the stress is highest.
 
-    On a beam of constant section that is at a clamp or at the grasp; a theory that solves
-    varying sections needs the stations of its narrow places as well.
+    On a beam of constant section that is at a clamp or at the grasp; of a varying beam there are
+    the stations of its narrow places as well.
 
     Parameters
     ----------
@@ -107,8 +105,6 @@ def critical_stations(
         Distance of the grasp from the first clamp, mm.
     count
         How many stations to spread over the span.
-    theory
-        The theory that reads the stresses, where it may have sections of its own.
 
     Returns
     -------
@@ -117,9 +113,7 @@ def critical_stations(
     """
     beam.grasped_at(grasp)
     stations = np.union1d(np.linspace(0.0, beam.span, count), [grasp])
-    if isinstance(theory, ExactAlong):
-        return np.union1d(stations, theory.sections.stations)
-    return stations
+    return np.union1d(stations, beam.stations) if isinstance(beam, VaryingBeam) else stations
 
 
 def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
@@ -184,7 +178,7 @@ def calibrated_threshold(theory: Theory, beam: Beam, grasp: float, force: float)
         Highest normal plus bending stress at that force, MPa.
     """
     positive(force, "force at the break", "N")
-    stations = critical_stations(beam, grasp, theory=theory)
+    stations = critical_stations(beam, grasp)
     return float(theory.under_force(beam, grasp, force, stations).total_stress.max())
 
 
@@ -212,7 +206,7 @@ def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> B
         can follow.
     """
     positive(threshold, "threshold", "MPa")
-    stations = critical_stations(beam, grasp, theory=theory)
+    stations = critical_stations(beam, grasp)
     pull = Pull(theory, beam, grasp)
 
     def reaches(deflection: float) -> bool:

@@ -116,7 +116,7 @@ def weak_length(height: float, depth: float) -> float:
     return 4.0 * torn * left / (3.0 * torn + left)
 
 
-def torn_beam(beam: Beam, station: float, tension_side: int, depth: float) -> Beam | VaryingBeam:
+def torn_beam(beam: Beam, station: float, tension_side: int, depth: float) -> Beam:
     """Return a beam with a tear across part of its section.
 
     Parameters
@@ -132,7 +132,7 @@ def torn_beam(beam: Beam, station: float, tension_side: int, depth: float) -> Be
 
     Returns
     -------
-    Beam | VaryingBeam
+    Beam
         The beam, with the ligament for a section over `weak_length`, half of it to each side of
         the tear as far as there is beam; its `fibre_distances` are those of the front's edge. A
         tear of no depth is no tear.

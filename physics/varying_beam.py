@@ -1,22 +1,24 @@
 """A straight beam whose section varies along the axis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.beam import Beam, parts
+from physics.beam import Beam
 from physics.quantity import finite, positive
 
 __all__ = ["VaryingBeam"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VaryingBeam:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class VaryingBeam(Beam):
     """A straight beam given by K sections, held by a clamp at each end.
 
     Between two sections every property varies linearly; two sections at the same station make a
-    step. The arrays are copied and locked.
+    step. The arrays are copied and locked. The exact beam takes all sections; a theory that knows
+    one section takes that of `weakest`, whose area, second moment and fibre distance are this
+    beam's own.
 
     Attributes
     ----------
@@ -38,6 +40,9 @@ class VaryingBeam:
     offsets
         (K,) distances of the sections' centroids from the straight axis that the clamps hold,
         mm, above zero towards the pull; all on the axis when None.
+    weakest
+        A beam of the same span and material that stands for this one where one section must do;
+        that of the section with the smallest second moment over fibre distance when None.
 
     Raises
     ------
@@ -47,14 +52,23 @@ class VaryingBeam:
         the modulus is not above zero, or Poisson's ratio is out of range.
     """
 
+    span: float = field(init=False)
+    area: float = field(init=False)
+    second_moment: float = field(init=False)
+    fibre_distance: float = field(init=False)
     stations: NDArray[np.float64]
     areas: NDArray[np.float64]
     second_moments: NDArray[np.float64]
     fibre_distances: NDArray[np.float64]
-    modulus: float
-    poisson_ratio: float = 0.3
     shear_areas: NDArray[np.float64] | None = None
     offsets: NDArray[np.float64] | None = None
+    weakest: Beam | None = None
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether it is this very beam: one section does not say it."""
+        return self is other
+
+    __hash__ = object.__hash__
 
     def __post_init__(self) -> None:
         stations = _locked(self.stations)
@@ -89,9 +103,22 @@ class VaryingBeam:
             check(float(row.min()), f"every one of {name}", unit)
             check(float(row.max()), f"every one of {name}", unit)
             object.__setattr__(self, name, row)
-        positive(self.modulus, "modulus", "MPa")
-        if not 0.0 <= finite(self.poisson_ratio, "poisson_ratio", "(no unit)") < 0.5:
-            raise ValueError(f"poisson_ratio must be from 0 to below 0.5, got {self.poisson_ratio}")
+        object.__setattr__(self, "span", float(stations[-1]))
+        one = self.weakest
+        if one is not None and (one.span, one.modulus) != (self.span, self.modulus):
+            raise ValueError(
+                f"the beam of one section must have the span and modulus of all, {self.span:g} mm "
+                f"and {self.modulus:g} MPa, got {one.span:g} mm and {one.modulus:g} MPa"
+            )
+        place = int(np.argmin(self.second_moments / self.fibre_distances))
+        for name, rows in (
+            ("area", self.areas),
+            ("second_moment", self.second_moments),
+            ("fibre_distance", self.fibre_distances),
+        ):
+            value = float(rows[place]) if one is None else getattr(one, name)
+            object.__setattr__(self, name, value)
+        Beam.__post_init__(self)
 
     @classmethod
     def of(cls, beam: Beam, count: int = 2) -> "VaryingBeam":
@@ -117,26 +144,6 @@ class VaryingBeam:
             modulus=beam.modulus,
             poisson_ratio=beam.poisson_ratio,
         )
-
-    @property
-    def span(self) -> float:
-        """Length between the clamps, mm."""
-        return float(self.stations[-1])
-
-    def grasped_at(self, grasp: float) -> tuple[float, float]:
-        """Return the lengths of the two parts that a grasp divides the span into.
-
-        Parameters
-        ----------
-        grasp
-            Distance of the grasp from the first clamp, mm.
-
-        Returns
-        -------
-        tuple[float, float]
-            Lengths from the first clamp to the grasp and from there to the second, mm.
-        """
-        return parts(self.span, grasp)
 
 
 def _locked(row: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.command_line.load import (
-    PRESET_NAMES,
+    PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
     organ_from,
@@ -45,8 +45,8 @@ def export(
     preset: Annotated[
         str | None,
         typer.Option(
-            help=f"The duct's material and beam: {PRESET_NAMES}.",
-            show_default="the first where the organ is long enough for it, else porcine-bile-duct",
+            help=f"The duct's material and beam: {PRESET_HELP}",
+            show_default="assumed-duct: the organ's own sections; of the shipped duct the first",
         ),
     ] = None,
     theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
@@ -93,7 +93,7 @@ def export(
     """
     from app.export.order import Order
     from app.simulation.dissection import Dissection, default_preset
-    from app.simulation.preset import preset_named
+    from app.simulation.preset_file import chosen_preset
     from organ_geometry.whole_file import write_whole
 
     if output is None and html is None:
@@ -105,8 +105,7 @@ def export(
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
     options = theory_options(chosen)
     tissue = organ_from(organ)
-    dissection = Dissection.of(tissue, preset_named(preset) if preset else default_preset(tissue))
-    chosen = dissection.theory_for(chosen)
+    dissection = Dissection.of(tissue, chosen_preset(preset) if preset else default_preset(tissue))
     order = Order(
         dissection,
         chosen,
@@ -128,7 +127,16 @@ def export(
     if html is not None:
         write_whole(html, page)
         facts |= {"page": str(html), "page_bytes": len(page)}
-    facts |= {"preset": dissection.preset.name, "theory": chosen.name, **options}
+    event = order.break_event
+    facts |= {
+        "preset": dissection.preset.name,
+        "section": dissection.section(chosen),
+        "strength": dissection.preset.strength,
+        "threshold_MPa": order.strength,
+        "breaks_at_N": None if event is None else event.force,
+        "theory": chosen.name,
+        **options,
+    }
     if as_json:
         print(json.dumps(facts))
         return
@@ -137,6 +145,7 @@ def export(
         faces = f", {facts['faces']:,} faces{each}" if facts["faces"] else ""
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
         print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
+        print(f"solved as {facts['section']}")
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
 

@@ -8,14 +8,16 @@ if TYPE_CHECKING:
     from physics import Beam, Equilibrium, Theory
 
 PRESET_NAMES = (
-    "thesis-bile-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, porcine-gallbladder "
-    "or human-ureter"
+    "thesis-bile-duct, assumed-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, "
+    "porcine-gallbladder or human-ureter"
 )
 """For the help, which must not wait until the presets are read; a test compares."""
 
+PRESET_HELP = f"{PRESET_NAMES}; or a preset file, .toml."
 THEORY_HELP = "cubic, string, exact, fem or mass-spring."
 
 __all__ = [
+    "PRESET_HELP",
     "PRESET_NAMES",
     "THEORY_HELP",
     "chosen_theory",
@@ -152,7 +154,7 @@ def equilibrium(
     if (force is None) == (deflection is None):
         raise ValueError("give either --force (N) or --deflection (mm)")
     at = 0.5 * beam.span if grasp is None else grasp
-    stations = critical_stations(beam, at, theory=theory)
+    stations = critical_stations(beam, at)
     if force is not None:
         return theory.under_force(beam, at, force, stations)
     assert deflection is not None  # noqa: S101

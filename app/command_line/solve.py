@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.command_line.load import (
-    PRESET_NAMES,
+    PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
     equilibrium,
@@ -23,10 +23,13 @@ MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
 
 
 def solve(
-    preset: Annotated[str | None, typer.Option(help=f"A duct: {PRESET_NAMES}.")] = None,
+    preset: Annotated[str | None, typer.Option(help=f"A duct: {PRESET_HELP}")] = None,
     organ: Annotated[
         Path | None,
-        typer.Option(help="Organ whose own sections such a preset takes; the shipped one if none."),
+        typer.Option(
+            help="Organ whose own sections are solved, of a --preset that takes them or of an "
+            "assumed material; the shipped one if such a preset comes without."
+        ),
     ] = None,
     span: Annotated[float | None, typer.Option(help="Round beam: mm between the clamps.")] = None,
     diameter: Annotated[float | None, typer.Option(help="Round beam: diameter, mm.")] = None,
@@ -64,7 +67,8 @@ def solve(
     bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json
     """
     from app.simulation.dissection import Dissection
-    from app.simulation.preset import RoundBeam, preset_named
+    from app.simulation.preset import ASSUMED_PRESET, RoundBeam
+    from app.simulation.preset_file import chosen_preset
     from physics import Beam, break_event, check_rupture
     from physics.quantity import positive
 
@@ -86,23 +90,28 @@ def solve(
         "--poisson": poisson,
     }
     given = [name for name, value in round_beam.items() if value is not None]
-    if preset is not None:
+    section, strength = "a full round bar", None
+    if preset is not None or organ is not None:
         if given:
-            raise ValueError(f"--preset brings its own beam; leave out {', '.join(given)}")
-        duct = preset_named(preset)
+            brings = "--preset" if preset is not None else "--organ"
+            raise ValueError(f"{brings} brings its own beam; leave out {', '.join(given)}")
+        duct = chosen_preset(preset or ASSUMED_PRESET)
         if isinstance(duct.beam, RoundBeam):
             if organ is not None:
                 raise ValueError(f"preset {preset} brings its own beam; leave out --organ")
             beam = duct.round_beam()
+            section = "a full round bar" if duct.beam.wall_mm is None else "a round tube"
         else:
             dissection = Dissection.of(organ_from(organ), duct)
-            beam, chosen = dissection.beam, dissection.theory_for(chosen)
+            beam, section = dissection.beam, dissection.section(chosen)
         limit = duct.threshold(chosen, beam) if threshold is None else threshold
+        strength = duct.strength if threshold is None else None
+        preset = duct.name
     else:
         if span is None or diameter is None or modulus is None:
-            raise ValueError("give a --preset, or --span, --diameter and --modulus of a round beam")
-        if organ is not None:
-            raise ValueError("--organ goes with a --preset that takes the organ's own sections")
+            raise ValueError(
+                "give a --preset, an --organ, or --span, --diameter and --modulus of a round beam"
+            )
         beam = Beam.round(
             span=span,
             diameter=diameter,
@@ -119,10 +128,14 @@ def solve(
     event = None if limit is None else break_event(chosen, beam, pulled.grasp, limit)
     result = {
         "theory": chosen.name,
+        "preset": preset,
+        "section": section,
         "force_N": pulled.force,
         "deflection_mm": pulled.deflection,
         "normal_stress_MPa": check.normal_stress,
         "bending_stress_MPa": check.bending_stress,
+        "strength": strength,
+        "threshold_MPa": limit,
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
         **options,
@@ -133,6 +146,8 @@ def solve(
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
         ("theory", ", ".join([chosen.name, *(f"{key} {value}" for key, value in options.items())])),
+        *([] if preset is None else [("preset", preset)]),
+        ("section", section),
         ("force", f"{pulled.force:.6g} N"),
         ("deflection", f"{pulled.deflection:.6g} mm"),
         ("normal stress", f"{1e3 * check.normal_stress:.6g} kPa"),
@@ -147,6 +162,7 @@ def solve(
     else:
         state = "  it breaks" if check.broken else ""
         lines += [
+            *([] if strength is None else [("strength as given", strength)]),
             ("threshold", f"{1e3 * limit:.6g} kPa"),
             ("distance to break", f"{100.0 * check.distance_to_break:.2f} %{state}"),
             (

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line.load import organ_from
+from app.command_line.load import PRESET_HELP, organ_from
 
 __all__ = ["trainer"]
 
@@ -20,6 +20,13 @@ def trainer(
     port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
     organ: Annotated[
         Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Material and beam to open on: {PRESET_HELP}",
+            show_default="of the shipped duct the first, of any other organ assumed-duct",
+        ),
     ] = None,
     look: Annotated[str, typer.Option(help="full, or plain for slow machines.")] = "full",
 ) -> None:
@@ -37,9 +44,11 @@ def trainer(
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
+    from app.simulation.preset_file import chosen_preset
     from app.trainer.server import Trainer
 
-    running = Trainer(tissue, host=host, port=port, look=look)
+    chosen = None if preset is None else chosen_preset(preset)
+    running = Trainer(tissue, chosen, host=host, port=port, look=look)
     # From here on both signals end the wait below, so that server and clock stop in order.
     stop = threading.Event()
 

@@ -39,7 +39,7 @@ class Order:
     dissection
         The organ between its clamps.
     theory
-        The theory, as it solves this organ (`Dissection.theory_for`).
+        The theory.
     grasp
         Distance of the grasp from the first clamp, mm.
     force

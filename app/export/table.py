@@ -46,7 +46,7 @@ def curve_table(
         CSV: force, deflection, the stresses where they are highest, distance to break and station.
     """
     beam = dissection.beam
-    stations = critical_stations(beam, grasp, theory=theory)
+    stations = critical_stations(beam, grasp)
     pull = Pull(theory, beam, grasp)
     rows: list[tuple[float, ...]] = []
     for at in np.linspace(0.0, force, frames).tolist():
@@ -100,7 +100,7 @@ def axis_table(
         organ's images stand, what the beam carries and its stresses.
     """
     beam = dissection.beam
-    stations = critical_stations(beam, grasp, AXIS_STATIONS, theory=theory)
+    stations = critical_stations(beam, grasp, AXIS_STATIONS)
     pulled = Pull(theory, beam, grasp).to_force(force, stations)
     moved = np.stack([pulled.along - stations, pulled.across], axis=1)
     places = dissection.organ.axis_at(dissection.clamps[0] + stations)

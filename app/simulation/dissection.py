@@ -1,15 +1,25 @@
 """A dissection: an organ between two clamps, and the beam that stands for it."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.preset import DEFAULT_PRESET, OrganBeam, Preset, RoundBeam, preset_named
+from app.simulation.preset import (
+    ASSUMED_PRESET,
+    THESIS_PRESET,
+    OrganBeam,
+    Preset,
+    RoundBeam,
+    preset_named,
+)
+from assets import BILE_DUCT
 from organ_geometry.driving_points import DrivingPoints, driving_points
 from organ_geometry.mesh.tear import TornPiece, torn_pieces
-from organ_geometry.organ import Organ
-from physics import Beam, Equilibrium, Exact, ExactAlong, RuptureCheck, Theory, VaryingBeam
+from organ_geometry.organ import Organ, SectionProperties
+from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
 
 __all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
 
@@ -30,7 +40,8 @@ class Dissection:
     preset
         Material, break and kind of beam.
     beam
-        The beam between the clamps.
+        The beam between the clamps: a full bar or a tube, or a `VaryingBeam` of the organ's own
+        sections.
     clamps
         Arc lengths of the two clamps along the organ's axis, mm.
     driving
@@ -50,8 +61,8 @@ class Dissection:
     def of(cls, organ: Organ, preset: Preset) -> "Dissection":
         """Return the dissection of an organ with a preset.
 
-        A preset with a span of its own clamps the middle of the organ over that span; one that
-        takes the organ's sections clamps it at its ends.
+        A round beam clamps the middle of the organ over its span, or from where it says; a beam of
+        the organ's own sections clamps it at its ends, or where it says.
 
         Parameters
         ----------
@@ -68,23 +79,56 @@ class Dissection:
         Raises
         ------
         ValueError
-            If the organ is shorter than the preset's span.
+            If the organ is shorter than the preset's span or does not reach its clamps, or a wall
+            is thicker than the organ.
         """
+        clamps = _clamps(organ, preset)
+        frame = pull_frame(organ, clamps)
         if isinstance(preset.beam, RoundBeam):
             beam = preset.round_beam()
-            if not fits(organ, preset):
-                raise ValueError(
-                    f"preset {preset.name} clamps {beam.span:g} mm of duct and this organ is "
-                    f"{organ.length:.1f} mm long; take a preset with the organ's own sections"
-                )
         else:
-            beam = organ_beam(organ, preset)
-        first = max(0.0, 0.5 * (organ.length - beam.span))
-        clamps = (first, min(organ.length, first + beam.span))
+            beam = organ_beam(organ, preset, clamps, frame[:, 2])
         driving = driving_points(
             organ, spacing=beam.span / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
         )
-        return cls(organ, preset, beam, clamps, driving, pull_frame(organ, clamps))
+        return cls(organ, preset, beam, clamps, driving, frame)
+
+    @property
+    def own_sections(self) -> bool:
+        """Whether the organ's own sections are solved, not a bar of the preset's."""
+        return isinstance(self.preset.beam, OrganBeam)
+
+    def section(self, theory: Theory) -> str:
+        """Return which section a theory solves, in words.
+
+        Parameters
+        ----------
+        theory
+            The theory.
+
+        Returns
+        -------
+        str
+            The section between the clamps, with its sizes in mm; for reports and the panel.
+        """
+        kind, beam = self.preset.beam, self.beam
+        drawn = "hollow" if self.organ.hollow else "full"
+        if isinstance(kind, RoundBeam):
+            shape = "full round bar" if kind.wall_mm is None else "round tube"
+            wall = "" if kind.wall_mm is None else f" with a wall of {kind.wall_mm:g} mm"
+            return (
+                f"a {shape}, {beam.span:.4g} mm between the clamps, {kind.diameter_mm:.4g} mm "
+                f"thick{wall}; not the organ's own {drawn} sections"
+            )
+        own = f"the organ's own {drawn} sections"
+        if kind.wall_mm is not None:
+            own = f"the organ's own outline with a wall of {kind.wall_mm:g} mm"
+        which = "all along it" if isinstance(theory, Exact) else "the weakest one"
+        return (
+            f"{own}, {which}, {beam.span:.4g} mm between the clamps; area {beam.area:.3g} mm^2, "
+            f"second moment {beam.second_moment:.3g} mm^4, outer fibre at "
+            f"{beam.fibre_distance:.3g} mm"
+        )
 
     @property
     def beam_stations(self) -> NDArray[np.float64]:
@@ -96,39 +140,6 @@ class Dissection:
         """(N,) where the organ's key sections between the clamps are on the beam, mm."""
         stations = self.organ.key_stations - self.clamps[0]
         return stations[(stations > 0.0) & (stations < self.beam.span)]
-
-    def theory_for(self, theory: Theory) -> Theory:
-        """Return a theory as it solves this organ.
-
-        Parameters
-        ----------
-        theory
-            The theory that was chosen.
-
-        Returns
-        -------
-        Theory
-            The exact beam along the organ's own sections where the preset takes those; every
-            other theory as it is, with `beam`.
-        """
-        if not (isinstance(theory, Exact) and isinstance(self.preset.beam, OrganBeam)):
-            return theory
-        even = np.linspace(0.0, self.beam.span, SECTIONS_ALONG)
-        stations = np.union1d(even, self.key_stations)
-        sections = self.organ.section_properties(
-            self.clamps[0] + stations, direction=self.frame[:, 2]
-        )
-        return ExactAlong(
-            theory,
-            VaryingBeam(
-                stations=stations,
-                areas=sections.area,
-                second_moments=sections.second_moment,
-                fibre_distances=sections.fibre_distance,
-                modulus=self.beam.modulus,
-                poisson_ratio=self.beam.poisson_ratio,
-            ),
-        )
 
     def axis_point(self, station: float) -> NDArray[np.float64]:
         """Return a point of the axis at rest.
@@ -215,39 +226,42 @@ PIECES = ("first_piece", "second_piece")
 
 
 def fits(organ: Organ, preset: Preset) -> bool:
-    """Return whether an organ is long enough for a preset.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    preset
-        The preset.
-
-    Returns
-    -------
-    bool
-        Whether it is.
-    """
-    return not isinstance(preset.beam, RoundBeam) or holds(organ, preset.beam.span_mm)
+    """Return whether an organ is long enough for a preset's beam and reaches its clamps."""
+    try:
+        _clamps(organ, preset)
+    except ValueError:
+        return False
+    return True
 
 
-def holds(organ: Organ, span: float) -> bool:
-    """Return whether an organ is long enough to be clamped over a span.
+def _clamps(organ: Organ, preset: Preset) -> tuple[float, float]:
+    """Return the arc lengths of the clamps; a `ValueError` if the organ is not long enough."""
+    beam = preset.beam
+    if isinstance(beam, OrganBeam):
+        if beam.clamps_mm is None:
+            return 0.0, organ.length
+        first, last = beam.clamps_mm
+    elif beam.first_clamp_mm is None:
+        if not holds(organ, beam.span_mm):
+            raise ValueError(
+                f"preset {preset.name} clamps {beam.span_mm:g} mm of duct and this organ is "
+                f"{organ.length:.1f} mm long; take a preset with the organ's own sections"
+            )
+        first = max(0.0, 0.5 * (organ.length - beam.span_mm))
+        last = first + beam.span_mm
+    else:
+        first, last = beam.first_clamp_mm, beam.first_clamp_mm + beam.span_mm
+    if not holds(organ, last):
+        raise ValueError(
+            f"preset {preset.name} has its second clamp at {last:g} mm and this organ is "
+            f"{organ.length:.1f} mm long"
+        )
+    return first, min(organ.length, last)
 
-    Parameters
-    ----------
-    organ
-        The organ.
-    span
-        Length between the clamps, mm.
 
-    Returns
-    -------
-    bool
-        Whether it is, to a part in 10,000: images say no more.
-    """
-    return organ.length >= span * (1.0 - 1e-4)
+def holds(organ: Organ, length: float) -> bool:
+    """Return whether an organ has a length, mm, to a part in 10,000: images say no more."""
+    return organ.length >= length * (1.0 - 1e-4)
 
 
 def default_preset(organ: Organ) -> Preset:
@@ -261,39 +275,91 @@ def default_preset(organ: Organ) -> Preset:
     Returns
     -------
     Preset
-        The thesis's duct where the organ is long enough for it, else the porcine one, which
-        takes the organ's own sections.
+        For the shipped duct, which is drawn to the thesis's measures, the thesis's; for every
+        other organ its own sections, of an assumed material.
     """
-    thesis = preset_named(DEFAULT_PRESET)
-    return thesis if fits(organ, thesis) else preset_named("porcine-bile-duct")
+    shipped = bool(organ.encoded) and organ.encoded == _shipped()
+    return preset_named(THESIS_PRESET if shipped else ASSUMED_PRESET)
 
 
-def organ_beam(organ: Organ, preset: Preset) -> Beam:
-    """Return the beam of constant section that stands for an organ: that of its weakest section.
+@cache
+def _shipped() -> bytes:
+    """Return the content of the shipped organ file."""
+    return BILE_DUCT.read_bytes()
+
+
+def organ_beam(
+    organ: Organ, preset: Preset, clamps: tuple[float, float], pull: NDArray[np.float64]
+) -> VaryingBeam:
+    """Return the beam of an organ's own sections between two clamps.
 
     Parameters
     ----------
     organ
         The organ.
     preset
-        The material.
+        The material, and the wall if it is not as the images show it.
+    clamps
+        Arc lengths of the clamps, mm.
+    pull
+        (3,) direction of the pull.
 
     Returns
     -------
-    Beam
-        Span of the whole organ; area, second moment and fibre distance of the key section with
+    VaryingBeam
+        The beam. For theories of one section it has the key section, or the one at a clamp, with
         the smallest second moment over fibre distance, which bending stresses most.
+
+    Raises
+    ------
+    ValueError
+        If the preset's wall is thicker than the organ.
     """
-    frame = pull_frame(organ, (0.0, organ.length))
-    sections = organ.section_properties(organ.key_stations, direction=frame[:, 2])
-    weakest = int(np.argmin(sections.second_moment / sections.fibre_distance))
-    return Beam(
-        span=organ.length,
-        area=float(sections.area[weakest]),
-        second_moment=float(sections.second_moment[weakest]),
-        fibre_distance=float(sections.fibre_distance[weakest]),
+    assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
+    span, wall = clamps[1] - clamps[0], preset.beam.wall_mm
+    keys = organ.key_stations
+    keys = np.union1d(keys[(keys > clamps[0]) & (keys < clamps[1])], clamps)
+    few = _sections(organ, keys, pull, wall)
+    weakest = int(np.argmin(few.second_moment / few.fibre_distance))
+    stations = np.union1d(np.linspace(0.0, span, SECTIONS_ALONG), keys[1:-1] - clamps[0])
+    along = _sections(organ, clamps[0] + stations, pull, wall)
+    return VaryingBeam(
+        stations=stations,
+        areas=along.area,
+        second_moments=along.second_moment,
+        fibre_distances=along.fibre_distance,
+        weakest=Beam(
+            span=span,
+            area=float(few.area[weakest]),
+            second_moment=float(few.second_moment[weakest]),
+            fibre_distance=float(few.fibre_distance[weakest]),
+            modulus=preset.modulus_MPa,
+            poisson_ratio=preset.poisson_ratio,
+        ),
         modulus=preset.modulus_MPa,
         poisson_ratio=preset.poisson_ratio,
+    )
+
+
+def _sections(
+    organ: Organ, stations: NDArray[np.float64], pull: NDArray[np.float64], wall: float | None
+) -> SectionProperties:
+    """Return sections as the images show them, or of a wall inside the outer edge."""
+    # The bore is the outline, scaled about its centroid so that a circle's wall is just as thick.
+    if wall is None:
+        return organ.section_properties(stations, direction=pull)
+    whole = replace(organ, lumen=None).section_properties(stations, direction=pull)
+    radius = np.sqrt(whole.area / math.pi)
+    if not wall < radius.min():
+        raise ValueError(
+            f"a wall of {wall:g} mm is thicker than the organ, whose radius is {radius.min():.3g} "
+            f"mm at its thinnest place"
+        )
+    bore = 1.0 - wall / radius
+    return SectionProperties(
+        area=whole.area * (1.0 - bore**2),
+        second_moment=whole.second_moment * (1.0 - bore**4),
+        fibre_distance=whole.fibre_distance,
     )
 
 

@@ -72,14 +72,14 @@ class GraspedDuct:
         self.model, self.grasp, self.threshold = model, grasp, threshold
         dissection = model.dissection
         driving = dissection.beam_stations
-        critical = critical_stations(dissection.beam, grasp, theory=model.solved)
+        critical = critical_stations(dissection.beam, grasp)
         self._driving, self._critical = slice(0, driving.size), slice(driving.size, None)
         self.stations = np.concatenate([driving, critical])
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
         along, sideways, up = (dissection.frame.T @ place).tolist()
         self._rest = float(along), float(sideways), float(up)
-        self._pull = Pull(model.solved, dissection.beam, grasp)
+        self._pull = Pull(model.theory, dissection.beam, grasp)
         self.bear(Load("force", 0.0))
 
     def renewed(self) -> "GraspedDuct":
@@ -118,7 +118,7 @@ class GraspedDuct:
     def breaks_at(self) -> BreakEvent | None:
         """Load at which the duct would break; None if it cannot."""
         beam = self.model.dissection.beam
-        return break_event(self.model.solved, beam, self.grasp, self.threshold)
+        return break_event(self.model.theory, beam, self.grasp, self.threshold)
 
     @property
     def deflection_limit(self) -> float:
@@ -207,7 +207,7 @@ class GraspedDuct:
         """
         last = max(self.deflection_limit, PAST_BREAK * deepest)
         deflections = np.linspace(0.0, last, count)
-        pull = Pull(self.model.solved, self.model.dissection.beam, self.grasp)
+        pull = Pull(self.model.theory, self.model.dissection.beam, self.grasp)
         nowhere = np.empty(0)
         forces: list[float] = []
         try:

@@ -29,8 +29,6 @@ class Model:
         The organ between its clamps.
     theory
         The theory that was chosen.
-    solved
-        The theory as it solves this organ.
     threshold
         The preset's threshold for it, MPa.
     break_force
@@ -39,7 +37,6 @@ class Model:
 
     dissection: Dissection
     theory: Theory
-    solved: Theory
     threshold: float
     break_force: float
 
@@ -59,14 +56,14 @@ class Model:
         Self
             The model; as `NoEquilibrium` it is refused if the theory ends before the break.
         """
-        solved, beam = dissection.theory_for(theory), dissection.beam
-        threshold = dissection.preset.threshold(solved, beam)
+        beam = dissection.beam
+        threshold = dissection.preset.threshold(theory, beam)
         middle = 0.5 * beam.span
-        event = break_event(solved, beam, middle, threshold)
+        event = break_event(theory, beam, middle, threshold)
         force = (
-            _farthest_force(solved, beam, middle) / FORCE_RANGE if event is None else event.force
+            _farthest_force(theory, beam, middle) / FORCE_RANGE if event is None else event.force
         )
-        return cls(dissection, theory, solved, threshold, force)
+        return cls(dissection, theory, threshold, force)
 
     @property
     def force_limit(self) -> float:

@@ -8,31 +8,92 @@ import msgspec
 from assets import PRESETS
 from physics import Beam, Theory, calibrated_threshold
 
-__all__ = ["DEFAULT_PRESET", "OrganBeam", "Preset", "RoundBeam", "preset_named", "presets"]
+__all__ = [
+    "ASSUMED_PRESET",
+    "LIMITS",
+    "THESIS_PRESET",
+    "OrganBeam",
+    "Preset",
+    "RoundBeam",
+    "preset_named",
+    "presets",
+]
 
-DEFAULT_PRESET = "thesis-bile-duct"
+THESIS_PRESET = "thesis-bile-duct"
+"""The thesis's full round bar; what the shipped duct opens on."""
+ASSUMED_PRESET = "assumed-duct"
+"""An organ's own sections, of an assumed material; what every other organ opens on."""
+
+LIMITS: dict[str, tuple[float, float, str]] = {
+    "modulus_MPa": (1e-5, 1e6, "MPa"),
+    "poisson_ratio": (0.0, 0.499, ""),
+    "break_force_N": (1e-6, 1e6, "N"),
+    "break_stress_MPa": (1e-7, 1e6, "MPa"),
+    "span_mm": (0.1, 1e4, "mm"),
+    "diameter_mm": (0.01, 1e3, "mm"),
+    "wall_mm": (1e-3, 1e3, "mm"),
+}
+"""Smallest and largest value and unit of each number of a preset."""
 
 
-class RoundBeam(msgspec.Struct, frozen=True, tag_field="section", tag="round"):
-    """A full round bar, whatever the organ looks like.
+class RoundBeam(msgspec.Struct, frozen=True, tag_field="section", tag="round", omit_defaults=True):
+    """A round bar or tube, whatever the organ looks like.
 
     Attributes
     ----------
     span_mm
         Length between the clamps, mm.
     diameter_mm
-        Diameter, mm.
+        Outer diameter, mm.
+    wall_mm
+        Thickness of the wall, mm; a full bar when None.
+    first_clamp_mm
+        Where the first clamp is along the organ, mm from its start; when None, the clamps hold the
+        organ's middle.
     """
 
     span_mm: float
     diameter_mm: float
+    wall_mm: float | None = None
+    first_clamp_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "span_mm", "diameter_mm", "wall_mm")
+        if self.wall_mm is not None and not self.wall_mm < 0.5 * self.diameter_mm:
+            raise ValueError(
+                f"wall_mm must be below half the diameter, {0.5 * self.diameter_mm:g} mm, got "
+                f"{self.wall_mm:g} mm; a full bar has none"
+            )
+        if self.first_clamp_mm is not None and not 0.0 <= self.first_clamp_mm <= 1e5:
+            raise ValueError(f"first_clamp_mm must be 0 mm or more, got {self.first_clamp_mm:g}")
 
 
-class OrganBeam(msgspec.Struct, frozen=True, tag_field="section", tag="organ"):
-    """A beam whose span and section are the organ's own."""
+class OrganBeam(msgspec.Struct, frozen=True, tag_field="section", tag="organ", omit_defaults=True):
+    """A beam whose span and sections are the organ's own.
+
+    Attributes
+    ----------
+    wall_mm
+        Thickness of the wall inside the organ's outer edge, mm; as the images show it when None.
+    clamps_mm
+        Where the clamps are along the organ, mm from its start; at its ends when None.
+    """
+
+    wall_mm: float | None = None
+    clamps_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "wall_mm")
+        if self.clamps_mm is not None:
+            first, second = self.clamps_mm
+            if not (first >= 0.0 and 0.1 <= second - first <= 1e4):
+                raise ValueError(
+                    f"clamps_mm must be two places along the organ, 0 mm or more and 0.1 mm apart "
+                    f"at least, got {first:g} and {second:g} mm"
+                )
 
 
-class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A duct to train on: its beam, its material and its break, with their sources.
 
     Attributes
@@ -49,19 +110,44 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Whole force at the middle of the span at which every theory is made to tear, or None.
     break_stress_MPa
         Stress at which the duct tears in every theory, or None.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its `LIMITS`, or there is not exactly one kind of break.
     """
 
     name: str
-    title: str
-    description: str
     beam: RoundBeam | OrganBeam
     modulus_MPa: float  # noqa: N815 (units are written as they are)
-    poisson_ratio: float
-    source: str
-    confidence: Literal["high", "medium", "low"]
-    confidence_note: str
+    title: str = ""
+    description: str = ""
+    poisson_ratio: float = 0.3
     break_force_N: float | None = None  # noqa: N815
     break_stress_MPa: float | None = None  # noqa: N815
+    source: str = "Yours: no source is given."
+    confidence: Literal["high", "medium", "low"] = "low"
+    confidence_note: str = "Nobody has said how sure these figures are."
+
+    def __post_init__(self) -> None:
+        _check(self, "modulus_MPa", "poisson_ratio", "break_force_N", "break_stress_MPa")
+        if (self.break_force_N is None) == (self.break_stress_MPa is None):
+            raise ValueError("a preset must have either break_force_N or break_stress_MPa")
+        if not self.name.strip():
+            raise ValueError("a preset must have a name")
+        for each, most in ((self.name, 80), (self.title, 120), (self.description, 1000)):
+            if len(each) > most:
+                raise ValueError(f"a preset's {each[:20]!r}... can have at most {most} characters")
+
+    @property
+    def label(self) -> str:
+        """What it is called in the panel."""
+        return self.title or self.name
+
+    @property
+    def ships(self) -> bool:
+        """Whether it is one that ships with the trainer, unchanged."""
+        return presets().get(self.name) == self
 
     def round_beam(self) -> Beam:
         """Return the beam of a preset that brings its own.
@@ -69,7 +155,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Returns
         -------
         Beam
-            The full round bar.
+            The round bar or tube.
 
         Raises
         ------
@@ -83,6 +169,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             diameter=self.beam.diameter_mm,
             modulus=self.modulus_MPa,
             poisson_ratio=self.poisson_ratio,
+            wall=self.beam.wall_mm,
         )
 
     def threshold(self, theory: Theory, beam: Beam) -> float:
@@ -98,59 +185,47 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Returns
         -------
         float
-            Threshold T, MPa: as published, or what the theory reads at the known break.
+            Threshold T, MPa: the strength as it is given, or what the theory reads at the known
+            break.
         """
         if self.break_stress_MPa is not None:
             return self.break_stress_MPa
-        assert self.break_force_N is not None  # noqa: S101 (presets() has checked it)
+        assert self.break_force_N is not None  # noqa: S101 (checked when it was made)
         return calibrated_threshold(theory, beam, 0.5 * beam.span, self.break_force_N)
 
+    @property
+    def strength(self) -> str:
+        """The strength as it is given, and what a theory makes of it."""
+        if self.break_stress_MPa is not None:
+            return f"strength {1e3 * self.break_stress_MPa:.6g} kPa, T of every theory"
+        return (
+            f"breaks at {self.break_force_N:.6g} N at mid-span; each theory's T is the stress "
+            "that it reads there"
+        )
 
-class _PresetFile(msgspec.Struct, frozen=True):
+
+def _check(of: msgspec.Struct, *names: str) -> None:
+    """Raise unless each of these numbers that is given is within its limits."""
+    for name in names:
+        value, (low, high, unit) = getattr(of, name), LIMITS[name]
+        if value is not None and not low <= value <= high:
+            unit = f" {unit}" if unit else ""
+            raise ValueError(f"{name} must be from {low:g} to {high:g}{unit}, got {value:g}")
+
+
+class _PresetList(msgspec.Struct, frozen=True):
     preset: list[Preset]
 
 
 @cache
 def presets() -> dict[str, Preset]:
-    """Return the presets that ship with the trainer, by name, the default first.
-
-    Returns
-    -------
-    dict[str, Preset]
-        The presets.
-
-    Raises
-    ------
-    ValueError
-        If one of them has not exactly one kind of break.
-    """
-    found = msgspec.toml.decode(PRESETS.read_bytes(), type=_PresetFile).preset
-    for preset in found:
-        if (preset.break_force_N is None) == (preset.break_stress_MPa is None):
-            raise ValueError(
-                f"preset {preset.name} must have either break_force_N or break_stress_MPa"
-            )
+    """Return the presets that ship with the trainer, by name."""
+    found = msgspec.toml.decode(PRESETS.read_bytes(), type=_PresetList).preset
     return {preset.name: preset for preset in found}
 
 
 def preset_named(name: str) -> Preset:
-    """Return the preset of that name.
-
-    Parameters
-    ----------
-    name
-        One of `presets`.
-
-    Returns
-    -------
-    Preset
-        The preset.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
+    """Return the preset of that name; a `ValueError` says which there are."""
     if name not in presets():
         raise ValueError(f"unknown preset {name!r}; there are: {', '.join(presets())}")
     return presets()[name]

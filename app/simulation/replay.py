@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.preset import preset_named, presets
+from app.simulation.preset import preset_named
 from app.simulation.run_log import (
     OrganIdentity,
     RunFile,
@@ -89,14 +89,14 @@ class Replay:
                 f"this run was made on another organ, {_named(log.organ)}; "
                 f"this one is {_named(identity)}"
             )
-        if log.start.preset not in presets():
-            raise RunFileError(
-                f"the run's preset must be one of {', '.join(presets())}, got {log.start.preset!r}"
-            )
+        preset = log.start.preset
+        try:
+            if isinstance(preset, str):
+                preset = preset_named(preset)
+            self._session = Session(organ, preset, vertices=vertices, seed=log.seed)
+        except ValueError as error:
+            raise RunFileError(f"the run's preset: {error}") from None
         self.log = log
-        self._session = Session(
-            organ, preset_named(log.start.preset), vertices=vertices, seed=log.seed
-        )
         self._at = self._next = 0
         self._tore: bool | None = None
         self._restart()

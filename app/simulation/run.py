@@ -8,6 +8,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise
 from app.simulation.feedback import Feedback, feedback_visible
 from app.simulation.measures import Measures, MeasureTaker, Place
+from app.simulation.preset import Preset
 from app.simulation.run_log import (
     MOST_INPUTS,
     MOST_TICKS,
@@ -36,7 +37,7 @@ class StartingPoint:
     Attributes
     ----------
     preset
-        Name of the preset.
+        The preset.
     theory
         The theory.
     grasp
@@ -45,7 +46,7 @@ class StartingPoint:
         MPa.
     """
 
-    preset: str
+    preset: Preset
     theory: Theory
     grasp: float
     threshold: float
@@ -257,7 +258,10 @@ class Run:
             versions=versions(),
             organ=organ,
             start=RunStart(
-                start.preset, TheoryChoice.of(start.theory), start.grasp, start.threshold
+                start.preset.name if start.preset.ships else start.preset,
+                TheoryChoice.of(start.theory),
+                start.grasp,
+                start.threshold,
             ),
             seed=seed,
             tick_seconds=TICK_SECONDS,

@@ -13,6 +13,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise
 from app.simulation.feedback import Feedback
 from app.simulation.measures import Measures
+from app.simulation.preset import Preset
 from app.simulation.theory_choice import TheoryChoice
 from app.simulation.trial import Outcome
 from organ_geometry.organ import Organ
@@ -91,7 +92,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes
     ----------
     preset
-        Name of the preset.
+        Name of a preset that ships, or a preset of one's own in full.
     theory
         The theory.
     grasp_mm
@@ -100,7 +101,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Stress at which the duct tears, MPa.
     """
 
-    preset: str
+    preset: str | Preset
     theory: TheoryChoice
     grasp_mm: float
     threshold_MPa: float  # noqa: N815

@@ -10,7 +10,7 @@ from app.simulation.feedback import Feedback
 from app.simulation.ghost import Ghost
 from app.simulation.grasped_duct import GraspedDuct
 from app.simulation.model import Model
-from app.simulation.preset import Preset, preset_named, presets
+from app.simulation.preset import OrganBeam, Preset, preset_named, presets
 from app.simulation.session_hand import HandledSession
 from organ_geometry.organ import Organ
 from physics import Theory
@@ -25,14 +25,10 @@ class ChosenSession(HandledSession):
     """
 
     def presets_offered(self) -> list[Preset]:
-        """Return the presets that this organ can be clamped for.
-
-        Returns
-        -------
-        list[Preset]
-            The presets.
-        """
-        return [preset for preset in presets().values() if fits(self._organ, preset)]
+        """Return the presets that this organ can be clamped for, and one of one's own in use."""
+        shipped = [preset for preset in presets().values() if fits(self._organ, preset)]
+        own = self.dissection.preset
+        return shipped if own.ships else [*shipped, own]
 
     def exercises_offered(self) -> tuple[Exercise, ...]:
         """Return the exercises for this duct, with `task_grasp` and the present threshold.
@@ -47,13 +43,13 @@ class ChosenSession(HandledSession):
             duct = GraspedDuct(pulled.model, self.task_grasp, pulled.threshold_wanted)
         return exercises_for(duct)
 
-    def choose_preset(self, name: str) -> None:
+    def choose_preset(self, preset: Preset | str) -> None:
         """Start anew with another preset; a torn duct is reset first, by `reset`.
 
         Parameters
         ----------
-        name
-            Name of the preset.
+        preset
+            The preset, or the name of one that ships.
 
         Raises
         ------
@@ -61,14 +57,18 @@ class ChosenSession(HandledSession):
             If there is none of that name, the organ is too short for it, or the theory ends before
             its break; nothing changes.
         """
-        dissection = Dissection.of(self._organ, preset_named(name))
+        chosen = preset_named(preset) if isinstance(preset, str) else preset
+        dissection = Dissection.of(self._organ, chosen)
         model = Model.of(dissection, self.theory)
         with self._lock:
             if self._pulled.tear is None:
                 self._start(model)
 
     def prepare_organ(self, organ: Organ) -> Callable[[], None]:
-        """Prepare another organ, with this preset where the organ is long enough for it.
+        """Prepare another organ, solved by its own sections.
+
+        The material stays where this preset takes an organ's own sections as they are drawn; else
+        it is that of `default_preset`.
 
         Parameters
         ----------
@@ -88,7 +88,9 @@ class ChosenSession(HandledSession):
         """
         drawn = DrawnDuct(organ, self._vertices)
         preset = self.dissection.preset
-        dissection = Dissection.of(organ, preset if fits(organ, preset) else default_preset(organ))
+        if preset.beam != OrganBeam():  # a bar, or a wall and clamps of the organ before
+            preset = default_preset(organ)
+        dissection = Dissection.of(organ, preset)
         model = Model.of(dissection, self.theory)
 
         def start() -> None:

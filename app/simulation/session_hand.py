@@ -138,7 +138,7 @@ class HandledSession(SessionState):
         model, pulled = self._pulled.model, self._pulled
         self._run.start(
             StartingPoint(
-                model.dissection.preset.name,
+                model.dissection.preset,
                 model.theory,
                 pulled.grasp_wanted,
                 pulled.threshold_wanted,

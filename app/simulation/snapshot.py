@@ -95,7 +95,7 @@ class PulledOrgan:
         self._threshold = threshold
         self._stress = SurfaceStress(dissection, self.skin)
         driven = dissection.beam_stations
-        loaded = critical_stations(beam, grasp, STRESS_STATIONS, theory=theory)
+        loaded = critical_stations(beam, grasp, STRESS_STATIONS)
         self._stations = np.concatenate([driven, loaded])
         self._driven, self._loaded = slice(0, driven.size), slice(driven.size, None)
 

@@ -57,7 +57,7 @@ def order_on_screen(session: Session) -> Order:
     dissection, grasp, reading = session.dissection, session.grasp, session.reading()
     order = Order(
         dissection,
-        dissection.theory_for(session.theory),
+        session.theory,
         grasp,
         torn=reading.phase is not Phase.INTACT,
         threshold=session.threshold,

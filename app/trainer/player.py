@@ -352,7 +352,7 @@ def _captions(order: Order, motion: Motion, force: float) -> list[str]:
     """Return what the instruments show at each key."""
     dissection = order.dissection
     beam = dissection.beam
-    stations = critical_stations(beam, order.grasp, theory=order.theory)
+    stations = critical_stations(beam, order.grasp)
     pull = Pull(order.theory, beam, order.grasp)
     captions: list[str] = []
     for at in np.linspace(0.0, force, int(motion.whole.sum())).tolist():

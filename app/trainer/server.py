@@ -14,6 +14,7 @@ from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.compression.build_process import BuildProcess
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.preset import Preset
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
@@ -55,6 +56,8 @@ class Trainer:
     ----------
     organ
         The organ that every client trains on, each in a session of its own.
+    preset
+        The preset that they open on; `default_preset` when None.
     host
         Address to serve, loopback unless somebody wants otherwise.
     port
@@ -80,6 +83,7 @@ class Trainer:
     def __init__(
         self,
         organ: Organ,
+        preset: Preset | None = None,
         *,
         host: str = "127.0.0.1",
         port: int,
@@ -91,14 +95,14 @@ class Trainer:
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
-        self._kept = Sessions(lambda: Session(organ), most=most_clients)
+        self._kept = Sessions(lambda: Session(organ, preset), most=most_clients)
         self._background, self._builder = Background(), Background()
         self._build_process = BuildProcess()
         self._stopping = threading.Event()
         self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
-        warm_session(organ)
+        warm_session(organ, preset)
         self._server = _serve(host, port)
         # Where "reset view" leads; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)

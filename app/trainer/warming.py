@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 
-from app.simulation.preset import DEFAULT_PRESET, preset_named
+from app.simulation.preset import THESIS_PRESET, Preset, preset_named
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.bed_shadow import BANDS, lay_shadow
@@ -50,16 +50,18 @@ ICONS = (
 """Those of the panel: viser reads the list of some six thousand for each that it does not know."""
 
 
-def warm_session(organ: Organ) -> None:
+def warm_session(organ: Organ, preset: Preset | None = None) -> None:
     """Compile or load what a session and its drawing need by the theory that it starts with.
 
     Parameters
     ----------
     organ
         The organ that is trained on.
+    preset
+        The preset that it is opened with; `default_preset` when None.
     """
-    _warm_drawing(Session(organ))
-    session = Session(organ)
+    _warm_drawing(Session(organ, preset))
+    session = Session(organ, preset)
     session.choose_ghost(Cubic())
     session.show_chain(True)
     session.grab(session.grasp)
@@ -107,7 +109,7 @@ class Warming:
         stage_files(radius=self._radius, look=self._look, bite=BITE, tissue=TISSUE)
         for icon in ICONS:
             svg_from_icon(icon)
-        beam = preset_named(DEFAULT_PRESET).round_beam()
+        beam = preset_named(THESIS_PRESET).round_beam()
         middle = 0.5 * beam.span
         for theory in OFFERED_THEORIES.values():
             for grasp in (middle, 0.8 * middle):

@@ -20,6 +20,10 @@ from organ_geometry.coding.organ_file import read_organ
 
 KEYS = {
     "theory",
+    "preset",
+    "section",
+    "strength",
+    "threshold_MPa",
     "force_N",
     "deflection_mm",
     "normal_stress_MPa",
@@ -446,7 +450,7 @@ def test_organ_too_short_for_the_thesis_s_span_says_so(tmp_path: Path) -> None:
     line = refused(("export", organ, "-o", output, "--preset", "thesis-bile-duct"))
     assert "50.8 mm" in line
     done = run("export", organ, "-o", output, "--json")
-    assert json.loads(done.stdout)["preset"] == "porcine-bile-duct"
+    assert json.loads(done.stdout)["preset"] == "assumed-duct"
 
 
 # What other tools get; what is in the files is tested beside the exporters.

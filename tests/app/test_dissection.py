@@ -1,16 +1,17 @@
 """Dissections: which beam stands for an organ, and where it is clamped and pulled."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from simulated import phantom
 from tubes import LENGTH, RADIUS, tube
 
-from app.simulation.dissection import Dissection, default_preset, organ_beam
-from app.simulation.preset import preset_named, presets
+from app.simulation.dissection import Dissection, default_preset
+from app.simulation.preset import OrganBeam, Preset, RoundBeam, preset_named, presets
 from organ_geometry.organ import Organ
-from physics import Cubic, Exact, Fem
+from physics import Beam, Cubic, Exact, Fem, MassSpring, TautString, Theory, VaryingBeam
 
 
 def shortened(organ: Organ, factor: float) -> Organ:
@@ -51,19 +52,22 @@ def test_organ_preset_takes_the_weakest_section_of_the_organ() -> None:
 def test_exact_beam_solves_the_organ_s_own_sections_along_it() -> None:
     organ = tube(wall=1.0)
     dissection = Dissection.of(organ, preset_named("porcine-gallbladder"))
-    along = dissection.theory_for(Exact())
+    beam = dissection.beam
+    assert isinstance(beam, VaryingBeam)
+    assert beam.weakest is not None
     at = np.array([25.4])
-    weakest = Exact().under_force(dissection.beam, 25.4, 5.0, at).deflection
-    varying = along.under_force(dissection.beam, 25.4, 5.0, at)
+    weakest = Exact().under_force(beam.weakest, 25.4, 5.0, at).deflection
+    varying = Exact().under_force(beam, 25.4, 5.0, at)
     # The waist is the weakest section, the rest is up to a tenth wider: stiffer, by less than the
     # widest section alone would be.
     assert 0.6 * weakest < varying.deflection < 0.98 * weakest
     area = varying.normal_force[0] / varying.normal_stress[0]
-    assert area == pytest.approx(dissection.beam.area, rel=0.01)  # the waist is at 24 mm
+    assert area == pytest.approx(beam.area, rel=0.01)  # the waist is at 24 mm
     for theory in (Cubic(), Fem()):
-        assert dissection.theory_for(theory) is theory
+        one = theory.under_force(beam.weakest, 25.4, 5.0, at)
+        assert theory.under_force(beam, 25.4, 5.0, at).deflection == one.deflection
     thesis = Dissection.of(organ, preset_named("thesis-bile-duct"))
-    assert thesis.theory_for(Exact()) == Exact()
+    assert not isinstance(thesis.beam, VaryingBeam)
 
 
 def test_exact_beam_along_an_even_organ_is_that_of_its_section() -> None:
@@ -75,8 +79,11 @@ def test_exact_beam_along_an_even_organ_is_that_of_its_section() -> None:
     dissection = Dissection.of(even, preset_named("porcine-gallbladder"))
     at = np.array([10.0, 25.4])
     for exact in (Exact(), Exact(shear=True), Exact(shear=True, law="neo-hooke")):
-        along = dissection.theory_for(exact).under_force(dissection.beam, 20.0, 5.0, at)
-        constant = exact.under_force(dissection.beam, 20.0, 5.0, at)
+        beam = dissection.beam
+        assert isinstance(beam, VaryingBeam)
+        assert beam.weakest is not None
+        along = exact.under_force(beam, 20.0, 5.0, at)
+        constant = exact.under_force(beam.weakest, 20.0, 5.0, at)
         assert along.deflection == pytest.approx(constant.deflection, rel=1e-9)
         assert along.total_stress == pytest.approx(constant.total_stress, rel=1e-6)
 
@@ -93,12 +100,83 @@ def test_long_organ_is_clamped_in_its_middle_and_stays_at_rest_outside() -> None
     assert np.abs(transforms[~outside]).max(axis=(1, 2)).min() > 0.0
 
 
-def test_short_organ_is_refused_by_a_span_it_cannot_hold_and_gets_another_default() -> None:
+def test_only_the_shipped_duct_opens_on_the_thesis_s_bar() -> None:
+    assert default_preset(phantom()).name == "thesis-bile-duct"
+    other = replace(phantom(), encoded=b"")
+    for organ in (tube(), tube(wall=1.0), shortened(tube(wall=1.0), 2.0), other):
+        preset = default_preset(organ)
+        assert preset.name == "assumed-duct"
+        assert "assum" in preset.source.lower()
+        assert Dissection.of(organ, preset).own_sections
+
+
+def test_organ_of_one_s_own_has_its_own_span_and_is_clamped_at_its_ends() -> None:
+    organ = shortened(tube(wall=1.0), 2.0)
+    dissection = Dissection.of(organ, default_preset(organ))
+    assert dissection.clamps == (0.0, organ.length)
+    assert dissection.beam.span == pytest.approx(2.0 * LENGTH)
+    assert "the organ's own hollow sections" in dissection.section(Cubic())
+    assert "not the organ's own hollow sections" in Dissection.of(
+        organ, preset_named("thesis-bile-duct")
+    ).section(Cubic())
+
+
+@pytest.mark.parametrize(
+    "theory",
+    [Cubic(), TautString(), Exact(), Exact(shear=True, law="neo-hooke"), Fem(), MassSpring()],
+    ids=lambda theory: f"{theory.name}-{getattr(theory, 'law', '')}",
+)
+def test_hollow_organ_is_a_hollow_beam_in_every_theory(theory: Theory) -> None:
+    """An even tube with a 1 mm wall beside the closed form's ring, and beside the full bar."""
+    organ = tube(wall=1.0)
+    even = replace(organ, outer=organ.outer[[0, 0, 0]], lumen=np.asarray(organ.lumen)[[0, 0, 0]])
+    beam = Dissection.of(even, preset_named("assumed-duct")).beam
+    ring, full = (
+        Beam.round(span=beam.span, diameter=2.0 * RADIUS, modulus=beam.modulus, wall=wall)
+        for wall in (1.0, None)
+    )
+
+    def deflection(of: Beam) -> float:
+        return theory.under_force(of, 0.5 * of.span, 0.5, np.empty(0)).deflection
+
+    # Two degree-6 curves leave 0.5 % of a circle's area aside, a wall's is a difference of two.
+    assert deflection(beam) == pytest.approx(deflection(ring), rel=0.02)
+    assert deflection(beam) > 1.1 * deflection(full)
+
+
+def test_short_organ_is_refused_by_a_span_it_cannot_hold() -> None:
     organ = shortened(tube(wall=1.0), 0.5)
     with pytest.raises(ValueError, match=r"clamps 50\.8 mm of duct and this organ is 25\.4 mm"):
         Dissection.of(organ, preset_named("thesis-bile-duct"))
-    assert default_preset(organ).name == "porcine-bile-duct"
-    assert default_preset(tube()).name == "thesis-bile-duct"
+
+
+def own(beam: RoundBeam | OrganBeam) -> Preset:
+    return Preset("mine", beam, modulus_MPa=1.0, break_stress_MPa=0.5)
+
+
+def test_a_wall_that_is_typed_makes_a_full_organ_hollow() -> None:
+    full = tube()
+    typed = Dissection.of(full, own(OrganBeam(wall_mm=1.0))).beam
+    drawn = Dissection.of(tube(wall=1.0), own(OrganBeam())).beam
+    assert typed.area == pytest.approx(drawn.area, rel=0.02)
+    assert typed.second_moment == pytest.approx(drawn.second_moment, rel=0.02)
+    assert typed.fibre_distance == pytest.approx(drawn.fibre_distance, rel=1e-6)
+    with pytest.raises(ValueError, match=r"wall of 4\.2 mm is thicker than the organ"):
+        Dissection.of(full, own(OrganBeam(wall_mm=4.2)))
+
+
+def test_clamps_that_are_typed_are_where_the_organ_is_held() -> None:
+    organ = tube(wall=1.0)
+    held = Dissection.of(organ, own(OrganBeam(clamps_mm=(10.0, 40.0))))
+    assert held.clamps == (10.0, 40.0)
+    assert held.beam.span == 30.0
+    bar = Dissection.of(organ, own(RoundBeam(30.0, 8.0, wall_mm=1.0, first_clamp_mm=5.0)))
+    assert bar.clamps == (5.0, 35.0)
+    assert bar.beam.area == pytest.approx(math.pi * (16.0 - 9.0))
+    assert bar.beam.second_moment == pytest.approx(math.pi / 4.0 * (256.0 - 81.0))
+    for beam in (OrganBeam(clamps_mm=(10.0, 60.0)), RoundBeam(30.0, 8.0, first_clamp_mm=30.0)):
+        with pytest.raises(ValueError, match=r"second clamp at 60 mm and this organ is 50\.8"):
+            Dissection.of(organ, own(beam))
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.5])
@@ -124,12 +202,12 @@ def test_frame_is_right_handed_along_the_clamps_and_up_the_images(turn: float) -
         organ.outer,
         organ.lumen,
     )
-    frame = Dissection.of(turned, preset_named("porcine-bile-duct")).frame
+    dissection = Dissection.of(turned, preset_named("porcine-bile-duct"))
+    frame = dissection.frame
     assert frame.T @ frame == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(frame) == pytest.approx(1.0)
     assert frame[:, 0] == pytest.approx(rotation[:, 0], abs=1e-12)
     assert frame[:, 2] == pytest.approx(rotation[:, 2], abs=1e-12)
     # A turned organ is the same beam.
-    still = organ_beam(organ, preset_named("porcine-bile-duct"))
-    moved = organ_beam(turned, preset_named("porcine-bile-duct"))
-    assert moved.second_moment == pytest.approx(still.second_moment, rel=1e-9)
+    still = Dissection.of(organ, preset_named("porcine-bile-duct")).beam
+    assert dissection.beam.second_moment == pytest.approx(still.second_moment, rel=1e-9)

@@ -50,7 +50,7 @@ def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     pull(shown, 0.3 * shown.force_limit)
     order, reading = order_on_screen(shown), shown.reading()
     assert order.dissection is shown.dissection
-    assert order.theory.name == shown.dissection.theory_for(Exact()).name
+    assert order.theory.name == Exact().name
     assert order.force is not None
     beam = shown.dissection.beam
     pulled = order.theory.under_force(beam, shown.grasp, order.force, np.empty(0))

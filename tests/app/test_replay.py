@@ -391,7 +391,7 @@ BAD: dict[str, tuple[dict[str, object], str]] = {
     "theory": ({"log.inputs": [[0, "theory", 1.0]]}, "must name one"),
     "no theory": ({"log.inputs": [[0, "theory", {"name": "x"}]]}, "unknown theory 'x'"),
     "start": ({"log.start.theory": {"name": "string", "q": 1.0}}, "start: q belongs"),
-    "preset": ({"log.start.preset": "x"}, "preset must be one of"),
+    "preset": ({"log.start.preset": "x"}, "run's preset: unknown preset 'x'"),
     "grasp": ({"log.start.grasp_mm": 1000.0}, "out of this duct's range"),
     "exercise": (
         {"log.exercise": {"exercise": "approach-break", "margin": 1.0, "seconds": 1.0}},

@@ -74,7 +74,7 @@ def hidden(motion: Motion) -> set[int]:
 def rigged(preset: str = "thesis-bile-duct", exact: bool = False) -> Rigged:
     """The phantom, rigged."""
     dissection = Dissection.of(phantom(), preset_named(preset))
-    theory: Theory = dissection.theory_for(Exact() if exact else Cubic())
+    theory: Theory = Exact() if exact else Cubic()
     order = Order(dissection, theory, 0.4 * dissection.beam.span, frames=7, edge_length=EDGE_LENGTH)
     event = order.break_event
     assert event is not None
