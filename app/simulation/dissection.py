@@ -21,7 +21,7 @@ from organ_geometry.mesh.tear import TornPiece, torn_pieces
 from organ_geometry.organ import Organ, SectionProperties
 from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
 
-__all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
+__all__ = ["PIECES", "Dissection", "default_preset", "fits"]
 
 SECTIONS_ALONG = 64
 """Sections that stand for an organ along a varying beam."""
@@ -87,7 +87,7 @@ class Dissection:
         if isinstance(preset.beam, RoundBeam):
             beam = preset.round_beam()
         else:
-            beam = organ_beam(organ, preset, clamps, frame[:, 2])
+            beam = _organ_beam(organ, preset, clamps, frame[:, 2])
         driving = driving_points(
             organ, spacing=beam.span / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
         )
@@ -288,7 +288,7 @@ def _shipped() -> bytes:
     return BILE_DUCT.read_bytes()
 
 
-def organ_beam(
+def _organ_beam(
     organ: Organ, preset: Preset, clamps: tuple[float, float], pull: NDArray[np.float64]
 ) -> VaryingBeam:
     """Return the beam of an organ's own sections between two clamps.
