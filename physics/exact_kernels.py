@@ -28,6 +28,8 @@ derivatives, brings them up to date by one Newton step whenever the rotations ha
 that step leaves is condensed too: the whole converges as one Newton method.
 
 The whole chain is in one file because cached machine code does not notice a change in another.
+Numba compiles a function once more for each constant that it is called with: `int(...)` around
+one spares that, and loops are written out because assignments of whole arrays take it seconds.
 """
 
 import math
@@ -454,19 +456,20 @@ def _fill(state: State, law: int, grasp: int, rounds: int) -> None:
     half, count = 2 * grasp, points.shape[1]
     h, p1, p2 = line[H], line[P1], line[P2]
     if law == LINEAR:
-        fill_linear(points, 0, half, h, p1)
+        fill_linear(points, int(0), half, h, p1)
         fill_linear(points, half, count, h, p2)
         if line[ECCENTRIC] != 0.0:
-            points[KT : KP + 1] = 0.0
+            for i in range(count):
+                points[KT, i] = points[KH, i] = points[KP, i] = 0.0
     else:
         shrink, poisson = line[SHRINK], line[POISSON]
-        fill_strains(points, fibres, 0, half, h, p1, shrink, poisson)
+        fill_strains(points, fibres, int(0), half, h, p1, shrink, poisson)
         fill_strains(points, fibres, half, count, h, p2, shrink, poisson)
         fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
-        fill_neo_hooke(points, fibres, 0, half, h, p1, shrink, poisson)
+        fill_neo_hooke(points, fibres, int(0), half, h, p1, shrink, poisson)
         fill_neo_hooke(points, fibres, half, count, h, p2, shrink, poisson)
     if line[ECCENTRIC] != 0.0:
-        add_offsets(points, 0, half, h, p1)
+        add_offsets(points, int(0), half, h, p1)
         add_offsets(points, half, count, h, p2)
 
 
@@ -628,7 +631,7 @@ def _half_step(
     """One Newton step of the half of a mirror-symmetric beam; see `_whole_step`."""
     count = elements.shape[1]
     none = (0.0, 0.0, 0.0, 0.0, 0.0)
-    _, sums, negative = _down(nodes, elements, points, 0, count, none)
+    _, sums, negative = _down(nodes, elements, points, int(0), count, none)
     x_sum, y_sum, hh, hp, pp, _, _, _, hr, pr, _ = sums
     g_h = 0.5 - x_sum + hr
     if control == BY_FORCE:
@@ -647,7 +650,7 @@ def _half_step(
     line[P1] += dp
     line[FORCE] = 2.0 * line[P1]
     line[NEGATIVE] = negative - (1 if control == BY_FORCE else 2)
-    _, largest, size = _up(nodes, elements, 0, count, dh, dp, 0.0, 0.0)
+    _, largest, size = _up(nodes, elements, int(0), count, dh, dp, 0.0, 0.0)
     forces = max(abs(dh), abs(dp)) / (abs(line[H]) + abs(line[P1]) + FLOOR)
     return forces, _turn(largest, size)
 
@@ -674,7 +677,7 @@ def _whole_step(
     """
     count = elements.shape[1]
     none = (0.0, 0.0, 0.0, 0.0, 0.0)
-    carry, sums, negative = _down(nodes, elements, points, 0, grasp, none)
+    carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
     x1, y1, hh, h1, p11, _, _, _, hr, r1, _ = sums
     carry = (carry[0], carry[1], carry[2], 0.0, carry[3])
     _, sums, more = _down(nodes, elements, points, grasp, count, carry)
@@ -715,7 +718,7 @@ def _whole_step(
     line[FORCE] = line[P1] - line[P2]
     line[NEGATIVE] = negative - (2 if control == BY_FORCE else 3)
     beyond, largest, size = _up(nodes, elements, grasp, count, dh, d2, d1, 0.0)
-    _, largest1, size1 = _up(nodes, elements, 0, grasp, dh, d1, 0.0, beyond)
+    _, largest1, size1 = _up(nodes, elements, int(0), grasp, dh, d1, 0.0, beyond)
     forces = max(abs(dh), max(abs(d1), abs(d2)))
     forces /= abs(line[H]) + abs(line[P1]) + abs(line[P2]) + FLOOR
     return forces, _turn(max(largest, largest1), max(size, size1))
@@ -730,13 +733,11 @@ def _turn(largest: float, size: float) -> float:
 
 
 @njit(cache=True)
-def newton(
-    state: State, law: int, grasp: int, control: int, target: float, accuracy: float, most: int
-) -> int:
+def newton(state: State, law: int, grasp: int, control: int, target: float, accuracy: float) -> int:
     """Repeat Newton steps until the update is small; return the outcome."""
     nodes, elements, points, fibres, line = state
     rounds = 1 if accuracy == WARM else 4
-    for _ in range(most):
+    for _ in range(MOST_STEPS):
         _fill(state, law, grasp, rounds)
         if grasp == elements.shape[1]:
             forces, turns = _half_step(nodes, elements, points, line, grasp, control, target)
@@ -781,16 +782,21 @@ def _verdict(points: Array, fibres: Array, line: Array, law: int, grasp: int) ->
 def rest(state: State, law: int) -> None:
     """Put the beam at rest."""
     nodes, elements, points, fibres, line = state
-    nodes[ROTATION] = 0.0
-    elements[BUBBLE] = 0.0
-    line[: NEGATIVE + 1] = 0.0
+    for i in range(nodes.shape[1]):
+        nodes[ROTATION, i] = 0.0
+    for e in range(elements.shape[1]):
+        elements[BUBBLE, e] = 0.0
+    for entry in range(NEGATIVE + 1):
+        line[entry] = 0.0
     if law == NEO_HOOKE:
-        points[LAM:] = 0.0
-        points[LAM] = 1.0
         for i in range(points.shape[1]):
+            for row in range(LAM, NEO_HOOKE_ROWS):
+                points[row, i] = 0.0
+            points[LAM, i] = 1.0
             points[LAM_N, i] = 1.0 / points[AREA, i]
             points[GAM_Q, i] = 1.0 / (points[AREA, i] * (line[SHEAR_MODULUS] - points[DEFICIT, i]))
-        fibres[VOLUME] = 1.0
+        for i in range(fibres.shape[1]):
+            fibres[VOLUME, i] = 1.0
 
 
 @njit(cache=True)
@@ -807,6 +813,7 @@ def climb(state: State, law: int, grasp: int, control: int, target: float) -> in
         The outcome.
     """
     nodes, elements, points, fibres, line = state
+    kept = (nodes.copy(), elements.copy(), points.copy(), fibres.copy(), line.copy())
     rest(state, law)
     goal = abs(target)
     if goal == 0.0:
@@ -815,11 +822,11 @@ def climb(state: State, law: int, grasp: int, control: int, target: float) -> in
     first = FIRST_STEP * _shorter_part(elements, grasp)
     here, step = 0.0, first
     while here < FARTHEST:
-        kept = (nodes.copy(), elements.copy(), points.copy(), fibres.copy(), line.copy())
+        _copy(state, kept)
         there = here + step
         if control == BY_DEFLECTION and there > goal:
             there = goal
-        outcome = newton(state, law, grasp, BY_DEFLECTION, sign * there, TIGHT, MOST_STEPS)
+        outcome = newton(state, law, grasp, int(BY_DEFLECTION), sign * there, TIGHT)
         if outcome == FOUND:
             if control == BY_DEFLECTION and there == goal:
                 return FOUND
@@ -827,15 +834,33 @@ def climb(state: State, law: int, grasp: int, control: int, target: float) -> in
                 step = min(2.0 * step, 0.5 * there + first)
                 here = there
                 continue
-            outcome = newton(state, law, grasp, BY_FORCE, target, TIGHT, MOST_STEPS)
+            outcome = newton(state, law, grasp, int(BY_FORCE), target, TIGHT)
             met = sign * line[DEFLECTION]
             if outcome == FOUND and here * (1.0 - 1e-9) <= met <= there * (1.0 + 1e-9):
                 return FOUND
-        nodes[:], elements[:], points[:], fibres[:], line[:] = kept
+        _copy(kept, state)
         step *= 0.25
         if step < 1e-9 * (here + first):
             return outcome if outcome != FOUND else LOST
     return OUT_OF_REACH
+
+
+@njit(cache=True)
+def _copy(given: State, into: State) -> None:
+    """Write one state over another."""
+    _copy_rows(given[0], into[0])
+    _copy_rows(given[1], into[1])
+    _copy_rows(given[2], into[2])
+    _copy_rows(given[3], into[3])
+    for i in range(LINE_SIZE):
+        into[4][i] = given[4][i]
+
+
+@njit(cache=True)
+def _copy_rows(given: Array, into: Array) -> None:
+    for i in range(given.shape[0]):
+        for j in range(given.shape[1]):
+            into[i, j] = given[i, j]
 
 
 @njit(cache=True)
@@ -866,7 +891,7 @@ def solve(state: State, law: int, grasp: int, control: int, target: float) -> in
     here = force if control == BY_FORCE else deflection
     move = target - here
     if here != 0.0 and abs(move) <= LONGEST_MOVE * abs(here):
-        outcome = newton(state, law, grasp, control, target, WARM, MOST_STEPS)
+        outcome = newton(state, law, grasp, control, target, WARM)
         moved = line[DEFLECTION] - deflection if control == BY_FORCE else line[FORCE] - force
         scale = deflection if control == BY_FORCE else force
         if outcome == FOUND and moved * move >= -1e-9 * abs(scale * move):
@@ -997,7 +1022,7 @@ def sample(
     the grasp the part under the larger tension is taken.
     """
     nodes, elements, points, _, line = state
-    _fill(state, law, grasp, 4)
+    _fill(state, law, grasp, int(4))
     count = elements.shape[1]
     w = 0.5 * elements[LENGTH, 0]
     clamp = w * GAUSS * (points[T, 1] - points[T, 0]) + 0.5 * (
@@ -1031,7 +1056,7 @@ def sample(
                 theta, kappa = _bend(nodes, elements, e, part)
                 sin, cos = math.sin(theta), math.cos(theta)
                 n, q = h * cos + p * sin, p * cos - h * sin
-                lam, gam, _ = _strains(state, law, e, part, n, q, kappa, 0.0, False)
+                lam, gam, _ = _strains(state, law, e, part, n, q, kappa, 0.0, bool(False))
                 lam += _offset(points, e, part) * kappa
                 x += w * (lam * cos - gam * sin)
                 y += w * (lam * sin + gam * cos)
@@ -1043,7 +1068,7 @@ def sample(
         moment = clamp + h * y - p * x
         if e >= grasp:
             moment = at_grasp + h * (y - ys[grasp]) - p * (x - xs[grasp])
-        lam, gam, kappa = _strains(state, law, e, f, n, q, kappa, moment, True)
+        lam, gam, kappa = _strains(state, law, e, f, n, q, kappa, moment, bool(True))
         samples[ALONG, k], samples[ACROSS, k], samples[TURN, k] = x, y, theta
         samples[TENSION, k], samples[TRANSVERSE, k], samples[BENT, k] = n, q, moment
         samples[SAMPLE_LAM, k], samples[SAMPLE_GAM, k], samples[SAMPLE_KAPPA, k] = lam, gam, kappa
@@ -1053,7 +1078,7 @@ def sample(
 def strain_energy(state: State, law: int, grasp: int) -> float:
     """Return the strain energy, in E A S: that whose derivatives the equations are."""
     _, elements, points, fibres, line = state
-    _fill(state, law, grasp, 4)
+    _fill(state, law, grasp, int(4))
     energy = 0.0
     count = points.shape[1]
     for i in range(count):

@@ -390,7 +390,7 @@ def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
         (kernels.fibre, 1.3, 0.4, 1.1, 0.38, 0.15),
         (kernels.fibre_pull, 1.3, 0.4, 0.38, 0.15),
         (kernels.section_law, 1.2, 0.3, 2.0, 1.0, 0.1, 0.25, 0.04, 0.3, 0.3, five, five, five),
-        (kernels.newton, state, law, part, kernels.BY_FORCE, 0.11, kernels.TIGHT, 20),
+        (kernels.newton, state, law, part, kernels.BY_FORCE, 0.11, kernels.TIGHT),
         (kernels.climb, state, law, part, kernels.BY_DEFLECTION, 0.2),
         (kernels.solve, state, law, part, kernels.BY_DEFLECTION, 0.15),
         (kernels.rest, state, law),
