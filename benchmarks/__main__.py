@@ -149,10 +149,15 @@ def measure_trainer(console: Console) -> dict[str, float]:
         f"{figures[f'drawn_per_second_{clients}']:.1f} frames a second drawn and "
         f"{figures[f'frames_per_second_{clients}']:.1f} received, "
         f"{figures[f'longest_gap_ms_{clients}']:.0f} ms between two at most; "
-        f"{figures[f'processor_percent_{clients}']:.0f} % of one core"
+        f"{figures[f'processor_percent_{clients}']:.0f} % of one core, "
+        f"{figures[f'resident_mb_{clients}']:.0f} MB"
         for clients in CLIENTS
     ]
     lines.append(f"slider to vertices: {figures['answer_ms_95']:.0f} ms at the 95th percentile")
+    lines.append(
+        f"the machine meanwhile: a million additions in plain Python {figures['plain_loop_ms']:.0f} "
+        f"ms, a warm call of the exact beam {figures['exact_beam_us']:.1f} us"
+    )
     for line in lines:
         console.print(line, highlight=False)
     return figures

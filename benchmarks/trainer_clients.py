@@ -7,11 +7,14 @@ to each of its moves. The trainer runs as a process of its own, which counts its
 
 import asyncio
 import time
+import timeit
 
 import numpy as np
 
+from benchmarks.duct import DUCT
 from benchmarks.page_protocol import Page, connected, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
+from physics import Exact, Pull
 
 __all__ = ["CLIENTS", "client_figures", "pulling"]
 
@@ -87,6 +90,7 @@ async def _counted(served: Served, clients: int, seconds: float) -> dict[str, fl
         f"frames_per_second_{clients}": min(frames for frames, _ in came) / elapsed,
         f"longest_gap_ms_{clients}": 1e3 * max(gap for _, gap in came),
         f"processor_percent_{clients}": 100.0 * (after.processor_s - before.processor_s) / elapsed,
+        f"resident_mb_{clients}": after.resident_bytes / 1e6,
     }
 
 
@@ -110,6 +114,34 @@ async def answer_seconds(address: str, moves: int) -> list[float]:
         return seconds
 
 
+def machine_speed() -> dict[str, float]:
+    """Return how fast this machine is now, so that other figures can be held against it.
+
+    Returns
+    -------
+    dict[str, float]
+        `plain_loop_ms` of a million additions in plain Python, and `exact_beam_us` of a warm call
+        of the exact beam; the least of five rounds each.
+    """
+    pull = Pull(Exact(shear=True, law="neo-hooke"), DUCT, 0.5 * DUCT.span)
+    nowhere = np.empty(0)
+
+    def loop() -> None:
+        total = 0
+        for number in range(1_000_000):
+            total += number
+
+    def solves() -> None:
+        for load in range(1000):
+            pull.to_force(2.0 + 0.02 * (load % 2), nowhere)
+
+    solves()
+    return {
+        "plain_loop_ms": 1e3 * min(timeit.repeat(loop, number=1, repeat=5)),
+        "exact_beam_us": 1e3 * min(timeit.repeat(solves, number=1, repeat=5)),
+    }
+
+
 def client_figures() -> dict[str, float]:
     """Return what each number of clients gets, and the share of a core they take.
 
@@ -120,10 +152,11 @@ def client_figures() -> dict[str, float]:
         its ticks that came later than the next was due; `drawn_per_second_<n>` and
         `frames_per_second_<n>`, 1/s, of the client for whom the trainer drew and who received
         fewest, `longest_gap_ms_<n>`, ms between two frames of any client, and
-        `processor_percent_<n>`, % of one core; `answer_ms_95`, ms from a move of the slider to the
+        `processor_percent_<n>`, % of one core; `resident_mb_<n>`, the process's memory then, MB;
+        `plain_loop_ms` and `exact_beam_us`, how fast the machine was meanwhile; `answer_ms_95`, ms from a move of the slider to the
         duct's vertices, at the 95th percentile.
     """
-    figures: dict[str, float] = {}
+    figures = machine_speed()
     with served_trainer() as served:
         answers = asyncio.run(answer_seconds(served.address, LATENCY_MOVES))
         figures["answer_ms_95"] = 1e3 * float(np.percentile(answers, 95))
