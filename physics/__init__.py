@@ -3,7 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import BeyondLaw, Exact, ExactSolver
+from physics.exact import BeyondLaw, Exact, ExactSolver, Hold
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -43,6 +43,7 @@ __all__ = [
     "ExactSolver",
     "Fem",
     "FittedQ",
+    "Hold",
     "LigamentSection",
     "MassSpring",
     "MassSpringChain",

@@ -1,5 +1,6 @@
 """The geometrically exact beam: large rotations, true stretch, shear, two material laws."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
@@ -14,7 +15,7 @@ from physics.quantity import finite, stations_on
 from physics.section import Ring, lateral_constant
 from physics.varying_beam import VaryingBeam
 
-__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Law", "Reason"]
+__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Hold", "Law", "Reason"]
 
 Law = Literal["linear", "neo-hooke"]
 """`linear`: tension, shear and moment proportional to engineering strains and curvature.
@@ -37,11 +38,39 @@ REASONS: dict[int, tuple[Reason, str]] = {
     ),
 }
 
+NEAREST = 1e-3
+"""Distance of two grasps, in spans, below which they count as one."""
 LAYER = 3.0
 """End spacing of the mesh in radii of gyration, times the number of elements of a part.
 
 A taut beam bends in layers at its clamps and its grasp that are as long as its radius of gyration
 over the root of its strain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """What a grasper imposes where it holds the beam.
+
+    Attributes
+    ----------
+    kind
+        "force", the grasper's whole force, or "deflection", the place that it is led to.
+    amount
+        N or mm.
+    compliance
+        Of the grip, for a deflection, mm/N: the beam gives way to the force by as much. 0 is rigid.
+    """
+
+    kind: Literal["force", "deflection"]
+    amount: float
+    compliance: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite(self.amount, "amount of a hold", "N or mm")
+        if not 0.0 <= self.compliance < math.inf:
+            raise ValueError(f"compliance must be 0 mm/N or more, got {self.compliance:g} mm/N")
+        if self.kind == "force" and self.compliance:
+            raise ValueError("compliance belongs to a hold by deflection, not by force")
 
 
 class BeyondLaw(NoEquilibrium):
@@ -207,8 +236,15 @@ class ExactSolver:
         The beam.
     grasp
         Distance of the grasp from the first clamp, mm.
+    second
+        Distance of a second grasp, farther from that clamp, mm; none when None.
     shear, law, intervals
-        As for `Exact`.
+        As for `Exact`; a second grasp adds half of the intervals.
+
+    Raises
+    ------
+    ValueError
+        If a grasp is not between the clamps, or the second not beyond the first.
     """
 
     __slots__ = (
@@ -220,6 +256,7 @@ class ExactSolver:
         "_law",
         "_line",
         "_part",
+        "_second",
         "_span",
         "_state",
         "_theory",
@@ -229,6 +266,7 @@ class ExactSolver:
         self,
         beam: Beam,
         grasp: float,
+        second: float | None = None,
         *,
         shear: bool = False,
         law: Law = "linear",
@@ -238,23 +276,34 @@ class ExactSolver:
         self._beam = beam
         self._span = beam.span
         self._grasp = beam.grasped_at(grasp)[0]
-        self._half = _mirrored(beam, self._grasp)
+        self._second = None if second is None else beam.grasped_at(second)[0]
+        if self._second is not None and self._second - self._grasp < NEAREST * self._span:
+            raise ValueError(
+                f"the second grasp must be {NEAREST * self._span:g} mm or more beyond the first, "
+                f"at {self._grasp:g} mm, got {self._second:g} mm; two at one place are one"
+            )
+        self._half = self._second is None and _mirrored(beam, self._grasp)
         self._law = kernels.NEO_HOOKE if law == "neo-hooke" else kernels.LINEAR
         self._part = intervals // 2
         area, second_moment = _mean_section(beam)
         self._force_unit = beam.modulus * area
         gyration = math.sqrt(second_moment / area) / self._span
-        at = 0.5 if self._half else self._grasp / self._span
-        self._bounds = _bounds(self._part, at, gyration)
-        if not self._half:
-            second = 1.0 - _bounds(self._part, 1.0 - at, gyration)[-2::-1]
-            self._bounds = np.concatenate([self._bounds, second])
+        ends = [0.0, 0.5] if self._half else [0.0, self._grasp / self._span, 1.0]
+        if self._second is not None:
+            ends.insert(2, self._second / self._span)
+        self._bounds = np.zeros(1)
+        for first, last in itertools.pairwise(ends):
+            part = first + _bounds(self._part, last - first, gyration)
+            if last == 1.0:  # measured from its clamp, as the first part from its own
+                part = 1.0 - _bounds(self._part, last - first, gyration)[::-1]
+            self._bounds = np.concatenate([self._bounds, part[1:]])
         self._bounds = _at_steps(self._bounds, self._part, beam)
         count = self._bounds.size - 1
         nodes = np.zeros((kernels.NODE_ROWS, count + 1))
         elements = np.zeros((kernels.ELEMENT_ROWS, count))
         elements[kernels.LENGTH] = np.diff(self._bounds)
         self._line = np.zeros(kernels.LINE_SIZE)
+        self._line[kernels.SECOND] = count if self._second is None else 2 * self._part
         points, fibres = self._sections(area)
         self._state = (nodes, elements, points, fibres, self._line)
         self.rest()
@@ -356,11 +405,68 @@ class ExactSolver:
         BeyondLaw
             If the law cannot carry the deflection; the beam is then at rest.
         """
+        self._line[kernels.COMPLIANCE] = 0.0
         load = finite(deflection, "deflection", "mm") / self._span
         outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_DEFLECTION, load)
         if outcome != kernels.FOUND:
             raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
         return self.force
+
+    def hold(self, first: Hold, second: Hold | None = None) -> None:
+        """Find the equilibrium of a beam that is held at its grasps.
+
+        Parameters
+        ----------
+        first
+            At the first grasp.
+        second
+            At the second one, which a solver with one grasp has not.
+
+        Raises
+        ------
+        BeyondLaw
+            If the law cannot carry it; the beam is then at rest.
+        ValueError
+            If there are not as many holds as grasps.
+        """
+        if (second is None) != (self._second is None):
+            raise ValueError("give one hold for each grasp")
+        load, control = self._set(first, kernels.COMPLIANCE)
+        if second is None:
+            outcome = kernels.solve(self._state, self._law, self._part, control, load)
+            words = _words(first)
+        else:
+            line = self._line
+            line[kernels.TARGET_2], line[kernels.CONTROL_2] = self._set(
+                second, kernels.COMPLIANCE_2
+            )
+            outcome = kernels.solve_both(self._state, self._law, self._part, control, load)
+            words = f"{_words(first)} with a {_words(second)} at the second grasp"
+        if outcome != kernels.FOUND:
+            raise self._no_equilibrium(outcome, words)
+
+    def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
+        """Set the compliance of a grip; return what is prescribed and of which kind."""
+        self._line[compliance] = hold.compliance * self._force_unit / self._span
+        if hold.kind == "force":
+            return hold.amount / self._force_unit, kernels.BY_FORCE
+        return hold.amount / self._span, kernels.BY_DEFLECTION
+
+    @property
+    def second_force(self) -> float:
+        """The second grasper's whole force, N."""
+        return float(self._line[kernels.FORCE_2]) * self._force_unit
+
+    @property
+    def second_deflection(self) -> float:
+        """Displacement of the second grasp along the pull, mm."""
+        return float(self._line[kernels.DEFLECTION_2]) * self._span
+
+    @property
+    def strain_energy(self) -> float:
+        """Strain energy of the beam, N mm."""
+        energy = kernels.strain_energy(self._state, self._law, self._part)
+        return energy * self._force_unit * self._span * (2.0 if self._half else 1.0)
 
     def _no_equilibrium(self, outcome: int, load: str) -> BeyondLaw:
         reason, words = REASONS[outcome]
@@ -429,7 +535,6 @@ class ExactSolver:
         else:
             outer = self._outer_stress(samples, fibre_distances / self._span)
             bending_stress = np.maximum(outer - normal_stress, 0.0)
-        energy = kernels.strain_energy(self._state, self._law, self._part)
         return Equilibrium(
             theory=self._theory.name,
             grasp=self._grasp,
@@ -444,7 +549,7 @@ class ExactSolver:
             normal_stress=normal_stress,
             bending_stress=bending_stress,
             shear_force=-samples[kernels.TRANSVERSE] * side * self._force_unit,
-            strain_energy=energy * self._force_unit * self._span * (2.0 if self._half else 1.0),
+            strain_energy=self.strain_energy,
         )
 
     def _outer_stress(
@@ -464,6 +569,11 @@ class ExactSolver:
                 stretch, gam, float(line[kernels.SHEAR_MODULUS]), float(line[kernels.RATIO])
             )
         return stresses * self._beam.modulus
+
+
+def _words(hold: Hold) -> str:
+    unit = "N" if hold.kind == "force" else "mm"
+    return f"{hold.kind} of {hold.amount:g} {unit}"
 
 
 def _mirrored(beam: Beam, grasp: float) -> bool:
@@ -530,25 +640,25 @@ def _offsets_at(beam: Beam, at: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.interp(at, beam.stations, beam.offsets)
 
 
-def _at_steps(bounds: NDArray[np.float64], grasp: int, beam: Beam) -> NDArray[np.float64]:
+def _at_steps(bounds: NDArray[np.float64], count: int, beam: Beam) -> NDArray[np.float64]:
     """Return the bounds drawn so that one of them lies at each step of the sections."""
     # Across a step the curvature jumps, which an element's curve cannot follow. The bounds at the
-    # clamps and the grasp stay; a part with more steps than bounds is left as it is.
+    # clamps and the grasps, every `count`-th, stay; a part with more steps than bounds is left.
     if not isinstance(beam, VaryingBeam):
         return bounds
     steps = np.unique(beam.stations[1:][np.diff(beam.stations) == 0.0]) / beam.span
     anchors: list[int] = [0]
     places: list[float] = [0.0]
-    for first, last in ((0, grasp), (grasp, bounds.size - 1)):
+    for first in range(0, bounds.size - 1, count):
+        last = first + count
         inside = steps[(steps > bounds[first]) & (steps < bounds[last])]
         if inside.size < last - first:
             for k, step in enumerate(inside):
                 nearest = int(np.argmin(np.abs(bounds - step)))
                 anchors.append(min(max(nearest, anchors[-1] + 1), last - inside.size + k))
                 places.append(float(step))
-        if last > first:
-            anchors.append(last)
-            places.append(float(bounds[last]))
+        anchors.append(last)
+        places.append(float(bounds[last]))
     return np.interp(bounds, bounds[anchors], places)
 
 

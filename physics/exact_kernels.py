@@ -19,6 +19,9 @@ tridiagonal with a border of h and p. By Sylvester's law of inertia the pivots c
 which the energy can fall: an equilibrium is stable when there are as many negative pivots as
 unknown forces.
 
+A beam may be grasped at a second place: three parts, each with its p. A grip with compliance c, a
+spring between the beam and what leads it, has the term - c (pull)^2 / 2 in the forces.
+
 A section whose centroid lies off the axis by e, towards the pull, has the energy of the same
 section on the axis at the stretch lam - e kappa of its centroid: psi gets a term - e n kappa,
 whatever the law.
@@ -42,20 +45,21 @@ Array = NDArray[np.float64]
 State = tuple[Array, Array, Array, Array, Array]
 """Nodes, elements, points, fibres and line; their rows and entries are named below."""
 Five = tuple[float, float, float, float, float]
+Six = tuple[float, float, float, float, float, float]
 
 LINEAR, NEO_HOOKE = 0, 1
 """Material laws."""
 
 BY_FORCE, BY_DEFLECTION = 0, 1
-"""What is prescribed."""
+"""What is prescribed: the pull, or where its far end is, beyond the grip's compliance."""
 
 FOUND, LOST, UNSTABLE, GIVES_WAY, SQUEEZED, OUT_OF_REACH = 0, 1, 2, 3, 4, 5
 """Outcomes: an equilibrium; Newton's method lost the way; it would not stay; a section has no
 stiffness left; a fibre is squeezed to almost nothing; the force is not met within `FARTHEST`."""
 
 # Rows of `nodes`, a column per node: its rotation, then what the elimination needs to go back.
-ROTATION, PIVOT, OFF, DOWN_R, DOWN_H, DOWN_P, DOWN_Q = range(7)
-NODE_ROWS = 7
+ROTATION, PIVOT, OFF, DOWN_R, DOWN_H, DOWN_P, DOWN_Q, DOWN_S = range(8)
+NODE_ROWS = 8
 
 # Rows of `elements`: length, height of the bubble, and the bubble's row divided by its pivot.
 LENGTH, BUBBLE, BUBBLE_R, BUBBLE_A, BUBBLE_D, BUBBLE_H, BUBBLE_P = range(7)
@@ -78,12 +82,15 @@ NEO_HOOKE_ROWS = 34
 STRETCH, SHEAR, VOLUME, PULL, PULL_S, PULL_G, CROSS, CROSS_G = range(8)
 FIBRE_ROWS = 8
 
-# Entries of `line`: the unknown forces (of both parts across), load, negative pivots too many;
-# constants of the material; the last equilibrium before a failure; whether a centroid is off axis.
-H, P1, P2, FORCE, DEFLECTION, NEGATIVE = range(6)
-SHEAR_MODULUS, RATIO, SHRINK, POISSON, LAST_FORCE, LAST_DEFLECTION = range(6, 12)
-ECCENTRIC = 12
-LINE_SIZE = 13
+# Entries of `line`: the unknown forces (of the parts across), loads, negative pivots too many;
+# constants of the material; the last equilibrium before a failure; whether a centroid is off axis;
+# the compliance of the grips; the node of the second grasp (the last one when there is none), what
+# is prescribed there and how much; room for the equations of the forces.
+H, P1, P2, P3, FORCE, DEFLECTION, FORCE_2, DEFLECTION_2, NEGATIVE = range(9)
+SHEAR_MODULUS, RATIO, SHRINK, POISSON, LAST_FORCE, LAST_DEFLECTION = range(9, 15)
+ECCENTRIC, COMPLIANCE, COMPLIANCE_2, SECOND, CONTROL_2, TARGET_2 = range(15, 21)
+EQUATIONS = 21
+LINE_SIZE = EQUATIONS + 20
 
 GAUSS = 0.5 / math.sqrt(3.0)
 """Distance of a Gauss point from the middle of its element, in lengths of the element."""
@@ -453,44 +460,49 @@ def _fill(state: State, law: int, grasp: int, rounds: int) -> None:
         points[KAPPA, 2 * e] = (turn + SLOPE * bubble) * over
         points[KAPPA, 2 * e + 1] = (turn - SLOPE * bubble) * over
     fill_sines(points)
-    half, count = 2 * grasp, points.shape[1]
-    h, p1, p2 = line[H], line[P1], line[P2]
+    half, rest, count = 2 * grasp, 2 * int(line[SECOND]), points.shape[1]
+    h, p1, p2, p3 = line[H], line[P1], line[P2], line[P3]
     if law == LINEAR:
         fill_linear(points, int(0), half, h, p1)
-        fill_linear(points, half, count, h, p2)
+        fill_linear(points, half, rest, h, p2)
+        fill_linear(points, rest, count, h, p3)
         if line[ECCENTRIC] != 0.0:
             for i in range(count):
                 points[KT, i] = points[KH, i] = points[KP, i] = 0.0
     else:
         shrink, poisson = line[SHRINK], line[POISSON]
         fill_strains(points, fibres, int(0), half, h, p1, shrink, poisson)
-        fill_strains(points, fibres, half, count, h, p2, shrink, poisson)
+        fill_strains(points, fibres, half, rest, h, p2, shrink, poisson)
+        fill_strains(points, fibres, rest, count, h, p3, shrink, poisson)
         fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
         fill_neo_hooke(points, fibres, int(0), half, h, p1, shrink, poisson)
-        fill_neo_hooke(points, fibres, half, count, h, p2, shrink, poisson)
+        fill_neo_hooke(points, fibres, half, rest, h, p2, shrink, poisson)
+        fill_neo_hooke(points, fibres, rest, count, h, p3, shrink, poisson)
     if line[ECCENTRIC] != 0.0:
         add_offsets(points, int(0), half, h, p1)
-        add_offsets(points, half, count, h, p2)
+        add_offsets(points, half, rest, h, p2)
+        add_offsets(points, rest, count, h, p3)
 
 
 @njit(cache=True)
 def _down(
-    nodes: Array, elements: Array, points: Array, first: int, last: int, carry: Five
-) -> tuple[Five, tuple[float, ...], int]:
+    nodes: Array, elements: Array, points: Array, first: int, last: int, carry: Six
+) -> tuple[Six, tuple[float, ...], int]:
     """Sum the equations of a part's elements, eliminating its rotations on the way.
 
-    Columns: r residual, h, p the part's own force across, q that of the part before it. `carry`
-    is what the elements before have left in the row of the first node.
+    Columns: r residual, h, p the part's own force across, q that of the part before it, s that of
+    the one before that. `carry` is what the elements before have left in the row of the first node.
 
     Returns
     -------
-    tuple[Five, tuple[float, ...], int]
+    tuple[Six, tuple[float, ...], int]
         What is left for the row of the last node; the sums of x and y and those of the border, hh,
-        hp, pp, hq, pq, qq, hr, pr, qr; the number of negative pivots.
+        hp, pp, hq, pq, qq, hr, pr, qr, hs, ps, qs, ss, sr; the number of negative pivots.
     """
-    d0, r0, h0, p0, q0 = carry
+    d0, r0, h0, p0, q0, s0 = carry
     x_sum = y_sum = 0.0
     s_hh = s_hp = s_pp = s_hq = s_pq = s_qq = s_hr = s_pr = s_qr = 0.0
+    s_hs = s_ps = s_qs = s_ss = s_sr = 0.0
     negative = 0
     half_slope = 0.5 * SLOPE
     for e in range(first, last):
@@ -566,20 +578,28 @@ def _down(
             s_hr -= v_h * u_r
             s_pr -= v_p * u_r
             s_qr -= v_q * u_r
+            v_s = inverse * s0
+            s_hs -= v_h * s0
+            s_ps -= v_p * s0
+            s_qs -= v_q * s0
+            s_ss -= v_s * s0
+            s_sr -= v_s * u_r
         nodes[PIVOT, e] = inverse
         nodes[OFF, e] = off
         nodes[DOWN_R, e] = u_r
         nodes[DOWN_H, e] = u_h
         nodes[DOWN_P, e] = u_p
         nodes[DOWN_Q, e] = q0
+        nodes[DOWN_S, e] = s0
         factor = off * inverse
         d0 = aa + dd + ad - factor * off
         r0 = r_a + r_d - factor * u_r
         h0 = h_a + h_d - factor * u_h
         p0 = p_a + p_d - factor * u_p
         q0 *= -factor
-    carry = (d0, r0, h0, p0, q0)
-    return carry, (x_sum, y_sum, s_hh, s_hp, s_pp, s_hq, s_pq, s_qq, s_hr, s_pr, s_qr), negative
+        s0 *= -factor
+    sums = (x_sum, y_sum, s_hh, s_hp, s_pp, s_hq, s_pq, s_qq, s_hr, s_pr, s_qr)
+    return (d0, r0, h0, p0, q0, s0), (*sums, s_hs, s_ps, s_qs, s_ss, s_sr), negative
 
 
 @njit(cache=True)
@@ -591,6 +611,7 @@ def _up(
     dh: float,
     dp: float,
     dq: float,
+    ds: float,
     beyond: float,
 ) -> tuple[float, float, float]:
     """Go back through a part; return the first node's change, the largest change and rotation."""
@@ -601,6 +622,7 @@ def _up(
             + nodes[DOWN_H, e] * dh
             + nodes[DOWN_P, e] * dp
             + nodes[DOWN_Q, e] * dq
+            + nodes[DOWN_S, e] * ds
             + nodes[OFF, e] * beyond
         )
         elements[BUBBLE, e] -= (
@@ -630,9 +652,10 @@ def _half_step(
 ) -> tuple[float, float]:
     """One Newton step of the half of a mirror-symmetric beam; see `_whole_step`."""
     count = elements.shape[1]
-    none = (0.0, 0.0, 0.0, 0.0, 0.0)
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     _, sums, negative = _down(nodes, elements, points, int(0), count, none)
-    x_sum, y_sum, hh, hp, pp, _, _, _, hr, pr, _ = sums
+    x_sum, y_sum, hh, hp, pp, _, _, _, hr, pr = sums[:10]
+    give = 2.0 * line[COMPLIANCE]
     g_h = 0.5 - x_sum + hr
     if control == BY_FORCE:
         dp = 0.5 * target - line[P1]
@@ -640,17 +663,18 @@ def _half_step(
         negative += int(hh < 0.0)
         line[DEFLECTION] = y_sum - pr - hp * dh - pp * dp
     else:
-        g_p = target - y_sum + pr
+        g_p = target - give * line[P1] - y_sum + pr
+        pp -= give
         over = 1.0 / (hh * pp - hp * hp)
         dh = (g_p * hp - g_h * pp) * over
         dp = (g_h * hp - g_p * hh) * over
         negative += int(hh < 0.0) + int(over * hh < 0.0)
-        line[DEFLECTION] = target
+        line[DEFLECTION] = target - give * (line[P1] + dp)
     line[H] += dh
     line[P1] += dp
     line[FORCE] = 2.0 * line[P1]
     line[NEGATIVE] = negative - (1 if control == BY_FORCE else 2)
-    _, largest, size = _up(nodes, elements, int(0), count, dh, dp, 0.0, 0.0)
+    _, largest, size = _up(nodes, elements, int(0), count, dh, dp, 0.0, 0.0, 0.0)
     forces = max(abs(dh), abs(dp)) / (abs(line[H]) + abs(line[P1]) + FLOOR)
     return forces, _turn(largest, size)
 
@@ -676,12 +700,12 @@ def _whole_step(
         Relative sizes of the updates.
     """
     count = elements.shape[1]
-    none = (0.0, 0.0, 0.0, 0.0, 0.0)
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
-    x1, y1, hh, h1, p11, _, _, _, hr, r1, _ = sums
-    carry = (carry[0], carry[1], carry[2], 0.0, carry[3])
+    x1, y1, hh, h1, p11, _, _, _, hr, r1 = sums[:10]
+    carry = (carry[0], carry[1], carry[2], 0.0, carry[3], 0.0)
     _, sums, more = _down(nodes, elements, points, grasp, count, carry)
-    x2, y2, a_hh, h2, p22, a_h1, p12, a_11, a_hr, r2, a_r1 = sums
+    x2, y2, a_hh, h2, p22, a_h1, p12, a_11, a_hr, r2, a_r1 = sums[:11]
     negative += more
     hh, h1, p11 = hh + a_hh, h1 + a_h1, p11 + a_11
     g_h = 1.0 - x1 - x2 + hr + a_hr
@@ -699,8 +723,11 @@ def _whole_step(
         negative += int(hh < 0.0) + int(over * hh < 0.0)
         line[DEFLECTION] = -g_1 - h1 * dh - p11 * d1 - p12 * d2
     else:
-        g_1 += target
-        g_2 -= target
+        give = line[COMPLIANCE]
+        place = target - give * (line[P1] - line[P2])
+        g_1 += place
+        g_2 -= place
+        p11, p12, p22 = p11 - give, p12 + give, p22 - give
         # Elimination of h, then of the first p.
         l1, l2 = h1 / hh, h2 / hh
         a11, a12, a22 = p11 - l1 * h1, p12 - l1 * h2, p22 - l2 * h2
@@ -711,17 +738,123 @@ def _whole_step(
         d1 = -(g_1 + a12 * d2) / a11
         dh = -(g_h + h1 * d1 + h2 * d2) / hh
         negative += int(hh < 0.0) + int(a11 < 0.0) + int(b22 < 0.0)
-        line[DEFLECTION] = target
+        line[DEFLECTION] = place - give * (d1 - d2)
     line[H] += dh
     line[P1] += d1
     line[P2] += d2
     line[FORCE] = line[P1] - line[P2]
     line[NEGATIVE] = negative - (2 if control == BY_FORCE else 3)
-    beyond, largest, size = _up(nodes, elements, grasp, count, dh, d2, d1, 0.0)
-    _, largest1, size1 = _up(nodes, elements, int(0), grasp, dh, d1, 0.0, beyond)
+    beyond, largest, size = _up(nodes, elements, grasp, count, dh, d2, d1, 0.0, 0.0)
+    _, largest1, size1 = _up(nodes, elements, int(0), grasp, dh, d1, 0.0, 0.0, beyond)
     forces = max(abs(dh), max(abs(d1), abs(d2)))
     forces /= abs(line[H]) + abs(line[P1]) + abs(line[P2]) + FLOOR
     return forces, _turn(max(largest, largest1), max(size, size1))
+
+
+@njit(cache=True)
+def _three_part_step(
+    nodes: Array,
+    elements: Array,
+    points: Array,
+    line: Array,
+    grasp: int,
+    control: int,
+    target: float,
+) -> tuple[float, float]:
+    """One Newton step of a beam with two grasps; see `_whole_step`.
+
+    The unknown forces are h and three p. Where a pull is given, the row of the p before it is
+    added to that of the p after it; what is left is factored as L D L^T.
+
+    Returns
+    -------
+    tuple[float, float]
+        Relative sizes of the updates.
+    """
+    count, second = elements.shape[1], int(line[SECOND])
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
+    x1, y1, hh, h1, p11, _, _, _, hr, r1 = sums[:10]
+    carry = (carry[0], carry[1], carry[2], 0.0, carry[3], 0.0)
+    carry, sums, more = _down(nodes, elements, points, grasp, second, carry)
+    x2, y2, a_hh, h2, p22, a_h1, p12, a_11, a_hr, r2, a_r1 = sums[:11]
+    negative += more
+    hh, h1, p11, hr, r1 = hh + a_hh, h1 + a_h1, p11 + a_11, hr + a_hr, r1 + a_r1
+    carry = (carry[0], carry[1], carry[2], 0.0, carry[3], carry[4])
+    _, sums, more = _down(nodes, elements, points, second, count, carry)
+    x3, y3, a_hh, h3, p33, a_h2, p23, a_22, a_hr, r3, a_r2, a_h1, p13, a_12, a_11, a_r1 = sums
+    negative += more
+    hh, h1, h2, hr = hh + a_hh, h1 + a_h1, h2 + a_h2, hr + a_hr
+    p11, p12, p22, r1, r2 = p11 + a_11, p12 + a_12, p22 + a_22, r1 + a_r1, r2 + a_r2
+    g_1, g_2, g_3 = r1 - y1, r2 - y2, r3 - y3
+    pull_1, pull_2 = line[P1] - line[P2], line[P2] - line[P3]
+    give_1 = give_2 = place_1 = place_2 = 0.0
+    by_force_1, by_force_2 = control == BY_FORCE, line[CONTROL_2] == BY_FORCE
+    if not by_force_1:
+        give_1 = line[COMPLIANCE]
+        place_1 = target - give_1 * pull_1
+    if not by_force_2:
+        give_2 = line[COMPLIANCE_2]
+        place_2 = line[TARGET_2] - give_2 * pull_2
+    a = line[EQUATIONS : EQUATIONS + 20].reshape(4, 5)
+    a[0, 0], a[0, 1], a[0, 2], a[0, 3] = hh, h1, h2, h3
+    a[1, 1], a[1, 2], a[1, 3] = p11 - give_1, p12 + give_1, p13
+    a[2, 2], a[2, 3] = p22 - give_1 - give_2, p23 + give_2
+    a[3, 3] = p33 - give_2
+    for i in range(4):
+        for j in range(i):
+            a[i, j] = a[j, i]
+    a[0, 4] = 1.0 - x1 - x2 - x3 + hr
+    a[1, 4] = g_1 + place_1
+    a[2, 4] = g_2 - place_1 + place_2
+    a[3, 4] = g_3 - place_2
+    jump_1 = target - pull_1 if by_force_1 else 0.0
+    jump_2 = line[TARGET_2] - pull_2 if by_force_2 else 0.0
+    for k, given, jump in ((1, by_force_1, jump_1), (2, by_force_2, jump_2)):
+        if given:
+            for i in range(4):
+                a[i, 4] += a[i, k] * jump
+                a[i, k + 1] += a[i, k]
+            for j in range(5):
+                a[k + 1, j] += a[k, j]
+                a[k, j] = 0.0
+            for i in range(4):
+                a[i, k] = 0.0
+            a[k, k] = -1.0  # its change is found from that of the next one
+    for k in range(4):
+        negative += int(a[k, k] < 0.0)
+        for i in range(k + 1, 4):
+            factor = a[i, k] / a[k, k]
+            for j in range(k + 1, 5):
+                a[i, j] -= factor * a[k, j]
+    d3 = -a[3, 4] / a[3, 3]
+    # With a given pull the column of its p is empty, whatever its change.
+    d2 = -(a[2, 4] + a[2, 3] * d3) / a[2, 2]
+    if by_force_2:
+        d2 = d3 + jump_2
+    d1 = -(a[1, 4] + a[1, 2] * d2 + a[1, 3] * d3) / a[1, 1]
+    if by_force_1:
+        d1 = d2 + jump_1
+    dh = -(a[0, 4] + a[0, 1] * d1 + a[0, 2] * d2 + a[0, 3] * d3) / a[0, 0]
+    line[DEFLECTION] = place_1 - give_1 * (d1 - d2)
+    line[DEFLECTION_2] = place_2 - give_2 * (d2 - d3)
+    if by_force_1:
+        line[DEFLECTION] = -(g_1 + h1 * dh + p11 * d1 + p12 * d2 + p13 * d3)
+    if by_force_2:
+        line[DEFLECTION_2] = g_3 + h3 * dh + p13 * d1 + p23 * d2 + p33 * d3
+    line[H] += dh
+    line[P1] += d1
+    line[P2] += d2
+    line[P3] += d3
+    line[FORCE] = line[P1] - line[P2]
+    line[FORCE_2] = line[P2] - line[P3]
+    line[NEGATIVE] = negative - 4
+    beyond, largest, size = _up(nodes, elements, second, count, dh, d3, d2, d1, 0.0)
+    beyond, largest2, size2 = _up(nodes, elements, grasp, second, dh, d2, d1, 0.0, beyond)
+    _, largest1, size1 = _up(nodes, elements, int(0), grasp, dh, d1, 0.0, 0.0, beyond)
+    forces = max(max(abs(dh), abs(d1)), max(abs(d2), abs(d3)))
+    forces /= abs(line[H]) + abs(line[P1]) + abs(line[P2]) + abs(line[P3]) + FLOOR
+    return forces, _turn(max(max(largest, largest1), largest2), max(max(size, size1), size2))
 
 
 @njit(cache=True)
@@ -741,6 +874,8 @@ def newton(state: State, law: int, grasp: int, control: int, target: float, accu
         _fill(state, law, grasp, rounds)
         if grasp == elements.shape[1]:
             forces, turns = _half_step(nodes, elements, points, line, grasp, control, target)
+        elif line[SECOND] < elements.shape[1]:
+            forces, turns = _three_part_step(nodes, elements, points, line, grasp, control, target)
         else:
             forces, turns = _whole_step(nodes, elements, points, line, grasp, control, target)
         if not (forces + turns < 1e6):
@@ -767,6 +902,8 @@ def _verdict(points: Array, fibres: Array, line: Array, law: int, grasp: int) ->
     # centroid off the axis turns sections by itself.
     if law == NEO_HOOKE or points[SHEARING, 0] == 0.0 or line[ECCENTRIC] != 0.0:
         return FOUND
+    if line[SECOND] < points.shape[1] // 2:
+        return FOUND  # a second pull turns sections against the first
     h = line[H]
     sign = 1.0 if line[FORCE] >= 0.0 else -1.0
     for i in range(points.shape[1]):
@@ -835,7 +972,7 @@ def climb(state: State, law: int, grasp: int, control: int, target: float) -> in
                 here = there
                 continue
             outcome = newton(state, law, grasp, int(BY_FORCE), target, TIGHT)
-            met = sign * line[DEFLECTION]
+            met = sign * (line[DEFLECTION] + line[COMPLIANCE] * line[FORCE])
             if outcome == FOUND and here * (1.0 - 1e-9) <= met <= there * (1.0 + 1e-9):
                 return FOUND
         _copy(kept, state)
@@ -874,7 +1011,7 @@ def _shorter_part(elements: Array, grasp: int) -> float:
     return min(first, second) if second > 0.0 else first
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def solve(state: State, law: int, grasp: int, control: int, target: float) -> int:
     """Find the equilibrium at a force or deflection, from the last one if that is near.
 
@@ -887,12 +1024,15 @@ def solve(state: State, law: int, grasp: int, control: int, target: float) -> in
         The outcome.
     """
     line = state[4]
-    force, deflection = line[FORCE], line[DEFLECTION]
+    force = line[FORCE]
+    deflection = line[DEFLECTION] + line[COMPLIANCE] * force
     here = force if control == BY_FORCE else deflection
     move = target - here
     if here != 0.0 and abs(move) <= LONGEST_MOVE * abs(here):
         outcome = newton(state, law, grasp, control, target, WARM)
-        moved = line[DEFLECTION] - deflection if control == BY_FORCE else line[FORCE] - force
+        moved = line[FORCE] - force
+        if control == BY_FORCE:
+            moved = line[DEFLECTION] + line[COMPLIANCE] * line[FORCE] - deflection
         scale = deflection if control == BY_FORCE else force
         if outcome == FOUND and moved * move >= -1e-9 * abs(scale * move):
             return FOUND
@@ -901,6 +1041,45 @@ def solve(state: State, law: int, grasp: int, control: int, target: float) -> in
         line[LAST_FORCE], line[LAST_DEFLECTION] = line[FORCE], line[DEFLECTION]
         rest(state, law)
     return outcome
+
+
+@njit(cache=True, nogil=True)
+def solve_both(state: State, law: int, grasp: int, control: int, target: float) -> int:
+    """Find the equilibrium of a beam with two grasps, from the last one if that leads there.
+
+    From rest both loads grow together, in steps that shrink where they fail.
+
+    Returns
+    -------
+    int
+        The outcome.
+    """
+    nodes, elements, points, fibres, line = state
+    second = line[TARGET_2]
+    if line[H] != 0.0:
+        outcome = newton(state, law, grasp, control, target, WARM)
+        if outcome == FOUND:
+            return FOUND
+    kept = (nodes.copy(), elements.copy(), points.copy(), fibres.copy(), line.copy())
+    rest(state, law)
+    here, step = 0.0, 0.25
+    while here < 1.0:
+        _copy(state, kept)
+        there = min(here + step, 1.0)
+        line[TARGET_2] = there * second
+        outcome = newton(state, law, grasp, control, there * target, TIGHT)
+        if outcome == FOUND:
+            here, step = there, 2.0 * step
+            continue
+        _copy(kept, state)
+        step *= 0.25
+        if step < 1e-6:
+            line[LAST_FORCE], line[LAST_DEFLECTION] = line[FORCE], line[DEFLECTION]
+            rest(state, law)
+            line[TARGET_2] = second
+            return outcome
+    line[TARGET_2] = second
+    return FOUND
 
 
 # Rows of the samples: position, rotation, forces and moment, strains.
@@ -1011,6 +1190,14 @@ def _bend(nodes: Array, elements: Array, e: int, f: float) -> tuple[float, float
 
 
 @njit(cache=True)
+def _across(line: Array, grasp: int, e: int) -> float:
+    """Return the force across of the part that element e is of."""
+    if e < grasp:
+        return line[P1]
+    return line[P2] if e < line[SECOND] else line[P3]
+
+
+@njit(cache=True)
 def sample(
     state: State, law: int, grasp: int, bounds: Array, stations: Array, samples: Array
 ) -> None:
@@ -1034,18 +1221,22 @@ def sample(
         w = 0.5 * elements[LENGTH, e]
         xs[e + 1] = xs[e] + w * (points[X, 2 * e] + points[X, 2 * e + 1])
         ys[e + 1] = ys[e] + w * (points[Y, 2 * e] + points[Y, 2 * e + 1])
+    second = int(line[SECOND])
     at_grasp = clamp + line[H] * ys[grasp] - line[P1] * xs[grasp]
-    turn = nodes[ROTATION, grasp]
-    more = (line[P2] - line[P1]) * math.sin(turn) > 0.0
+    at_second = at_grasp + line[H] * (ys[second] - ys[grasp]) - line[P2] * (xs[second] - xs[grasp])
+    more = (line[P2] - line[P1]) * math.sin(nodes[ROTATION, grasp]) > 0.0
+    more_2 = (line[P3] - line[P2]) * math.sin(nodes[ROTATION, second]) > 0.0
     for k in range(stations.size):
         s = stations[k]
         e = 0
         while e < count - 1 and bounds[e + 1] <= s:
             e += 1
-        if e == grasp and s == bounds[grasp] and not more:
+        if (e == grasp and s == bounds[grasp] and not more) or (
+            e == second and s == bounds[second] and not more_2
+        ):
             e -= 1
         f = (s - bounds[e]) / (bounds[e + 1] - bounds[e])
-        h, p = line[H], line[P1] if e < grasp else line[P2]
+        h, p = line[H], _across(line, grasp, e)
         # From both ends of the element, so that a mirrored beam is sampled alike.
         x, y = 0.5 * (xs[e] + xs[e + 1]), 0.5 * (ys[e] + ys[e + 1])
         for from_start in (True, False):
@@ -1066,7 +1257,9 @@ def sample(
         sin, cos = math.sin(theta), math.cos(theta)
         n, q = h * cos + p * sin, p * cos - h * sin
         moment = clamp + h * y - p * x
-        if e >= grasp:
+        if e >= second:
+            moment = at_second + h * (y - ys[second]) - p * (x - xs[second])
+        elif e >= grasp:
             moment = at_grasp + h * (y - ys[grasp]) - p * (x - xs[grasp])
         lam, gam, kappa = _strains(state, law, e, f, n, q, kappa, moment, bool(True))
         samples[ALONG, k], samples[ACROSS, k], samples[TURN, k] = x, y, theta
@@ -1083,7 +1276,7 @@ def strain_energy(state: State, law: int, grasp: int) -> float:
     count = points.shape[1]
     for i in range(count):
         sin, cos = points[SIN, i], points[COS, i]
-        h, p = line[H], line[P1] if i < 2 * grasp else line[P2]
+        h, p = line[H], _across(line, grasp, i // 2)
         n, q = h * cos + p * sin, p * cos - h * sin
         if law == LINEAR:
             density = 0.5 * (
