@@ -155,8 +155,9 @@ def measure_trainer(console: Console) -> dict[str, float]:
     ]
     lines.append(f"slider to vertices: {figures['answer_ms_95']:.0f} ms at the 95th percentile")
     lines.append(
-        f"the machine meanwhile: a million additions in plain Python {figures['plain_loop_ms']:.0f} "
-        f"ms, a warm call of the exact beam {figures['exact_beam_us']:.1f} us"
+        f"the machine meanwhile: a million additions in plain Python "
+        f"{figures['plain_loop_ms']:.0f} ms, a warm call of the exact beam "
+        f"{figures['exact_beam_us']:.1f} us"
     )
     for line in lines:
         console.print(line, highlight=False)

@@ -153,8 +153,8 @@ def client_figures() -> dict[str, float]:
         `frames_per_second_<n>`, 1/s, of the client for whom the trainer drew and who received
         fewest, `longest_gap_ms_<n>`, ms between two frames of any client, and
         `processor_percent_<n>`, % of one core; `resident_mb_<n>`, the process's memory then, MB;
-        `plain_loop_ms` and `exact_beam_us`, how fast the machine was meanwhile; `answer_ms_95`, ms from a move of the slider to the
-        duct's vertices, at the 95th percentile.
+        `answer_ms_95`, ms from a move of the slider to the duct's vertices, at the 95th percentile;
+        and those of `machine_speed`.
     """
     figures = machine_speed()
     with served_trainer() as served:
