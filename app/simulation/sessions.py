@@ -58,23 +58,10 @@ class Sessions:
         with self._lock:
             return len(self._kept)
 
-    def waiting(self, token: str) -> bool:
-        """Return whether a session that was left waits under a token.
-
-        Parameters
-        ----------
-        token
-            A client's token from before.
-
-        Returns
-        -------
-        bool
-            Whether `claim` would return it.
-        """
+    def __contains__(self, token: str) -> bool:
         with self._lock:
             self._expire()
-            kept = self._kept.get(token)
-            return kept is not None and kept.left_at is not None
+            return token in self._kept
 
     def claim(self, token: str | None = None) -> tuple[str, Session]:
         """Return the session that a client left, or a new one.

@@ -97,6 +97,8 @@ class ClientView:
         """
         workplace = self.workplace
         workplace.take_organ()
+        if workplace.take_home():
+            self._scene.frame_camera()
         player = workplace.player
         if player is not None:
             changed = player.tick(self._clock.ticks(seconds))

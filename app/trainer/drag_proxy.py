@@ -4,7 +4,7 @@ Dragging needs something to pick. The duct itself is sent anew for every picture
 is a coarse tube that nobody sees, which follows it; another is inside the hook.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,8 @@ RINGS, SIDES = 25, 8
 SLACK = 1.0
 """How far the duct moves before the tube is sent after it, mm: less than anybody aims."""
 SHRUNK = 0.9
-"""The tube's radius by the duct's: inside it, the tube hides nothing, but can be picked."""
+"""The tube's radius by the duct's: inside it, the tube hides nothing, but can be picked. The page
+takes a press some pixels beside it too (`viser_bridge`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +49,42 @@ class Hold:
     def moved(self) -> NDArray[np.float64]:
         """(3,) from where it was grabbed to where the hand is, mm."""
         return self.place - self.start
+
+
+class _Tube:
+    """The coarse tube inside one surface of a duct, whole or torn."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, skin: Skin) -> None:
+        wall = Wall.of(skin)
+        rings = np.linspace(0, wall.rings - 1, min(RINGS, wall.rings)).round().astype(int)
+        self._ring_vertices = rings[:, None] * wall.sides + np.arange(wall.sides)
+        self._sides = np.arange(SIDES) * wall.sides // SIDES
+        self.stations = wall.stations[rings].mean(axis=1)
+        self.sent = self._places(skin.vertices)
+        faces = grid_faces(len(rings), SIDES, closed=True).astype(np.uint32)
+        self.mesh = scene.add_mesh_simple(name, self.sent, faces, **_UNSEEN)
+
+    def follow(self, vertices: NDArray[np.float32]) -> None:
+        places = self._places(vertices)
+        if np.abs(places - self.sent).max() > SLACK:
+            self.mesh.vertices = self.sent = places
+
+    def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the tube's vertices inside a deformed skin."""
+        rings = vertices[self._ring_vertices]
+        self.axis = rings.mean(axis=1)
+        shown = self.axis[:, None] + SHRUNK * (rings[:, self._sides] - self.axis[:, None])
+        return shown.reshape(-1, 3).astype(np.float32)
+
+    def hold(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
+        """Return the hold on the duct where the grip is: the station nearest to it."""
+        spans = np.diff(self.axis, axis=0)
+        along = np.sum((grip - self.axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
+        part = np.clip(along, 0.0, 1.0)
+        nearest = self.axis[:-1] + part[:, None] * spans
+        segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
+        before, after = self.stations[segment : segment + 2].tolist()
+        return Hold(before + float(part[segment]) * (after - before), grip, place)
 
 
 class DragProxy:
@@ -76,39 +113,32 @@ class DragProxy:
     ) -> None:
         self._client = client
         self._grabbed, self._moved, self._released = grabbed, moved, released
-        self._tube: viser.MeshHandle | None = None
+        self._tubes: list[_Tube] = []
         self._hook: viser.MeshHandle | None = None
         self._hold: Hold | None = None
         self._frame, self._origin = np.eye(3), np.zeros(3)
-        self._sent = np.zeros((0, 3), np.float32)
 
-    def set_duct(self, skin: Skin, frame: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
-        """Let a duct and the hook be dragged.
+    def set_duct(
+        self, skins: Sequence[Skin], frame: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> None:
+        """Let a duct be dragged.
 
         Parameters
         ----------
-        skin
-            The whole duct's skin.
+        skins
+            The whole duct's skin, or those of its pieces.
         frame
             (3, 3) orthonormal columns: along the duct, lateral, along the pull.
         origin
             (3,) the first clamp's place on the axis, mm.
         """
-        wall = Wall.of(skin)
-        rings = np.linspace(0, wall.rings - 1, min(RINGS, wall.rings)).round().astype(int)
-        self._ring_vertices = rings[:, None] * wall.sides + np.arange(wall.sides)
-        self._sides = np.arange(SIDES) * wall.sides // SIDES
-        self._stations = wall.stations[rings].mean(axis=1)
         self._frame, self._origin = frame, origin
-        self._remove_tube()
-        self._sent = self._places(skin.vertices)
-        self._tube = self._client.scene.add_mesh_simple(
-            "/organ/grip",
-            self._sent,
-            grid_faces(len(rings), SIDES, closed=True).astype(np.uint32),
-            **_UNSEEN,
-        )
-        self._listen(self._tube, self._grab_duct)
+        self._remove_tubes()
+        for number, skin in enumerate(skins):
+            name = f"/organ/grip_{number}" if number else "/organ/grip"
+            tube = _Tube(self._client.scene, name, skin)
+            self._tubes.append(tube)
+            self._listen(tube.mesh, tube.hold)
 
     def set_hook(self, radius: float) -> None:
         """Let the hook be dragged.
@@ -127,22 +157,20 @@ class DragProxy:
         )
         self._listen(self._hook, self._grab_hook)
 
-    def follow(self, vertices: NDArray[np.float32]) -> None:
-        """Move the tube with the duct.
+    def follow(self, surfaces: Sequence[NDArray[np.float32]]) -> None:
+        """Move the tubes with the duct.
 
         Parameters
         ----------
-        vertices
-            (V, 3) the deformed skin's, mm.
+        surfaces
+            (V, 3) vertices of each deformed skin, mm.
         """
-        if self._tube is not None:
-            places = self._places(vertices)
-            if np.abs(places - self._sent).max() > SLACK:
-                self._tube.vertices = self._sent = places
+        for tube, vertices in zip(self._tubes, surfaces, strict=True):
+            tube.follow(vertices)
 
     def let_go(self) -> None:
-        """Let nothing be dragged, as when the duct is torn."""
-        self._remove_tube()
+        """Let nothing be dragged, until something is set again."""
+        self._remove_tubes()
         if self._hook is not None:
             self._hook.remove()
             self._hook = None
@@ -150,17 +178,10 @@ class DragProxy:
             self._hold = None
             self._released()
 
-    def _remove_tube(self) -> None:
-        if self._tube is not None:
-            self._tube.remove()
-            self._tube = None
-
-    def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the tube's vertices inside a deformed skin."""
-        rings = vertices[self._ring_vertices]
-        self._axis = rings.mean(axis=1)
-        shown = self._axis[:, None] + SHRUNK * (rings[:, self._sides] - self._axis[:, None])
-        return shown.reshape(-1, 3).astype(np.float32)
+    def _remove_tubes(self) -> None:
+        for tube in self._tubes:
+            tube.mesh.remove()
+        self._tubes = []
 
     def _listen(
         self,
@@ -185,16 +206,6 @@ class DragProxy:
                     self._released()
                 else:
                     self._moved(self._hold)
-
-    def _grab_duct(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
-        """Return the hold on the duct where the grip is: the station nearest to it."""
-        spans = np.diff(self._axis, axis=0)
-        along = np.sum((grip - self._axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
-        part = np.clip(along, 0.0, 1.0)
-        nearest = self._axis[:-1] + part[:, None] * spans
-        segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
-        before, after = self._stations[segment : segment + 2].tolist()
-        return Hold(before + float(part[segment]) * (after - before), grip, place)
 
     def _grab_hook(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
         return Hold(None, grip, place)

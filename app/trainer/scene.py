@@ -128,8 +128,8 @@ class Scene:
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
             stage.cast_shadow(self._axis())
-            if self._hand is not None and len(self._drawn) == 1:
-                self._hand.follow(self._drawn[0].contact.vertices)
+            if self._hand is not None:
+                self._hand.follow([drawn.contact.vertices for drawn in self._drawn])
             if self._heat_wanted and stress is not None:
                 self._show_heat(stress)
             else:
@@ -184,15 +184,14 @@ class Scene:
         self._offer_hand()
 
     def _offer_hand(self) -> None:
-        """Let the whole duct be held, and a torn one not."""
+        """Let the duct be held as it is drawn now, whole or in pieces."""
         hand, dissection = self._hand, self._session.dissection
         if hand is None:
             return
         hand.let_go()
-        if len(self._drawn) == 1:
-            hand.set_duct(self._drawn[0].surface.skin, dissection.frame, self._first)
-            hand.set_hook(dissection.organ.mean_radius)
-            hand.follow(self._drawn[0].contact.vertices)
+        hand.set_duct([drawn.surface.skin for drawn in self._drawn], dissection.frame, self._first)
+        hand.set_hook(dissection.organ.mean_radius)
+        hand.follow([drawn.contact.vertices for drawn in self._drawn])
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""

@@ -8,9 +8,7 @@ import threading
 import time
 import warnings
 
-import msgspec
 import viser
-from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 from app.compression.build_process import BuildProcess
 from app.simulation.clock import TICK_SECONDS
@@ -21,10 +19,16 @@ from app.trainer.background import Background
 from app.trainer.client_view import ClientView
 from app.trainer.metronome import Metronome
 from app.trainer.panel.help import SEEN, show_first_minute
-from app.trainer.silent_sockets import close_silent
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import Look
 from app.trainer.turns import Turns
+from app.trainer.viser_bridge import (
+    close_silent,
+    kept_by_tab,
+    prepare_page,
+    refuse_tunnels,
+    tab_keeps,
+)
 from app.trainer.warming import Warming, warm_session
 from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
@@ -36,11 +40,12 @@ LONGEST_TICK = 0.1
 
 EXPIRY_SECONDS = 10.0
 """How often sessions that were left are looked through."""
-TOKENS = "sessions"
-"""Under which a browser keeps the tokens of its tabs' sessions."""
-MOST_TOKENS = 6
 STORAGE_SECONDS = 1.0
 """How long a browser may take to say what it keeps."""
+LOST = (
+    "The one that this page had is gone: the trainer was started anew, or the page was away for "
+    "more than ten minutes."
+)
 
 log = logging.getLogger(__name__)
 
@@ -160,15 +165,18 @@ class Trainer:
         number = client.client_id
         try:
             with explained(client, "Preparing your duct."):
-                stored = _stored_tokens(client)
-                back = next((each for each in stored if self._kept.waiting(each)), None)
-                token, session = self._kept.claim(back)
-                _store_tokens(client, stored, token)
+                prepare_page(client)
+                before = kept_by_tab(client)
+                lost = before is not None and before not in self._kept
+                token, session = self._kept.claim(before)
+                tab_keeps(client, token)
                 view = ClientView(
                     client, session, self._look, self._background, self._builder,
                     self._build_process,
                 )  # fmt: skip
-                if back is None and not _seen(client):
+                if lost:
+                    client.add_notification("A new duct", LOST, color="yellow")
+                elif token != before and not _seen(client):
                     show_first_minute(client)
         except SessionsFullError as full:
             client.add_notification("No free place", f"{full}.", color="yellow")
@@ -221,21 +229,13 @@ class Trainer:
             if (now := time.monotonic()) > expiry:
                 expiry = now + EXPIRY_SECONDS
                 self._kept.expire()
-                self._silent = close_silent(self._server, self._silent)
+                self._close_silent()
 
-
-def _stored_tokens(client: viser.ClientHandle) -> list[str]:
-    """Return the tokens that a browser keeps, newest first; none from one that keeps nothing."""
-    try:
-        kept = client.local_storage.get_item(TOKENS, STORAGE_SECONDS)
-        return [] if kept is None else msgspec.json.decode(kept, type=list[str])
-    except (RuntimeError, TimeoutError, msgspec.MsgspecError):
-        return []
-
-
-def _store_tokens(client: viser.ClientHandle, stored: list[str], token: str) -> None:
-    tokens = [token, *(each for each in stored if each != token)]
-    client.local_storage.set_item(TOKENS, msgspec.json.encode(tokens[:MOST_TOKENS]).decode())
+    def _close_silent(self) -> None:
+        try:
+            self._silent = close_silent(self._server, self._silent)
+        except Exception:  # of viser's: the sessions go on
+            log.exception("connections that are no pages could not be looked through")
 
 
 def _seen(client: viser.ClientHandle) -> bool:
@@ -263,9 +263,7 @@ def _serve(host: str, port: int) -> viser.ViserServer:
     # viser prints an address of its own, whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
-    # Any client could ask viser for a public tunnel to this server.
-    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        server._websock_server.unregister_handler(message)  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
+    refuse_tunnels(server)
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")

@@ -10,7 +10,6 @@ import threading
 
 import numpy as np
 import viser
-from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 
 from app.simulation.preset import THESIS_PRESET, Preset, preset_named
 from app.simulation.session import Session
@@ -26,6 +25,7 @@ from app.trainer.stage.tissue_bed import bed_surface
 from app.trainer.stage.underlay import sink_wall
 from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
+from app.trainer.viser_bridge import read_icons
 from organ_geometry.organ import Organ
 from physics import Cubic
 
@@ -47,7 +47,7 @@ ICONS = (
     viser.Icon.UPLOAD,
     viser.Icon.X,
 )
-"""Those of the panel: viser reads the list of some six thousand for each that it does not know."""
+"""Those of the panel."""
 
 
 def warm_session(organ: Organ, preset: Preset | None = None) -> None:
@@ -107,8 +107,7 @@ class Warming:
 
     def _run(self) -> None:
         stage_files(radius=self._radius, look=self._look, bite=BITE, tissue=TISSUE)
-        for icon in ICONS:
-            svg_from_icon(icon)
+        read_icons(ICONS)
         beam = preset_named(THESIS_PRESET).round_beam()
         middle = 0.5 * beam.span
         for theory in OFFERED_THEORIES.values():

@@ -72,6 +72,8 @@ class Workplace:
         self._held_from: float | None = None
         self._other_organ: Callable[[], None] | None = None
         self._changed = True
+        self._home = False
+        self._refusal: viser.NotificationHandle | None = None
         self.keep_run()
 
     @property
@@ -145,10 +147,20 @@ class Workplace:
         with suppress(ValueError):  # nothing was pulled
             self.last_run = self.session.run_file()
 
+    def bring_home(self) -> None:
+        """Let the camera show the whole duct again."""
+        self._home = True
+
+    def take_home(self) -> bool:
+        """Return whether the camera is to be brought home since this was last asked."""
+        wanted, self._home = self._home, False
+        return wanted
+
     def reset(self) -> None:
-        """Make the duct whole; the next pull starts a run."""
+        """Make the duct whole and bring the view home; the next pull starts a run."""
         self._renew()
         self.pulls += 1
+        self.bring_home()
 
     def practise_on(self, organ: Organ) -> None:
         """Start anew on another organ, with the next `take_organ`.
@@ -241,8 +253,11 @@ class Workplace:
         """
         if self._player is not None:
             return
-        self._begin_anew(True)
         session = self.session
+        if session.reading().phase is not Phase.INTACT:
+            self.refuse("A torn duct holds no pull. Press Reset (R) for a new one.")
+            return
+        self._begin_anew(True)
         first = session.dissection.clamps[0]
         station = session.grasp if hold.station is None else hold.station - first
         self._held_from = session.grab(station)
@@ -304,7 +319,11 @@ class Workplace:
         reason
             One or two sentences.
         """
-        self.client.add_notification("Not possible", reason, color="yellow", auto_close_seconds=8.0)
+        if self._refusal is not None:
+            self._refusal.remove()
+        self._refusal = self.client.add_notification(
+            "Not possible", reason, color="yellow", auto_close_seconds=8.0
+        )
 
     @contextmanager
     def preparing(self, what: str) -> Generator[None]:

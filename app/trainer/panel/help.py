@@ -4,15 +4,18 @@ from typing import Literal
 
 import viser
 
-from app.trainer.panel.controls import on_click
+from app.trainer.panel.controls import on_click, on_input
+from app.trainer.panel.dialog import Dialog
+from app.trainer.viser_bridge import letter_keys_on, set_letter_keys
 
 __all__ = ["HELP", "HOTKEYS", "SEEN", "show_first_minute", "show_help"]
 
-HOTKEYS: tuple[tuple[Literal["R", "T", "P", "H"], str, str], ...] = (
-    ("R", "Reset", "a new, whole duct"),
+HOTKEYS: tuple[tuple[Literal["R", "T", "P", "H", "V"], str, str], ...] = (
+    ("R", "Reset", "a new, whole duct, and the view home"),
     ("T", "Ramp to tear", "an even pull until the duct tears"),
     ("P", "Pause or go on", "time stands still"),
     ("H", "Heat map", "stress on the surface, on or off"),
+    ("V", "View home", "the camera back to where it shows the whole duct"),
 )
 """Key, command and what it does."""
 
@@ -40,7 +43,8 @@ mouse on them, or click.
 
 """
     + "\n".join(f"- **{key}** {name}: {what}" for key, name, what in HOTKEYS)
-    + "\n- **Ctrl+K** all commands\n"
+    + "\n- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; elsewhere "
+    "they turn the view\n- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
 )
 
 
@@ -53,16 +57,15 @@ def show_first_minute(client: viser.ClientHandle) -> None:
         The client.
     """
     gui = client.gui
-    modal = gui.add_modal("Blunt-dissection trainer")
-    with modal:
+    dialog = Dialog(
+        gui,
+        "Blunt-dissection trainer",
+        closed=lambda: client.local_storage.set_item(SEEN, "1"),
+    )
+    with dialog:
         gui.add_html(_FIRST_MINUTE)
         start = gui.add_button("Start", icon=viser.Icon.HAND_MOVE)
-
-    def close() -> None:
-        modal.close()
-        client.local_storage.set_item(SEEN, "1")
-
-    on_click(start, close)
+    on_click(start, dialog.close)
 
 
 SEEN = "first-minute"
@@ -78,9 +81,13 @@ def show_help(client: viser.ClientHandle) -> None:
         The client.
     """
     gui = client.gui
-    modal = gui.add_modal("Help")
-    with modal:
+    with Dialog(gui, "Help"):
         gui.add_html(_FIRST_MINUTE)
         gui.add_markdown(HELP)
-        close = gui.add_button("Close", icon=viser.Icon.X, color="gray")
-    on_click(close, modal.close)
+        letters = gui.add_checkbox(
+            "Letter keys",
+            initial_value=letter_keys_on(client),
+            hint="Whether single letters are keys; off where they get in the way of a voice, a "
+            "screen reader or a trembling hand",
+        )
+    on_input(letters, lambda value: set_letter_keys(client, value is True))

@@ -13,12 +13,11 @@ from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
-from app.trainer.panel.number_fields import keep_number_fields
-from app.trainer.panel.page_style import page_style_html
-from app.trainer.panel.readout import hidden_readout_html, readout_html
+from app.trainer.panel.readout import hidden_readout_html, readout_html, zone, zone_told
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
 from app.trainer.panel.train_tab import TrainTab
+from app.trainer.viser_bridge import announce, offer_home
 from app.trainer.workplace import Workplace
 
 __all__ = ["DISCLAIMER", "Panel"]
@@ -40,6 +39,7 @@ class Panel:
 
     def __init__(self, workplace: Workplace) -> None:
         self._workplace = workplace
+        self._said = ""
         gui = self._gui = workplace.client.gui
         gui.configure_theme(
             titlebar_content=theme.TitlebarConfig(
@@ -57,12 +57,11 @@ class Panel:
             brand_color=BRAND,
         )
         gui.set_panel_label("Controls")
-        keep_number_fields(gui)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         self._readout = gui.add_html("")
         gui.add_html(
-            f"{page_style_html()}<div data-testid='disclaimer' style='padding:0 14px 6px;"
+            "<div data-testid='disclaimer' style='padding:0 14px 6px;"
             f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
         )
         self._legend = HeatLegend(gui)
@@ -106,6 +105,7 @@ class Panel:
             content = hidden_readout_html(reading.phase)
         if self._readout.content != content:
             self._readout.content = content
+        self._announce(reading)
         self._legend.show(
             workplace.heat and visible,
             workplace.shown.stress_range[1],
@@ -116,6 +116,21 @@ class Panel:
         self._compare.show(reading)
         self._replay.show()
         self._model.show(reading)
+
+    def _announce(self, reading: Reading) -> None:
+        """Let a screen reader say what has become of the duct, and none of its figures."""
+        workplace = self._workplace
+        run = workplace.session.run
+        words = [
+            "Replay" if workplace.player is not None else "",
+            "Paused" if workplace.paused else "",
+            ("Exercise" if run.started else "Exercise ready") if workplace.in_exercise else "",
+            zone(reading) if workplace.figures_visible else zone_told(reading.phase),
+        ]
+        said = ", ".join(word for word in words if word)
+        if said != self._said:
+            self._said = said
+            announce(workplace.client, said)
 
     def close(self) -> None:
         """Remove what the client has sent: it has gone."""
@@ -146,14 +161,18 @@ class Panel:
             "T": workplace.ramp_to_tear,
             "P": lambda: workplace.set_paused(not workplace.paused),
             "H": lambda: workplace.show(heat=not workplace.heat),
+            "V": workplace.bring_home,
         }
         for key, name, what in HOTKEYS:
             command = self._gui.add_command(name, description=what, hotkey=key)
 
             @command.on_trigger
             async def _(_: object, action=actions[key]) -> None:  # pyright: ignore
-                if workplace.player is None or action == actions["H"]:
+                if workplace.player is None or action in (actions["H"], actions["V"]):
                     action()
+
+            if key == "V":
+                offer_home(workplace.client, command, f"{name} ({key})", what)
 
 
 _LOGO = (

@@ -3,7 +3,7 @@
 from app.simulation.reading import Phase, Reading
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = ["hidden_readout_html", "readout_html", "zone"]
+__all__ = ["hidden_readout_html", "readout_html", "zone", "zone_told"]
 
 CAREFUL_BELOW = 0.40
 STOP_BELOW = 0.15
@@ -45,6 +45,11 @@ def zone(reading: Reading) -> str:
         return TEARING
     distance = reading.check.distance_to_break
     return STOP if distance < STOP_BELOW else CAREFUL if distance < CAREFUL_BELOW else SAFE
+
+
+def zone_told(phase: Phase) -> str:
+    """Return the word for what a duct goes through whose figures are hidden: none while whole."""
+    return {Phase.TEARING: TEARING, Phase.TORN: TORN}.get(phase, "")
 
 
 def readout_html(reading: Reading, state: str = "") -> str:
@@ -107,7 +112,7 @@ def readout_html(reading: Reading, state: str = "") -> str:
         f" data-bending-stress-kpa='{bending:.6g}'"
         f" data-threshold-kpa='{check.threshold * KPA_PER_MPA:.6g}'"
         f" data-distance-to-break='{0.0 if torn else check.distance_to_break:.6g}'"
-        f" data-breaks-at-n='{breaks_at}' role='status' aria-label='{label}'"
+        f" data-breaks-at-n='{breaks_at}' role='group' aria-label='{label}'"
         " style='padding:8px 14px 2px;font-variant-numeric:tabular-nums'>"
         "<div style='display:flex;align-items:flex-end;justify-content:space-between'><div>"
         "<div style='font-size:11px;opacity:.75'>"
@@ -136,7 +141,7 @@ def hidden_readout_html(phase: Phase) -> str:
         HTML with no figure in it.
     """
     return (
-        f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1' role='status'"
+        f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1'"
         " style='padding:8px 14px 2px'><div style='font-size:11px;opacity:.75'>"
         f"{term('Distance to break', DISTANCE)}</div>"
         "<div style='font-size:38px;line-height:1.05;font-weight:700;opacity:.35'>–</div>"

@@ -10,6 +10,7 @@ from app.simulation.exercise import HoldStretch
 from app.simulation.replay import Replay, Series, series_csv
 from app.simulation.run_log import RunFile, run_json
 from app.trainer.panel.controls import on_click
+from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.workplace import Workplace
@@ -89,9 +90,8 @@ class ResultPage:
         series = _series(run, workplace)
         exercise = run.log.exercise
         title = "Free pull" if exercise is None else exercise.title
-        self._open = True
-        self._modal = gui.add_modal("Result")
-        with self._modal:
+        self._dialog = Dialog(gui, "Result")
+        with self._dialog:
             gui.add_html(outcome_html(run.outcome, title))
             tabs = gui.add_tab_group()
             with tabs.add_tab("Measures"):
@@ -104,7 +104,6 @@ class ResultPage:
             self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)
             csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
             json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
-            self._closing("Close", viser.Icon.X, lambda: None)
         send = client.send_file_download
         name = run_name(run)
         table = series_csv(series).encode()
@@ -129,6 +128,4 @@ class ResultPage:
 
     def close(self) -> None:
         """Close the page."""
-        if self._open:
-            self._open = False
-            self._modal.close()
+        self._dialog.close()

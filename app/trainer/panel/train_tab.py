@@ -8,9 +8,13 @@ import viser
 from app.simulation.reading import Phase, Reading
 from app.trainer.panel.controls import number, on_click, on_input
 from app.trainer.panel.pull_plot import PullPlot
+from app.trainer.viser_bridge import set_arrow_step
 from app.trainer.workplace import Workplace
 
 __all__ = ["TrainTab", "slider_step"]
+
+ARROW = 0.01
+"""What an arrow key adds to the force, by the force at break."""
 
 
 class TrainTab:
@@ -27,12 +31,13 @@ class TrainTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         session = workplace.session
+        self._scale = 0.0
         low, high = session.grasp_range
         self._force = gui.add_slider(
             "Force F (N)",
             min=0.0,
             max=session.force_limit,
-            step=slider_step(session.force_limit),
+            step=_force_step(session.force_limit),
             initial_value=session.force_wanted,
             hint="The grasper's whole force across the duct. Or drag the duct with the mouse.",
         )
@@ -75,7 +80,9 @@ class TrainTab:
             return
         self._model = model
         limit = session.force_limit
-        self._force.max, self._force.step = limit, slider_step(limit)
+        step = _force_step(limit)
+        self._force.max, self._force.step = limit, step
+        self._force.precision = max(0, -round(np.log10(step)))
         low, high = session.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
         self._grasp.value = round(session.grasp, 1)
@@ -110,6 +117,11 @@ class TrainTab:
             self._paused = workplace.paused
             self._pause.label = "Go on (P)" if self._paused else "Pause (P)"
         self._follow(reading, live=live, visible=visible)
+        event = reading.breaks_at
+        scale = self._force.max if event is None else event.force
+        if visible and scale != self._scale:
+            self._scale = scale
+            set_arrow_step(workplace.client, self._force, ARROW * scale)
 
     def _follow(self, reading: Reading, *, live: bool, visible: bool) -> None:
         """Let the sliders show what was not done by them: by hand, a reset, a ramp, a tear.
@@ -125,6 +137,11 @@ class TrainTab:
         step = self._force.step
         _put(self._force, min(max(round(wanted / step) * step, 0.0), self._force.max))
         _put(self._grasp, round(session.grasp, 1))
+
+
+def _force_step(limit: float) -> float:
+    """Return a step that tells the tenths of a percent of the break apart."""
+    return 0.1 * slider_step(limit)
 
 
 def slider_step(limit: float) -> float:

@@ -8,17 +8,22 @@ import viser
 from numpy.typing import ArrayLike, NDArray
 
 from app.trainer.stage.bed_shadow import BedShadow
-from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.camera import Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.hook import hook_glb, hook_wxyz
 from app.trainer.stage.lighting import Look, clear_light, fill_air, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
+from app.trainer.viser_bridge import keep_in_sight
 
 _SETTLING_TIME = 3.0
 _ASPECT_CHANGE = 0.02
 _POSE_TOLERANCE = 0.01
 _LIFT_ROOM = 3.0
+_SIGHT = 0.1
+"""How far beside the duct the camera may look, in spans."""
+_NEAREST, _LOWEST = 6.0, 2.0
+"""How near to what it looks at and how low the camera may come, in radii."""
 
 
 def stage_files(
@@ -263,6 +268,20 @@ class Stage:
             camera.far = 20.0 * view.distance
             camera.max_orbit_distance = 2.0 * view.distance
             fill_air(self._scene, distance=view.distance)
+            self._keep_in_sight(client, view)
+
+    def _keep_in_sight(self, client: viser.ClientHandle, view: Viewpoint) -> None:
+        """Let the camera look at the duct only, from above the bed."""
+        beside, target = _SIGHT * self.span, view.look_at
+        low = np.minimum(target, (-beside, -beside, -self.radius))
+        high = np.maximum(target, (self.span + beside, beside, 0.5 * self.span))
+        keep_in_sight(
+            client,
+            low=tuple(low.tolist()),
+            high=tuple(high.tolist()),
+            nearest=_NEAREST * self.radius,
+            lowest=_LOWEST * self.radius,
+        )
 
     def _is_framed(self, camera: viser.CameraHandle) -> bool:
         """Return whether the camera is where it was put."""

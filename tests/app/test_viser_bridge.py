@@ -1,4 +1,4 @@
-"""A connection that never speaks holds no session, and is closed."""
+"""What the trainer takes from viser without its leave: each test says what another viser broke."""
 
 import asyncio
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ import msgspec
 import pytest
 import viser
 
-from app.trainer.silent_sockets import close_silent
+from app.trainer.viser_bridge import close_silent
 from benchmarks.page_protocol import CAMERA, connected
 
 

@@ -1,0 +1,49 @@
+"""A dialog: a page over the trainer that can always be closed."""
+
+from collections.abc import Callable
+from typing import Self
+
+import viser
+
+from app.trainer.panel.controls import on_click
+from app.trainer.viser_bridge import closer_html
+
+__all__ = ["Dialog"]
+
+
+class Dialog:
+    """A dialog with a closing button in its corner, which Escape and a click beside it press.
+
+    It is a context into which its widgets are put.
+
+    Parameters
+    ----------
+    gui
+        The client's own GUI.
+    title
+        Its title.
+    closed
+        Called when it has been closed, in whichever way.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, title: str, *, closed: Callable[[], object] = lambda: None
+    ) -> None:
+        self._closed = closed
+        self._modal = gui.add_modal(title)
+        with self._modal:
+            gui.add_html(closer_html())
+            on_click(gui.add_button("Close", icon=viser.Icon.X, color="gray"), self.close)
+
+    def __enter__(self) -> Self:
+        self._modal.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._modal.__exit__()  # pyright: ignore[reportUnknownMemberType]
+
+    def close(self) -> None:
+        """Close it; nothing if it is closed already."""
+        if not self._modal.closed:
+            self._modal.close()
+            self._closed()
