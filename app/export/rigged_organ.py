@@ -1,13 +1,20 @@
 """A rigged organ: glTF with a joint at each driving point, and its motions as animations.
 
 A vertex that follows two driving points by linear weights is what every viewer's skinning does, so
-the joints need no more than each driving point's own turn and place.
+the joints need no more than each driving point's own turn and place. They are a chain from the
+clamp on, each a child of the one before, as programs with bones expect them.
 
-The whole organ and its two pieces are three meshes that share no vertex. The whole one hangs on one
-set of joints, the pieces on another; while the organ is whole the pieces' joints are scaled to
-nothing, and from the tear on the whole organ's are. That is the way of the glTF specification to
-show and hide a skinned mesh (3.5.3, the note on a scale of zero), and needs no extension. So `pull`
+The whole organ and its two pieces are three meshes that share no vertex, each on joints of its own.
+While the organ is whole the pieces' joints are scaled to a speck, and from the tear on the whole
+organ's are. That is the way of the glTF specification to show and hide a skinned mesh (3.5.3) and
+needs no extension; only its scale of zero is avoided, which some readers divide by. So `pull`
 moves one closed surface, the same as the still mesh, and its seam cannot show.
+
+Each chain hangs on a root of its own. Blender makes such a root an armature, and the node of a mesh
+whose shapes are animated an empty object, unless that node is the root of joints too. So the first
+piece's mesh is on the root of the whole organ's joints, the second's on that of the first's. (On
+the root of its own joints it would be lost to a reader that moves a mesh below its joints, as Godot
+does.)
 """
 
 from collections.abc import Sequence
@@ -30,49 +37,47 @@ from organ_geometry.mesh.tear import TornPiece
 __all__ = ["ORGAN", "rigged_organ"]
 
 ORGAN = "organ"
-"""Name of the whole organ's node."""
+"""Name of the whole organ's mesh and its node."""
 RIM_TOLERANCE = 2e-5
 """How near a torn rim is shown to where it is, in parts of the organ's radius."""
 RIGID = 1e-6
 """How far a driving point's transform may be from a rotation."""
 MOST_VERTICES = 300_000
 """A skin that viewers still move smoothly."""
+HIDDEN = 1e-5
+"""Scale of what is not shown: a duct is half a micrometre long then."""
+LEAD = 5.0
+"""How far behind the clamp a chain is anchored, mm. A bone whose next joint is nearer than 4 mm is
+drawn by Blender as long as the bone before it, or a metre long if there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rig:
-    """A set of joints.
+class _Chain:
+    """Joints, each a child of the one before.
 
     Attributes
     ----------
-    root, joints
-        Numbers of their nodes.
+    points
+        (J,) the driving points that they follow; from the last on backwards in a piece that is
+        held at the organ's end.
+    places
+        (J, 3) where they are at rest, mm.
+    anchor
+        (3,) where the bone that they hang on begins, mm.
+    root
+        Number of the node that all hang on.
+    joints
+        (J,) numbers of their nodes.
     skin
         Number of the glTF skin.
     """
 
+    points: NDArray[np.intp]
+    places: NDArray[np.float64]
+    anchor: NDArray[np.float64]
     root: int
     joints: list[int]
     skin: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
-    """Where the joints are at each key of a motion, in glTF's frame.
-
-    Attributes
-    ----------
-    translations
-        (D, T, 3) places from the rig's root, m.
-    rotations
-        (D, T, 4) unit quaternions x, y, z, w.
-    moving
-        (D,) which joints leave their place or turn at all.
-    """
-
-    translations: NDArray[np.float32]
-    rotations: NDArray[np.float32]
-    moving: NDArray[np.bool_]
 
 
 def rigged_organ(
@@ -101,7 +106,7 @@ def rigged_organ(
     Returns
     -------
     bytes
-        The file: nodes `organ`, `first_piece` and `second_piece`, metres, y up.
+        The file: meshes `organ`, `first_piece` and `second_piece`, metres, y up.
 
     Raises
     ------
@@ -116,107 +121,123 @@ def rigged_organ(
         )
     if pieces is None and not all(motion.whole.all() for motion in motions):
         raise ValueError("a motion tears the organ and its pieces are not given")
+    for motion in motions:
+        turns = np.eye(3) + motion.transforms[..., :3]
+        if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
+            raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
     file = GltfFile()
     materials = surface_materials(file, painted=False)
-    middle = metres(0.5 * (driving.positions[0] + driving.positions[-1]))
-    poses = [_poses(driving, motion, middle) for motion in motions]
-    moving = np.logical_or.reduce([each.moving for each in poses])
+    first, last = _moving(motions)
+    whole = _chain(file, ORGAN, driving, np.arange(first, last + 1), shown=True)
+    mesh = _mesh(file, ORGAN, skin.bound_to(driving), whole, materials)
+    file.add_root({"name": ORGAN, "mesh": mesh, "skin": whole.skin})
+    torn: list[tuple[_Chain, int, RimShapes]] = []
+    holder = whole.root
+    for name, piece in zip(PIECES, pieces or (), strict=False):
+        bound = piece.skin.bound_to(driving)
+        rim = rim_shapes(piece, bound, list(motions), tolerance=RIM_TOLERANCE * radius)
+        start = min(max(first, bound.index.min()), bound.index.max())
+        points = np.arange(start, max(start + 1, min(last, bound.index.max() + 1)) + 1)
+        if name != PIECES[0]:
+            points = points[::-1]  # it is held at the organ's end
+        chain = _chain(file, name, driving, points, shown=False)
+        mesh = _mesh(file, name, bound, chain, materials, rim.shapes)
+        file.extend("nodes", holder, {"mesh": mesh, "skin": chain.skin})
+        torn.append((chain, holder, rim))
+        holder = chain.root
 
-    whole = _rig(file, ORGAN, driving, middle, shown=True)
-    _add_mesh(file, ORGAN, skin, skin.bound_to(driving), whole, materials)
-    torn: _Rig | None = None
-    rims: list[tuple[int, RimShapes]] = []
-    if pieces is not None:
-        torn = _rig(file, "pieces", driving, middle, shown=False)
-        for name, piece in zip(PIECES, pieces, strict=True):
-            bound = piece.skin.bound_to(driving)
-            rim = rim_shapes(piece, bound, list(motions), tolerance=RIM_TOLERANCE * radius)
-            node = _add_mesh(file, name, piece.skin, bound, torn, materials, rim.shapes)
-            rims.append((node, rim))
-
-    for number, (motion, pose) in enumerate(zip(motions, poses, strict=True)):
+    for number, motion in enumerate(motions):
         animation = _Animation(file)
-        animation.add_joints(whole, pose, motion.times, motion.whole, moving)
-        if torn is not None:
-            torn_keys = ~motion.whole
-            animation.add_joints(torn, pose, motion.times, torn_keys, moving)
-            for node, rim in rims:
-                if torn_keys.any() and len(rim.shapes):
-                    animation.add(
-                        node, "weights", motion.times[torn_keys], rim.weights[number].ravel()
-                    )
+        animation.add_joints(whole, motion, motion.whole)
+        torn_keys = ~motion.whole
+        for chain, node, rim in torn:
+            animation.add_joints(chain, motion, torn_keys)
+            if torn_keys.any() and len(rim.shapes):
+                weights = rim.weights[number].ravel()
+                animation.add(node, "weights", motion.times[torn_keys], weights)
+        if torn:
             animation.add_shown(whole, motion.times, motion.whole)
-            animation.add_shown(torn, motion.times, torn_keys)
+            for chain, _, _ in torn:
+                animation.add_shown(chain, motion.times, torn_keys)
         animation.close(motion.name)
     return file.content()
 
 
-def _rig(
-    file: GltfFile,
-    name: str,
-    driving: DrivingPoints,
-    middle: NDArray[np.float32],
-    *,
-    shown: bool,
-) -> _Rig:
-    """Add a joint for each driving point, all of them children of a root in the organ's middle."""
-    places = metres(driving.positions)
-    joints = [
-        file.add("nodes", {"name": f"{name}_joint_{number:03d}", "translation": place})
-        for number, place in enumerate((places - middle).tolist())
-    ]
-    root: dict[str, Any] = {
-        "name": f"{name}_rig",
-        "translation": middle.tolist(),
-        "children": joints,
-    }
-    if not shown:
-        root["scale"] = [0.0, 0.0, 0.0]
-    number = file.add_root(root)
-    inverse = np.tile(np.eye(4, dtype=np.float32), (len(places), 1, 1))
-    inverse[:, 3, :3] = -places  # columns come one after the other
+def _moving(motions: Sequence[Motion]) -> tuple[int, int]:
+    """Return the driving points that the moving ones lie between; what is behind follows those."""
+    moving = np.logical_or.reduce([motion.transforms.any(axis=(0, 2, 3)) for motion in motions])
+    which = np.flatnonzero(moving)
+    if not which.size:
+        return 0, len(moving) - 1
+    return max(int(which[0]) - 1, 0), min(int(which[-1]) + 1, len(moving) - 1)
+
+
+def _chain(
+    file: GltfFile, name: str, driving: DrivingPoints, points: NDArray[np.intp], *, shown: bool
+) -> _Chain:
+    """Add an anchor and a joint at each of some driving points, each a child of the one before."""
+    places = driving.positions[points]
+    along = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+    anchor = places[0] - LEAD * along
+    stands = metres(np.vstack([anchor, places]))
+    steps = np.diff(stands, axis=0, prepend=np.zeros((1, 3), np.float32)).tolist()
+    names = [f"{name}_anchor", *(f"{name}_joint_{number:03d}" for number in range(len(places)))]
+    joints: list[int] = []
+    for number in reversed(range(len(names))):
+        joint: dict[str, Any] = {"name": names[number], "translation": steps[number]}
+        if joints:
+            joint["children"] = joints[:1]
+        if number == 1 and not shown:
+            joint["scale"] = [HIDDEN] * 3
+        joints.insert(0, file.add("nodes", joint))
+    root = file.add_root({"name": f"{name}_rig", "children": joints[:1]})
+    inverse = np.tile(np.eye(4, dtype=np.float32), (len(stands), 1, 1))
+    inverse[:, 3, :3] = -stands  # columns come one after the other
     binds = file.accessor(inverse.reshape(-1, 16), "MAT4")
-    skin = file.add(
-        "skins",
-        {"name": name, "joints": joints, "skeleton": number, "inverseBindMatrices": binds},
-    )
-    return _Rig(number, joints, skin)
+    skin = file.add("skins", {"name": name, "joints": joints, "inverseBindMatrices": binds})
+    return _Chain(points, places, anchor, root, joints[1:], skin)
 
 
-def _add_mesh(
+def _mesh(
     file: GltfFile,
     name: str,
-    skin: Skin,
     bound: BoundSkin,
-    rig: _Rig,
+    chain: _Chain,
     materials: tuple[int, int],
     shapes: NDArray[np.float32] | None = None,
 ) -> int:
-    """Add a skinned mesh and return its node."""
+    """Add a mesh that follows a chain and return its number."""
     primitives: list[dict[str, Any]] = []
-    walls = shaded_walls(skin.faces, skin.outer_faces)
+    walls = shaded_walls(bound.skin.faces, bound.skin.outer_faces)
     for wall, material in zip(walls, materials, strict=True):
-        item = primitive(file, wall, skin.vertices, material)
-        item["attributes"] |= _binding(file, bound, wall)
+        item = primitive(file, wall, bound.skin.vertices, material)
+        item["attributes"] |= _binding(file, bound, chain.points, wall)
         if shapes is not None and len(shapes):
             item["targets"] = [_target(file, shape[wall.source]) for shape in shapes]
         primitives.append(item)
     mesh: dict[str, Any] = {"name": name, "primitives": primitives}
     if shapes is not None and len(shapes):
         mesh["weights"] = [0.0] * len(shapes)
-    return file.add_root({"name": name, "mesh": file.add("meshes", mesh), "skin": rig.skin})
+    return file.add("meshes", mesh)
 
 
-def _binding(file: GltfFile, bound: BoundSkin, wall: ShadedWall) -> dict[str, int]:
+def _binding(
+    file: GltfFile, bound: BoundSkin, points: NDArray[np.intp], wall: ShadedWall
+) -> dict[str, int]:
     """Store which two joints each vertex of a wall follows, and how much."""
+    numbers = np.empty(points.max() + 1, np.intp)
+    numbers[points] = np.arange(len(points))
     index = bound.index[wall.source]
+    followed = np.stack([index, index + 1], axis=1).clip(points.min(), points.max())
     after = np.rint(65535.0 * bound.weight[wall.source]).astype(np.uint16)
     weights = np.zeros((len(index), 4), np.uint16)
     weights[:, 0], weights[:, 1] = 65535 - after, after
-    joints = np.zeros((len(index), 4), np.uint8 if index.max() < 255 else np.uint16)
-    # A joint without weight must be number 0.
-    joints[:, 0] = np.where(weights[:, 0] > 0, index, 0)
-    joints[:, 1] = np.where(weights[:, 1] > 0, index + 1, 0)
+    # Behind the outermost joint both are that one, and one joint may be named only once.
+    same = followed[:, 0] == followed[:, 1]
+    weights[same, :2] = 65535, 0
+    joints = np.zeros((len(index), 4), np.uint8 if len(points) < 256 else np.uint16)
+    # A joint without weight must be number 0, which is the anchor.
+    joints[:, :2] = np.where(weights[:, :2] > 0, 1 + numbers[followed], 0)
     return {
         "JOINTS_0": file.accessor(joints, "VEC4", target="vertices"),
         "WEIGHTS_0": file.accessor(weights, "VEC4", target="vertices", normalized=True),
@@ -229,22 +250,6 @@ def _target(file: GltfFile, shape: NDArray[np.float32]) -> dict[str, int]:
     where = np.flatnonzero(moved.any(axis=1)).astype(np.uint32)
     where = where if where.size else np.zeros(1, np.uint32)
     return {"POSITION": file.sparse_accessor(len(moved), where, moved[where])}
-
-
-def _poses(driving: DrivingPoints, motion: Motion, middle: NDArray[np.float32]) -> _Poses:
-    """Return the joints' places and turns at each key of a motion."""
-    changes, shifts = motion.transforms[..., :3], motion.transforms[..., 3]
-    turns = np.eye(3) + changes
-    if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
-        raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
-    places = driving.positions + np.einsum("tdij,dj->tdi", changes, driving.positions) + shifts
-    into = 1e3 * GLTF_FROM_MM
-    rotations = _quaternions(into @ turns @ into.T)
-    return _Poses(
-        np.ascontiguousarray(np.swapaxes(metres(places) - middle, 0, 1)),
-        np.ascontiguousarray(np.swapaxes(rotations, 0, 1)),
-        np.asarray(motion.transforms.any(axis=(0, 2, 3))),
-    )
 
 
 def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -290,33 +295,47 @@ class _Animation:
         kind = "SCALAR" if path == "weights" else "VEC3"
         self._add(node, path, self._times(times), self._file.accessor(values, kind), "LINEAR")
 
-    def add_joints(
-        self,
-        rig: _Rig,
-        poses: _Poses,
-        times: NDArray[np.float64],
-        keys: NDArray[np.bool_],
-        moving: NDArray[np.bool_],
-    ) -> None:
-        """Let a rig's moving joints follow their poses at some keys."""
-        if not keys.any() or not moving.any():
+    def add_joints(self, chain: _Chain, motion: Motion, keys: NDArray[np.bool_]) -> None:
+        """Let a chain's joints follow their driving points at some keys of a motion."""
+        if not keys.any():
             return
-        clock = self._times(times[keys])
-        translations = self._file.accessors(poses.translations[moving][:, keys], "VEC3")
-        rotations = self._file.accessors(poses.rotations[moving][:, keys], "VEC4")
-        for path, outputs in (("translation", translations), ("rotation", rotations)):
-            for joint, output in zip(np.flatnonzero(moving).tolist(), outputs, strict=True):
-                self._add(rig.joints[joint], path, clock, output, "LINEAR")
+        clock = self._times(motion.times[keys])
+        transforms = motion.transforms[keys][:, chain.points]
+        changes, shifts = transforms[..., :3], transforms[..., 3]
+        places = chain.places + np.einsum("tjik,jk->tji", changes, chain.places) + shifts
+        into = 1e3 * GLTF_FROM_MM
+        turns = into @ (np.eye(3) + changes) @ into.T
+        # As each joint's parent sees it; the anchor does not turn.
+        back = np.swapaxes(turns, -1, -2)
+        back = np.concatenate([np.broadcast_to(np.eye(3), back[:, :1].shape), back[:, :-1]], axis=1)
+        before = np.broadcast_to(chain.anchor, places[:, :1].shape)
+        steps = np.diff(places, axis=1, prepend=before) @ GLTF_FROM_MM.T
+        steps = np.einsum("tjik,tjk->jti", back, steps).astype(np.float32)
+        rotations = np.swapaxes(_quaternions(back @ turns), 0, 1)
+        for joint, translation, rotation in zip(
+            chain.joints,
+            self._file.accessors(steps, "VEC3"),
+            self._file.accessors(rotations, "VEC4"),
+            strict=True,
+        ):
+            self._add(joint, "translation", clock, translation, "LINEAR")
+            self._add(joint, "rotation", clock, rotation, "LINEAR")
 
-    def add_shown(self, rig: _Rig, times: NDArray[np.float64], keys: NDArray[np.bool_]) -> None:
-        """Show a rig from keys that are its own on, and hide it from others on."""
+    def add_shown(self, chain: _Chain, times: NDArray[np.float64], keys: NDArray[np.bool_]) -> None:
+        """Show a chain's mesh from keys that are its own on, and hide it from others on."""
         # Of two keys at one time, the last of the whole and the first of the pieces, the last.
         last = np.append(np.diff(times) > 0.0, True)
         times, keys = times[last], keys[last]
         change = np.append(True, keys[1:] != keys[:-1])
-        scales = np.repeat(keys[change].astype(np.float32)[:, np.newaxis], 3, axis=1)
+        scales = np.repeat(np.where(keys[change], 1.0, HIDDEN)[:, np.newaxis], 3, axis=1)
         clock = self._times(times[change])
-        self._add(rig.root, "scale", clock, self._file.accessor(scales, "VEC3"), "STEP")
+        self._add(
+            chain.joints[0],
+            "scale",
+            clock,
+            self._file.accessor(scales.astype(np.float32), "VEC3"),
+            "STEP",
+        )
 
     def close(self, name: str) -> None:
         """Put the animation into the file."""

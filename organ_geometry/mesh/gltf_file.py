@@ -91,6 +91,19 @@ class GltfFile:
         items.append(item)
         return len(items) - 1
 
+    def extend(self, collection: str, number: int, properties: Mapping[str, Any]) -> None:
+        """Give an item of the tree further properties.
+
+        Parameters
+        ----------
+        collection, number
+            The item's.
+        properties
+            What it gets.
+        """
+        items: list[Mapping[str, Any]] = self._tree[collection]
+        items[number] = {**items[number], **properties}
+
     def add_root(self, node: Mapping[str, Any]) -> int:
         """Add a node that stands in the scene itself.
 

@@ -19,6 +19,11 @@ class Gltf:
         size, kind = struct.unpack_from("<I4s", content, 12)
         assert kind == b"JSON"
         self.tree: dict[str, Any] = json.loads(content[20 : 20 + size])
+        self.parents = {
+            child: number
+            for number, node in enumerate(self.tree["nodes"])
+            for child in node.get("children", ())
+        }
         rest = content[20 + size :]
         assert rest[4:8] == b"BIN\0"
         self._buffer = rest[8:]
@@ -53,8 +58,9 @@ class Gltf:
         return np.frombuffer(self._buffer, kind, int(np.prod(shape)), start).reshape(shape)
 
     def node(self, name: str) -> int:
-        """Number of the node of that name."""
-        (found,) = [k for k, node in enumerate(self.tree["nodes"]) if node.get("name") == name]
+        """Number of the node that shows the mesh of that name."""
+        (mesh,) = [k for k, each in enumerate(self.tree["meshes"]) if each.get("name") == name]
+        (found,) = [k for k, each in enumerate(self.tree["nodes"]) if each.get("mesh") == mesh]
         return found
 
     def primitives(self, node: str) -> list[dict[str, Any]]:
@@ -102,9 +108,7 @@ class Gltf:
         node = self.tree["nodes"][self.node(name)]
         mesh = self.tree["meshes"][node["mesh"]]
         skin = self.tree["skins"][node["skin"]]
-        root = skin["skeleton"]
-        base = self._matrix(root, state)
-        joints = np.stack([base @ self._matrix(joint, state) for joint in skin["joints"]])
+        joints = np.stack([self._world(joint, state) for joint in skin["joints"]])
         binds = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
         matrices = joints @ binds
         weights = state.get((self.node(name), "weights"), np.array(mesh.get("weights", [])))
@@ -120,6 +124,12 @@ class Gltf:
             ones = np.concatenate([places, np.ones((len(places), 1))], axis=1)
             found.append(np.einsum("vij,vj->vi", blended, ones)[:, :3])
         return found
+
+    def _world(self, number: int, state: dict[tuple[int, str], np.ndarray]) -> np.ndarray:
+        matrix = self._matrix(number, state)
+        while (parent := self.parents.get(number)) is not None:
+            matrix, number = self._matrix(parent, state) @ matrix, parent
+        return matrix
 
     def _matrix(self, number: int, state: dict[tuple[int, str], np.ndarray]) -> np.ndarray:
         node = self.tree["nodes"][number]

@@ -1,0 +1,3 @@
+"""What is here but is run by Blender's own Python."""
+
+collect_ignore = ["blender_reader.py"]
