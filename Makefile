@@ -2,19 +2,25 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Blender's module installs for one version of Python only and wants another numpy than we do.
+BLENDER := .venv-blender
+BLENDER_PYTHON ?= python3.11
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer test check bench screenshots lint types layers format clean
+.PHONY: help trainer test test-all check bench screenshots lint types layers format clean
 
 help:  ## say what can be made
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
 
 trainer: $(VENV)/.runs  ## start the trainer and print its address (ARGS= is passed on)
 	@$(BIN)/bluntdissect trainer $(ARGS)
 
 test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 	@$(BIN)/python -m pytest $(ARGS)
+
+test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests too (Blender: 370 MB)
+	@BLENDER_PYTHON=$(BLENDER)/bin/python $(BIN)/python -m pytest -m "long or not long" $(ARGS)
 
 check: lint types layers  ## lint, types and import layers
 
@@ -39,7 +45,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
@@ -66,6 +72,14 @@ $(VENV)/.readers: tests/export/package.json | $(BIN)/python
 		npm install --prefix tests/export --no-package-lock --ignore-scripts --no-audit --no-fund --silent \
 			&& touch $@ || echo "Going on without three.js and the glTF validator." >&2; \
 	fi
+
+$(BLENDER)/.bpy: tests/export/blender-requirements.txt
+	@echo "Installing Blender's module in $(BLENDER) ..."
+	@$(BLENDER_PYTHON) -m venv $(BLENDER) >/dev/null 2>&1 \
+		|| { $(BLENDER_PYTHON) -m venv --clear --without-pip $(BLENDER) \
+		     && $(BLENDER_PYTHON) -m pip --quiet --python $(BLENDER)/bin/python install pip; }
+	@$(BLENDER)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r tests/export/blender-requirements.txt && touch $@
 
 # A peer that could not be installed is said by the benchmarks, which measure the rest.
 $(VENV)/.peers: pyproject.toml constraints.txt $(VENV)/.tests

@@ -153,8 +153,11 @@ def rigged_organ(
         for chain, node, rim in torn:
             animation.add_joints(chain, motion, torn_keys)
             if torn_keys.any() and len(rim.shapes):
-                weights = rim.weights[number].ravel()
-                animation.add(node, "weights", motion.times[torn_keys], weights)
+                # From the start on: Blender before 4.4 begins an action with its first key.
+                times = np.append(motion.times[0], motion.times[torn_keys])
+                weights = np.pad(rim.weights[number], ((1, 0), (0, 0)), mode="edge")
+                new = np.append(True, np.diff(times) > 0.0)
+                animation.add(node, "weights", times[new], weights[new].ravel())
         if torn:
             animation.add_shown(whole, motion.times, motion.whole)
             for chain, _, _ in torn:

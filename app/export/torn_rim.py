@@ -2,7 +2,8 @@
 
 Joints move all that is rigid. How a rim draws back is another displacement for each vertex and each
 moment, laid over it; as a matrix of keys by displacements it has a low rank, and its principal
-components are shapes that a viewer can blend (morph targets).
+components are shapes that a viewer can blend (morph targets). Blender takes no more of a shape than
+all of it and no less than nothing, so that one shape more holds the least that there is of each.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ class RimShapes:
     shapes
         (M, V, 3) displacements of the piece's vertices at rest, mm.
     weights
-        For each motion (K, M) how much of each shape is there at its K torn keys.
+        For each motion (K, M) how much of each shape is there at its K torn keys, 0 to 1.
     """
 
     shapes: NDArray[np.float32]
@@ -87,7 +88,7 @@ def _turned_back(
 def _principal(
     rows: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (T, M) coefficients and (M, N) components whose product is within a tolerance."""
+    """Return (T, M) parts from 0 to 1 and (M, N) shapes whose product is within a tolerance."""
     if not rows.size:
         return np.zeros((len(rows), 0)), np.zeros((0, rows.shape[1]))
     # The copy spares BLAS's symmetric product, which is twenty times slower on flat matrices.
@@ -99,5 +100,12 @@ def _principal(
         left -= turns[:, count, np.newaxis] * along[count]
         count += 1
     coefficients, components = turns[:, :count], along[:count]
-    sizes = np.abs(components).max(axis=1, keepdims=True)
-    return coefficients * sizes.T, components / sizes
+    if not count:
+        return coefficients, components
+    least = coefficients.min(axis=0, keepdims=True)
+    spread = np.ptp(coefficients, axis=0, keepdims=True)
+    spread[spread == 0.0] = 1.0
+    return (
+        np.hstack([np.ones((len(rows), 1)), (coefficients - least) / spread]),
+        np.vstack([least @ components, components * spread.T]),
+    )

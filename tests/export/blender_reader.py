@@ -13,7 +13,7 @@ from typing import Any
 import bpy  # pyright: ignore[reportMissingImports]
 import numpy as np
 
-TIMES = 9
+TIMES = 13
 """At how many times an animation is looked at, its first and its last among them."""
 
 
@@ -26,9 +26,9 @@ def evaluated(mesh: Any) -> np.ndarray:
     return places @ world[:3, :3].T + world[:3, 3]
 
 
-def play(track: str) -> float:
-    """Let the tracks of one name play and no other; returns its last frame."""
-    end = 0.0
+def play(track: str) -> tuple[float, float]:
+    """Let the tracks of one name play and no other; returns its first and its last frame."""
+    frames: list[float] = []
     for item in (*bpy.data.objects, *bpy.data.shape_keys):
         if item.animation_data is None:
             continue
@@ -37,8 +37,8 @@ def play(track: str) -> float:
             each.mute = each.name != track
             each.is_solo = False
             if not each.mute:
-                end = max(end, *(strip.frame_end for strip in each.strips))
-    return end
+                frames += [end for s in each.strips for end in (s.frame_start, s.frame_end)]
+    return min(frames), max(frames)
 
 
 def bones(armature: Any) -> list[dict[str, Any]]:
@@ -76,8 +76,8 @@ def read(path: Path, folder: Path) -> None:
     for mesh in meshes:
         found[f"opened/{mesh.name}"] = evaluated(mesh)
     for track in tracks:
-        frames = np.linspace(0.0, play(track), TIMES)
-        times[track] = (frames / rate).tolist()
+        frames = np.linspace(*play(track), TIMES)
+        times[track] = ((frames - frames[0]) / rate).tolist()
         for number, frame in enumerate(frames.tolist()):
             scene.frame_set(int(frame), subframe=frame % 1.0)
             for mesh in meshes:

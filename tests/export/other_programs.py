@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ ADDRESS = "http://127.0.0.1"
 """Of the page, which the browser is given without a server."""
 
 
-def missing(what: str) -> None:
+def missing(what: str) -> NoReturn:
     """Skip a test whose program is not here, or fail where all must be."""
     if os.environ.get("REQUIRE_BROWSER") == "1":
         pytest.fail(what)

@@ -134,6 +134,18 @@ def test_each_key_is_our_own_skinning(duct: Rigged) -> None:
                     assert size(got) < SPECK
 
 
+def test_shapes_of_a_rim_are_shown_in_parts_from_nothing_to_all(duct: Rigged) -> None:
+    gltf = Gltf(duct.content)
+    weights = [
+        gltf.array(animation["samplers"][channel["sampler"]]["output"])
+        for animation in gltf.tree["animations"]
+        for channel in animation["channels"]
+        if channel["target"]["path"] == "weights"
+    ]
+    assert len(weights) == len(PIECES)
+    assert all(each.min() >= 0.0 and each.max() <= 1.0 for each in weights)
+
+
 def test_pieces_take_over_in_the_pose_that_the_whole_one_broke_in(duct: Rigged) -> None:
     _, tear = duct.motions
     last = int(np.flatnonzero(tear.whole)[-1])
