@@ -74,7 +74,7 @@ def replay(
         raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
     again = Replay(original.log, organ_from(organ), vertices=300)
     found = again.run_file()
-    same = (found.measures, found.outcome) == (original.measures, original.outcome)
+    same = original.agrees_with(found)
     others = {name: made for name, made in original.log.versions.items() if name in versions()}
     others = {name: made for name, made in others.items() if versions()[name] != made}
     played: dict[str, object] = {}
@@ -148,9 +148,16 @@ def _lines(measures: "Measures") -> list[tuple[str, str]]:
             "time over threshold",
             f"{measures.time_over_threshold_s!r} s over {measures.task_threshold_N!r} N",
         ),
+        ("maximum rate of loading", figure(measures.maximum_loading_rate_N_per_s, "N/s")),
+        ("overshoot", figure(measures.overshoot, "of the goal")),
         ("path length", figure(measures.path_length_mm, "mm")),
         ("economy of motion", figure(measures.economy_of_motion, "")),
-        ("smoothness", figure(measures.smoothness, "(log dimensionless jerk)")),
+        (
+            "smoothness",
+            "too short"
+            if measures.smoothness is None and measures.path_length_mm > 0.0
+            else figure(measures.smoothness, "(log dimensionless jerk)"),
+        ),
         ("smallest distance to break", figure(measures.smallest_distance_to_break, "")),
     ]
     if torn is None:

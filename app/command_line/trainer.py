@@ -29,6 +29,10 @@ def trainer(
         ),
     ] = None,
     look: Annotated[str, typer.Option(help="full, or plain for slow machines.")] = "full",
+    exercise_inputs: Annotated[
+        str,
+        typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
+    ] = "hand",
 ) -> None:
     """Serve the trainer; open the address that it prints in a browser.
 
@@ -36,6 +40,8 @@ def trainer(
     """
     if look not in ("full", "plain"):
         raise ValueError(f"--look must be full or plain, not {look}")
+    if exercise_inputs not in ("hand", "any"):
+        raise ValueError(f"--exercise-inputs must be hand or any, not {exercise_inputs}")
     if not 0 <= port <= 65535:
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
     # Within what is compiled on a first start Python could lose an interrupt.
@@ -48,7 +54,9 @@ def trainer(
     from app.trainer.server import Trainer
 
     chosen = None if preset is None else chosen_preset(preset)
-    running = Trainer(tissue, chosen, host=host, port=port, look=look)
+    running = Trainer(
+        tissue, chosen, host=host, port=port, look=look, exercise_inputs=exercise_inputs
+    )
     # From here on both signals end the wait below, so that server and clock stop in order.
     stop = threading.Event()
 

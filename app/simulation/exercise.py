@@ -1,16 +1,24 @@
 """Exercises: a goal, a limit and a result, in numbers that scale with the duct's own break."""
 
 import math
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
 
-__all__ = ["ApproachBreak", "Exercise", "GentleDissection", "HoldStretch"]
+__all__ = [
+    "ApproachBreak",
+    "Exercise",
+    "ExerciseInputs",
+    "GentleDissection",
+    "HoldStretch",
+    "LeastImpulse",
+]
 
 LONGEST_SECONDS = 3600.0
 """An exercise is a matter of minutes; a longer one is a slip of the unit."""
+MOST_LIFTS = 100
 
 
 class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-stretch"):
@@ -52,6 +60,16 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-s
         """What not to do, in one sentence."""
         return f"Never pull with more than {self.force_limit_N:.3g} N."
 
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """Deflections between which the goal lies, mm."""
+        return self.deflection_mm - self.tolerance_mm, self.deflection_mm + self.tolerance_mm
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """What is not to be passed, by the measure's name."""
+        return {"maximum_force_N": self.force_limit_N}
+
 
 class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="approach-break"):
     """Approach the break to a margin, stay there for a time, and do not tear the duct.
@@ -89,9 +107,113 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
         """What not to do, in one sentence."""
         return "Do not tear the duct."
 
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """None: the margin is at other deflections for each grasp."""
+        return None
 
-class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-dissection"):
-    """Tear the duct with the least force-time product.
+    @property
+    def limits(self) -> dict[str, float]:
+        """What is not to be passed, by the measure's name."""
+        return {"smallest_distance_to_break": 0.0}
+
+
+class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-lifts"):
+    """Lift the duct to a working height, keep it there and lead it back, several times, gently.
+
+    Gentle is what is published as such: little force at its peak and on average, loaded slowly, not
+    past the goal, with strength in reserve (docs/measures.md).
+
+    Attributes
+    ----------
+    low_mm, high_mm
+        Ends of the goal's band of deflections.
+    slack_mm
+        Deflection at or below which the duct is led back.
+    seconds
+        How long to stay in the band each time, s.
+    lifts
+        How many times.
+    force_limit_N, mean_force_limit_N
+        Largest force, and largest mean absolute non-zero force.
+    loading_rate_limit_N_per_s
+        Largest rate of loading.
+    overshoot_limit
+        Farthest way past the band, as a part of the deflection in its middle.
+    reserve_limit
+        Smallest distance to break, as a part of one.
+    time_limit_s
+        Time for all of it.
+    """
+
+    low_mm: float
+    high_mm: float
+    slack_mm: float
+    seconds: float
+    lifts: int
+    force_limit_N: float  # noqa: N815
+    mean_force_limit_N: float  # noqa: N815
+    loading_rate_limit_N_per_s: float  # noqa: N815
+    overshoot_limit: float
+    reserve_limit: float
+    time_limit_s: float = 90.0
+    title: ClassVar[str] = "Dissect gently"
+
+    def __post_init__(self) -> None:
+        _above_zero(
+            self, "slack_mm", "low_mm", "high_mm", "force_limit_N", "mean_force_limit_N",
+            "loading_rate_limit_N_per_s", "overshoot_limit",
+        )  # fmt: skip
+        if not self.slack_mm < self.low_mm < self.high_mm:
+            raise ValueError(
+                f"slack_mm, low_mm and high_mm must rise, got {self.slack_mm}, {self.low_mm} and "
+                f"{self.high_mm}"
+            )
+        if not 0.0 < self.reserve_limit < 1.0:
+            raise ValueError(f"reserve_limit must be above 0 and below 1, got {self.reserve_limit}")
+        if not 1 <= self.lifts <= MOST_LIFTS:
+            raise ValueError(f"lifts must be from 1 to {MOST_LIFTS}, got {self.lifts}")
+        _in_time(self.seconds, self.time_limit_s)
+
+    @property
+    def goal(self) -> str:
+        """What to do, in one sentence."""
+        return (
+            f"Lift the duct {self.lifts} times to {self.low_mm:.1f} to {self.high_mm:.1f} mm, keep "
+            f"it there for {self.seconds:g} s, and lead it back by hand."
+        )
+
+    @property
+    def limit(self) -> str:
+        """What not to do, in one sentence."""
+        return (
+            f"At most {self.force_limit_N:.3g} N, on average {self.mean_force_limit_N:.3g} N, "
+            f"loaded by at most {self.loading_rate_limit_N_per_s:.3g} N/s, no more than "
+            f"{100.0 * self.overshoot_limit:.0f} % past the goal, with "
+            f"{100.0 * self.reserve_limit:.0f} % left to the break."
+        )
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """Deflections between which the goal lies, mm."""
+        return self.low_mm, self.high_mm
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """What is not to be passed, by the measure's name."""
+        return {
+            "maximum_force_N": self.force_limit_N,
+            "mean_absolute_nonzero_force_N": self.mean_force_limit_N,
+            "maximum_loading_rate_N_per_s": self.loading_rate_limit_N_per_s,
+            "overshoot": self.overshoot_limit,
+            "smallest_distance_to_break": self.reserve_limit,
+        }
+
+
+class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-dissection"):
+    """Tear the duct with the least force-time product: an exercise of run files of version 1 only.
+
+    It rewards the quickest pull, so it is not offered any more.
 
     Attributes
     ----------
@@ -103,7 +225,7 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
 
     product_limit_N_s: float  # noqa: N815
     time_limit_s: float = 60.0
-    title: ClassVar[str] = "Dissect gently"
+    title: ClassVar[str] = "Least force-time product"
 
     def __post_init__(self) -> None:
         _above_zero(self, "product_limit_N_s")
@@ -118,6 +240,16 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
     def limit(self) -> str:
         """What not to do, in one sentence."""
         return f"Spend no more than {self.product_limit_N_s:.3g} N s."
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """None: the goal is a tear."""
+        return None
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """What is not to be passed, by the measure's name."""
+        return {"force_time_product_N_s": self.product_limit_N_s}
 
 
 def _above_zero(exercise: msgspec.Struct, *names: str) -> None:
@@ -135,4 +267,7 @@ def _in_time(seconds: float, limit: float) -> None:
         )
 
 
-Exercise = HoldStretch | ApproachBreak | GentleDissection
+Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse
+
+ExerciseInputs = Literal["hand", "any"]
+"""What an exercise is done with: the hand alone, or sliders and keys as well."""

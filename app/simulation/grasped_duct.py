@@ -117,8 +117,23 @@ class GraspedDuct:
     @cached_property
     def breaks_at(self) -> BreakEvent | None:
         """Load at which the duct would break; None if it cannot."""
+        return self.loaded_to(1.0)
+
+    def loaded_to(self, part: float) -> BreakEvent | None:
+        """Return the load under which the highest stress is a part of the threshold.
+
+        Parameters
+        ----------
+        part
+            The stress, in thresholds.
+
+        Returns
+        -------
+        BreakEvent | None
+            The load; None if the theory does not come so far.
+        """
         beam = self.model.dissection.beam
-        return break_event(self.model.theory, beam, self.grasp, self.threshold)
+        return break_event(self.model.theory, beam, self.grasp, part * self.threshold)
 
     @property
     def deflection_limit(self) -> float:

@@ -11,6 +11,18 @@ __all__ = ["MeasureTaker", "Measures", "TearMeasures"]
 
 Place = tuple[float, float, float]
 
+RATE_TICKS = 3
+RATE_SECONDS = RATE_TICKS * TICK_SECONDS
+"""Over which a rate of loading is taken: from one tick to the next a mouse moves unevenly."""
+SLOW = 0.1
+"""Speed at which a movement has ended, in its peak speeds."""
+LEAST_STEPS = round(0.5 / TICK_SECONDS)
+"""Of a movement: third differences of fewer are no measure of its jerk."""
+SMOOTHEST = -math.log(204.8)
+"""Smoothness of the reach of minimum jerk: no whole movement is smoother."""
+TICKS_SMOOTH_AWAY = 0.05
+"""What third differences of a whole movement may miss of its jerk at both ends."""
+
 
 class TearMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What broke, when and under which load.
@@ -68,6 +80,11 @@ class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Least of 1 - stress / threshold, 0 at the break.
     tear
         What broke, or None.
+    maximum_loading_rate_N_per_s
+        Fastest growth of the force over `RATE_SECONDS`; None in run files of version 1.
+    overshoot
+        Farthest way past the goal's band, as a part of the deflection in its middle; None without
+        a band.
     """
 
     time_s: float
@@ -82,6 +99,8 @@ class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     smoothness: float | None
     smallest_distance_to_break: float
     tear: TearMeasures | None
+    maximum_loading_rate_N_per_s: float | None = None  # noqa: N815
+    overshoot: float | None = None
 
 
 class MeasureTaker:
@@ -91,38 +110,53 @@ class MeasureTaker:
     ----------
     task_threshold
         Force above which time is counted, N.
+    band
+        Deflections between which the task's goal lies, mm; None without one.
 
     Attributes
     ----------
     ticks
         Ticks so far.
+    maximum_force
+        Largest force so far, N.
+    maximum_loading_rate
+        Fastest growth of the force so far, N/s.
+    overshoot
+        Farthest way past the band so far, in deflections in its middle; None without a band.
     """
 
     __slots__ = (
+        "_band",
         "_distance",
         "_farthest",
         "_force_sum",
+        "_forces",
         "_held",
         "_jerk",
         "_last",
         "_loaded",
-        "_maximum",
         "_mean",
         "_moving",
         "_over",
         "_path",
         "_peak",
+        "_slowed",
         "_spread",
         "_start",
         "_tear",
         "_threshold",
+        "maximum_force",
+        "maximum_loading_rate",
+        "overshoot",
         "ticks",
     )
 
-    def __init__(self, task_threshold: float) -> None:
-        self._threshold = task_threshold
+    def __init__(self, task_threshold: float, band: tuple[float, float] | None = None) -> None:
+        self._threshold, self._band = task_threshold, band
         self.ticks = 0
-        self._maximum = self._force_sum = 0.0
+        self.maximum_force = self.maximum_loading_rate = self._force_sum = 0.0
+        self.overshoot = None if band is None else 0.0
+        self._forces = (0.0,) * RATE_TICKS  # of the last ticks of the present hold, newest first
         self._loaded, self._mean, self._spread = 0, 0.0, 0.0
         self._over = 0
         self._path = self._farthest = 0.0
@@ -131,6 +165,7 @@ class MeasureTaker:
         self._moving = 0  # steps of the hook's way, of all holds
         self._last: tuple[Place, Place, Place] | None = None
         self._jerk = self._peak = 0.0
+        self._slowed = False  # whether it has slowed down again after its peak speed
         self._distance = 1.0
         self._tear: TearMeasures | None = None
 
@@ -144,6 +179,11 @@ class MeasureTaker:
         """Force-time product so far, N s."""
         return self._force_sum * TICK_SECONDS
 
+    @property
+    def mean_absolute_nonzero_force(self) -> float:
+        """Mean of |F| over the ticks with force so far, N; 0 without any."""
+        return self._force_sum / self._loaded if self._loaded else 0.0
+
     def take(
         self,
         force: float,
@@ -151,6 +191,7 @@ class MeasureTaker:
         distance_to_break: float,
         *,
         held: bool,
+        deflection: float = 0.0,
         came_from: Place | None = None,
     ) -> None:
         """Take one tick.
@@ -165,13 +206,15 @@ class MeasureTaker:
             1 at rest, 0 at the threshold.
         held
             Whether the grasper holds the duct.
+        deflection
+            Displacement of the grasp, mm.
         came_from
             Where a hold that starts with this tick took the duct, mm; `hook` when None.
         """
         self.ticks += 1
         size = abs(force)
         if size > 0.0:
-            self._maximum = max(self._maximum, size)
+            self.maximum_force = max(self.maximum_force, size)
             self._force_sum += size
             self._loaded += 1
             off = size - self._mean
@@ -181,6 +224,14 @@ class MeasureTaker:
                 self._over += 1
         self._distance = min(self._distance, distance_to_break)
         if held:
+            if self._held == 0:
+                self._forces = (size,) * RATE_TICKS
+            grown = (size - self._forces[-1]) / RATE_SECONDS
+            self.maximum_loading_rate = max(self.maximum_loading_rate, grown)
+            self._forces = (size, *self._forces[:-1])
+            if self._band is not None and self.overshoot is not None:
+                past = (deflection - self._band[1]) / (0.5 * sum(self._band))
+                self.overshoot = max(self.overshoot, past)
             if self._held == 0 and came_from is not None:
                 self._move_to(came_from)
             self._move_to(hook)
@@ -223,8 +274,8 @@ class MeasureTaker:
         loaded = self._loaded > 0
         return Measures(
             time_s=self.seconds,
-            maximum_force_N=self._maximum,
-            mean_absolute_nonzero_force_N=self._force_sum / self._loaded if loaded else None,
+            maximum_force_N=self.maximum_force,
+            mean_absolute_nonzero_force_N=self.mean_absolute_nonzero_force if loaded else None,
             force_sd_N=math.sqrt(self._spread / self._loaded) if loaded else None,
             force_time_product_N_s=self.force_time_product,
             task_threshold_N=self._threshold,
@@ -234,6 +285,8 @@ class MeasureTaker:
             smoothness=self._smoothness(),
             smallest_distance_to_break=self._distance,
             tear=self._tear,
+            maximum_loading_rate_N_per_s=self.maximum_loading_rate,
+            overshoot=self.overshoot,
         )
 
     def _move_to(self, hook: Place) -> None:
@@ -246,7 +299,10 @@ class MeasureTaker:
             way = math.dist(hook, one)
             self._path += way
             self._moving += 1
-            self._peak = max(self._peak, way)
+            if way > self._peak:
+                self._peak, self._slowed = way, False
+            elif way <= SLOW * self._peak:
+                self._slowed = True
             self._farthest = max(self._farthest, math.dist(hook, self._start))
         if self._held >= 3:
             for x, a, b, c in zip(hook, one, two, three, strict=True):
@@ -258,4 +314,8 @@ class MeasureTaker:
         """Return -ln(T^3 / v^2 * integral of jerk^2), with the tick's length cancelled from it."""
         if self._peak**2 == 0.0 or self._jerk == 0.0:  # squares of almost nothing are nothing
             return None
-        return -math.log(self._moving**3 * self._jerk / self._peak**2)
+        # Of no whole movement: what is cut off can come out smoother than a movement can be.
+        if not self._slowed or self._moving < LEAST_STEPS:
+            return None
+        found = -math.log(self._moving**3 * self._jerk / self._peak**2)
+        return min(found, SMOOTHEST) if found <= SMOOTHEST + TICKS_SMOOTH_AWAY else None

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
+from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.preset import preset_named
 from app.simulation.run_log import (
     OrganIdentity,
@@ -21,7 +22,7 @@ from app.simulation.session import VERTICES, Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from organ_geometry.organ import Organ
 
-__all__ = ["AFTER_TEAR", "Replay", "Series", "replayed", "series_csv"]
+__all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "replayed", "series_csv"]
 
 AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
@@ -224,7 +225,7 @@ class Replay:
                 f"{log.start.threshold_MPa:g} MPa is out of this duct's range"
             )
         if log.exercise is not None:
-            session.start_exercise(log.exercise, log.feedback)
+            session.start_exercise(log.exercise, log.feedback, inputs=log.exercise_inputs)
         session.advance()  # before the run: what is seen at its start is a duct at rest
         self._at = self._next = 0
 
@@ -256,6 +257,27 @@ def replayed(run: RunFile, organ: Organ) -> RunFile:
         The same log with the measures found now; a `RunFileError` says if that cannot be.
     """
     return Replay(run.log, organ, vertices=300).run_file()
+
+
+def loading_rates(series: Series) -> NDArray[np.float64]:
+    """Return the rate of loading at each tick, as the measure of that name takes it.
+
+    Parameters
+    ----------
+    series
+        A run.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        (T,) N/s over the last `RATE_SECONDS` of a hold; 0 while nobody holds the duct.
+    """
+    force, held = np.abs(series.force), series.held
+    ticks = np.arange(len(force))
+    # The first tick of the hold that a tick belongs to; a regrasp goes on with the same hold here.
+    first = np.maximum.accumulate(np.where(held & ~np.append(False, held[:-1]), ticks, 0))
+    before = np.maximum(ticks - RATE_TICKS, first)
+    return np.where(held, (force - force[before]) / RATE_SECONDS, 0.0)
 
 
 def series_csv(series: Series) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Exercise
+from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback, feedback_visible
 from app.simulation.measures import Measures, MeasureTaker, Place
 from app.simulation.preset import Preset
@@ -63,10 +63,12 @@ class Run:
         The exercise to judge, or None.
     feedback
         When its figures are to be seen.
+    exercise_inputs
+        What the exercise is done with.
 
     Attributes
     ----------
-    exercise, feedback
+    exercise, feedback, exercise_inputs
         As given.
     """
 
@@ -75,10 +77,12 @@ class Run:
         task_threshold: float,
         exercise: Exercise | None = None,
         feedback: Feedback = Feedback.CONTINUOUS,
+        exercise_inputs: ExerciseInputs = "any",
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
+        self.exercise_inputs: ExerciseInputs = exercise_inputs
         self._trial = None if exercise is None else trial_of(exercise)
-        self._taker = MeasureTaker(task_threshold)
+        self._taker = MeasureTaker(task_threshold, exercise and exercise.band)
         self._start: StartingPoint | None = None
         self._over = False
         # Rows of bare numbers: half an hour of dragging is one megabyte.
@@ -119,6 +123,16 @@ class Run:
     def progress(self) -> float:
         """How far the exercise has come, 0 to 1; 0 without one."""
         return 0.0 if self._trial is None else self._trial.progress
+
+    @property
+    def standing(self) -> str:
+        """What the exercise wants now, in a few words; nothing without one, or once it is over."""
+        return "" if self._trial is None or self._over else self._trial.standing
+
+    @property
+    def hand_only(self) -> bool:
+        """Whether an exercise waits or goes on in which nothing but the hand counts."""
+        return self.exercise is not None and self.exercise_inputs == "hand" and not self._over
 
     @property
     def outcome(self) -> Outcome | None:
@@ -202,13 +216,14 @@ class Run:
         if not self.going:
             return
         taker = self._taker
-        taker.take(force, hook, distance_to_break, held=held, came_from=came_from)
+        taker.take(
+            force, hook, distance_to_break, held=held, deflection=deflection, came_from=came_from
+        )
         if torn is not None:
             taker.tear(torn)
         if self._trial is not None:
-            product = taker.force_time_product
             self._trial.take(
-                Figures(force, deflection, distance_to_break, product, held, torn is not None)
+                Figures(force, deflection, distance_to_break, taker, held, torn is not None)
             )
         if torn is not None or self.outcome is not None or self.ticks >= MOST_TICKS:
             self._over = True
@@ -272,6 +287,7 @@ class Run:
             ],
             exercise=self.exercise,
             feedback=self.feedback,
+            exercise_inputs=self.exercise_inputs,
         )
 
     def _value(self, kind: InputKind, value: float) -> float | TheoryChoice | None:

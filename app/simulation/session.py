@@ -169,6 +169,23 @@ class Session(ChosenSession):
         with self._lock:
             return None if self._last_run is None else self._file(self._last_run)
 
+    def earlier_tries(self, run: RunFile) -> list[RunFile]:
+        """Return this session's judged runs of one exercise from the same start, oldest first.
+
+        Parameters
+        ----------
+        run
+            The run that they are compared with; it is not among them.
+
+        Returns
+        -------
+        list[RunFile]
+            At most `MOST_TRIES`.
+        """
+        with self._lock:
+            tries = [self._file(each) for each in self._tries if each.exercise == run.log.exercise]
+        return [each for each in tries if each.log.start == run.log.start and each != run]
+
     def _tick(self) -> bool:
         """Advance by one tick without drawing."""
         pulled, was_whole = self._pulled, self._pulled.tear is None

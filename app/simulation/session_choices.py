@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from app.simulation.dissection import Dissection, default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import Exercise
+from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.exercise_course import exercises_for
 from app.simulation.feedback import Feedback
 from app.simulation.ghost import Ghost
@@ -101,6 +101,7 @@ class ChosenSession(HandledSession):
                 same = model.theory == self.theory
                 self._start(model if same else Model.of(dissection, self.theory))
                 self._last_run = None
+                self._tries.clear()
 
         return start
 
@@ -127,7 +128,7 @@ class ChosenSession(HandledSession):
                 if self._run.started:
                     self._run.note("theory", theory)
                 else:
-                    self._new_run(self._run.exercise, self._run.feedback)
+                    self._new_run(self._run.exercise, self._run.feedback, self._run.exercise_inputs)
 
     def choose_ghost(self, theory: Theory | None) -> None:
         """Lay the duct by another theory over this one, under the same load.
@@ -167,6 +168,7 @@ class ChosenSession(HandledSession):
         exercise: Exercise,
         feedback: Feedback = Feedback.CONTINUOUS,
         grasp: float | None = None,
+        inputs: ExerciseInputs = "hand",
     ) -> None:
         """Start anew with an exercise; its time runs from the first pull.
 
@@ -178,12 +180,15 @@ class ChosenSession(HandledSession):
             When the trainee sees the figures.
         grasp
             Where it starts, mm from the first clamp; `task_grasp` when None.
+        inputs
+            What counts until it is over. With "hand", wishes for a force, another grasp or another
+            threshold come to nothing.
         """
         with self._lock:
             self.reset()
             if grasp is not None:
                 self.set_grasp(grasp)
-            self._new_run(exercise, feedback)
+            self._new_run(exercise, feedback, inputs)
             self._task_grasp = self.grasp
 
     def finish(self) -> None:

@@ -24,7 +24,7 @@ class HandledSession(SessionState):
             The grasper's whole force, N.
         """
         with self._lock:
-            if self._pulled.takes(force):
+            if self._slider_takes(force):
                 if force > 0.0:
                     self._begin_run()
                 self._note("force", self._pulled.ask_force(force))
@@ -114,7 +114,7 @@ class HandledSession(SessionState):
             Distance from the first clamp, mm.
         """
         with self._lock:
-            if self._pulled.takes(grasp):
+            if self._slider_takes(grasp):
                 if self._run.over:
                     self._task_grasp = None
                 self._note("grasp", self._pulled.ask_grasp(grasp))
@@ -128,8 +128,12 @@ class HandledSession(SessionState):
             Normal plus bending stress, MPa.
         """
         with self._lock:
-            if self._pulled.takes(threshold):
+            if self._slider_takes(threshold):
                 self._note("threshold", self._pulled.ask_threshold(threshold))
+
+    def _slider_takes(self, figure: float) -> bool:
+        """Return whether a wish that no hand has made is one now."""
+        return not self._run.hand_only and self._pulled.takes(figure)
 
     def _begin_run(self) -> None:
         """Start the run's clock with the first pull, on a duct that nothing was done to before."""

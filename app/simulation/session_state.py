@@ -1,6 +1,7 @@
 """What a session holds: its duct, what is set beside it and its runs; and how each begins anew."""
 
 import contextlib
+from collections import deque
 from threading import RLock
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 from app.simulation.clock import Clock
 from app.simulation.dissection import Dissection, default_preset
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import Exercise, HoldStretch
+from app.simulation.exercise import Exercise, ExerciseInputs
+from app.simulation.exercise_course import goal_band
 from app.simulation.feedback import Feedback
 from app.simulation.ghost import Ghost
+from app.simulation.grasped_duct import GraspedDuct
 from app.simulation.model import Model
 from app.simulation.preset import Preset
 from app.simulation.pulled_duct import PulledDuct
@@ -27,6 +30,8 @@ VERTICES = 5000
 """Vertices of the skin, about: what a browser without a graphics card still draws smoothly."""
 TASK_THRESHOLD = 0.5
 """Force above which a run's time is counted, in forces at break with a grasp in the middle."""
+MOST_TRIES = 20
+"""Exercises that are kept beside the last run, to be compared with."""
 
 
 class SessionState:
@@ -60,7 +65,9 @@ class SessionState:
         self._chain: SwingingChain | None = None
         self._run = Run(0.0)
         self._last_run: Run | None = None
+        self._tries: deque[Run] = deque(maxlen=MOST_TRIES)
         self._task_grasp: float | None = None
+        self._goal: tuple[Exercise, GraspedDuct, tuple[float, float] | None] | None = None
         dissection = Dissection.of(organ, preset or default_preset(organ))
         self._start(Model.of(dissection, Cubic()))
 
@@ -161,6 +168,20 @@ class SessionState:
         return self._run
 
     @property
+    def goal(self) -> tuple[float, float] | None:
+        """Deflections between which the goal of the exercise lies, with the present grasp, mm.
+
+        None without an exercise that waits or goes on, and for one without such a goal.
+        """
+        with self._lock:
+            run, duct = self._run, self._pulled.grasped
+            if run.exercise is None or run.over:
+                return None
+            if self._goal is None or self._goal[:2] != (run.exercise, duct):
+                self._goal = run.exercise, duct, goal_band(run.exercise, duct)
+            return self._goal[2]
+
+    @property
     def seed(self) -> int:
         """What chooses the raggedness of the torn rim."""
         return self._seed
@@ -186,15 +207,20 @@ class SessionState:
         self._new_run()
 
     def _new_run(
-        self, exercise: Exercise | None = None, feedback: Feedback = Feedback.CONTINUOUS
+        self,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        inputs: ExerciseInputs = "any",
     ) -> None:
         task_threshold = TASK_THRESHOLD * self._pulled.model.break_force
-        if isinstance(exercise, HoldStretch):
-            task_threshold = exercise.force_limit_N
+        if exercise is not None:
+            task_threshold = exercise.limits.get("maximum_force_N", task_threshold)
         if self._run.started:
             self._run.finish()
             self._last_run = self._run
-        self._run = Run(task_threshold, exercise, feedback)
+            if self._run.outcome is not None:
+                self._tries.append(self._run)
+        self._run = Run(task_threshold, exercise, feedback, inputs)
 
     def _new_chain(self) -> SwingingChain:
         grasped = self._pulled.grasped

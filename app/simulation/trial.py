@@ -6,7 +6,14 @@ from typing import NamedTuple
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import ApproachBreak, Exercise, GentleDissection, HoldStretch
+from app.simulation.exercise import (
+    ApproachBreak,
+    Exercise,
+    GentleDissection,
+    HoldStretch,
+    LeastImpulse,
+)
+from app.simulation.measures import MeasureTaker
 
 __all__ = ["Figures", "Outcome", "Trial", "trial_of"]
 
@@ -22,8 +29,8 @@ class Figures(NamedTuple):
         Displacement of the grasp, mm.
     distance_to_break
         1 at rest, 0 at the break.
-    force_time_product
-        So far, N s.
+    taker
+        The measures so far.
     held
         Whether the grasper holds the duct.
     torn
@@ -33,7 +40,7 @@ class Figures(NamedTuple):
     force: float
     deflection: float
     distance_to_break: float
-    force_time_product: float
+    taker: MeasureTaker
     held: bool
     torn: bool
 
@@ -62,6 +69,8 @@ class Trial(ABC):
         How it has ended; None while it runs.
     progress
         How far it has come, from 0 to 1.
+    standing
+        What is to be done now, in a few words; with the seconds left of a stay.
     """
 
     def __init__(self, time_limit: float) -> None:
@@ -69,6 +78,7 @@ class Trial(ABC):
         self._ticks = 0
         self.outcome: Outcome | None = None
         self.progress = 0.0
+        self.standing = ""
 
     def take(self, figures: Figures) -> None:
         """Judge one tick.
@@ -107,6 +117,7 @@ class _Hold(Trial):
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
         self._stay = _Stay(exercise.seconds)
+        self.standing = self._stay.standing
 
     def judge(self, figures: Figures) -> Outcome | None:
         wanted = self._exercise
@@ -119,7 +130,7 @@ class _Hold(Trial):
             )
         off = abs(figures.deflection - wanted.deflection_mm)
         done = self._stay.take(figures.held and off <= wanted.tolerance_mm)
-        self.progress = self._stay.part
+        self.progress, self.standing = self._stay.part, self._stay.standing
         if done:
             return Outcome(
                 True,
@@ -135,6 +146,7 @@ class _Approach(Trial):
         self._exercise = exercise
         self._stay = _Stay(exercise.seconds)
         self._nearest = 1.0
+        self.standing = self._stay.standing
 
     def judge(self, figures: Figures) -> Outcome | None:
         margin = self._exercise.margin
@@ -144,7 +156,7 @@ class _Approach(Trial):
         done = self._stay.take(figures.held and figures.distance_to_break <= margin)
         # Half for the way there, half for staying.
         way = min(max((1.0 - self._nearest) / (1.0 - margin), 0.0), 1.0)
-        self.progress = 0.5 * way + 0.5 * self._stay.part
+        self.progress, self.standing = 0.5 * way + 0.5 * self._stay.part, self._stay.standing
         if done:
             return Outcome(
                 True, f"Came within {100.0 * self._nearest:.1f} % of the break and stayed whole."
@@ -152,13 +164,85 @@ class _Approach(Trial):
         return None
 
 
-class _Dissection(Trial):
+class _Gentle(Trial):
     def __init__(self, exercise: GentleDissection) -> None:
+        super().__init__(exercise.time_limit_s)
+        self._exercise = exercise
+        self._stay = _Stay(exercise.seconds)
+        self._done = 0
+        self._back = False  # whether this lift has stayed long enough, and is to be led back
+        self.standing = self._say()
+
+    def judge(self, figures: Figures) -> Outcome | None:
+        wanted, taker = self._exercise, figures.taker
+        if figures.torn:
+            return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
+        passed = _passed_limit(wanted, figures)
+        if passed is not None:
+            return Outcome(False, passed)
+        if not figures.held:
+            self._back = False  # it has sprung back: nobody has led it
+        there = figures.held and wanted.low_mm <= figures.deflection <= wanted.high_mm
+        if self._back:
+            if figures.deflection <= wanted.slack_mm:
+                self._back, self._done, self._stay = False, self._done + 1, _Stay(wanted.seconds)
+        elif self._stay.take(there):
+            self._back = True
+        part = self._stay.part if self._back else 0.8 * self._stay.part
+        self.progress = (self._done + part * (self._done < wanted.lifts)) / wanted.lifts
+        self.standing = self._say()
+        if self._done < wanted.lifts:
+            return None
+        mean = taker.mean_absolute_nonzero_force
+        if mean > wanted.mean_force_limit_N:
+            return Outcome(
+                False,
+                f"The mean force was {mean:.3g} N, past {wanted.mean_force_limit_N:.3g} N.",
+            )
+        return Outcome(
+            True,
+            f"Lifted {wanted.lifts} times and led back with at most {taker.maximum_force:.3g} N.",
+        )
+
+    def _say(self) -> str:
+        wanted = self._exercise
+        if self._done >= wanted.lifts:
+            return ""
+        what = "lead it back" if self._back else self._stay.standing
+        return f"Lift {self._done + 1} of {wanted.lifts}: {what}"
+
+
+def _passed_limit(wanted: GentleDissection, figures: Figures) -> str | None:
+    """Return which limit of a gentle dissection has been passed, or None."""
+    if figures.force > wanted.force_limit_N:
+        return f"The force reached {figures.force:.3g} N, past {wanted.force_limit_N:.3g} N."
+    if figures.distance_to_break < wanted.reserve_limit:
+        return (
+            f"The distance to break fell to {100.0 * figures.distance_to_break:.0f} %, below "
+            f"{100.0 * wanted.reserve_limit:.0f} %."
+        )
+    overshoot = figures.taker.overshoot or 0.0
+    if overshoot > wanted.overshoot_limit:
+        return (
+            f"It went {100.0 * overshoot:.0f} % past the goal, more than "
+            f"{100.0 * wanted.overshoot_limit:.0f} %."
+        )
+    rate = figures.taker.maximum_loading_rate
+    if rate > wanted.loading_rate_limit_N_per_s:
+        return (
+            f"It was loaded by {rate:.3g} N/s, faster than "
+            f"{wanted.loading_rate_limit_N_per_s:.3g} N/s."
+        )
+    return None
+
+
+class _Impulse(Trial):
+    def __init__(self, exercise: LeastImpulse) -> None:
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
 
     def judge(self, figures: Figures) -> Outcome | None:
-        spent, limit = figures.force_time_product, self._exercise.product_limit_N_s
+        spent, limit = figures.taker.force_time_product, self._exercise.product_limit_N_s
         self.progress = 1.0 if figures.torn else min(max(1.0 - figures.distance_to_break, 0.0), 1.0)
         if spent > limit:
             return Outcome(False, f"More than {limit:.3g} N s was spent.")
@@ -178,8 +262,14 @@ class _Stay:
     def part(self) -> float:
         return min(self._ticks / self._wanted, 1.0)
 
+    @property
+    def standing(self) -> str:
+        if self._ticks == 0:
+            return "into the band"
+        return f"keep it, {(self._wanted - self._ticks) * TICK_SECONDS:.1f} s to go"
+
     def take(self, there: bool) -> bool:
-        self._ticks = self._ticks + 1 if there else 0
+        self._ticks = min(self._ticks + 1, self._wanted) if there else 0
         return self._ticks >= self._wanted
 
 
@@ -200,4 +290,6 @@ def trial_of(exercise: Exercise) -> Trial:
         return _Hold(exercise)
     if isinstance(exercise, ApproachBreak):
         return _Approach(exercise)
-    return _Dissection(exercise)
+    if isinstance(exercise, GentleDissection):
+        return _Gentle(exercise)
+    return _Impulse(exercise)

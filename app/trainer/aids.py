@@ -7,6 +7,7 @@ from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
 from app.simulation.session import Session
 from app.trainer.force_arrow import ForceArrow
+from app.trainer.goal_band import HALF_LENGTH, GoalBand
 from app.trainer.other_model import Chain, Ghost
 from app.trainer.overlay import Overlay
 
@@ -19,7 +20,7 @@ ARROW_FOOT = 1.25
 
 
 class Aids:
-    """The force's arrow, the model's points, the ghost and the chain, made when asked for.
+    """The force's arrow, a goal, the model's points, the ghost and the chain, made when asked for.
 
     Parameters
     ----------
@@ -31,6 +32,7 @@ class Aids:
         self._client = client
         self._dissection: Dissection | None = None
         self._arrow: ForceArrow | None = None
+        self._goal: GoalBand | None = None
         self._overlay: Overlay | None = None
         self._ghost: Ghost | None = None
         self._chain: Chain | None = None
@@ -61,6 +63,7 @@ class Aids:
                 self._radius = organ.mean_radius
                 self._first = organ.axis_at(np.array(dissection.clamps[:1]))[0]
             self._draw_arrow(dissection, reading, figures and whole)
+            self._draw_goal(session, reading, figures)
             self._draw_overlay(session, overlay and whole)
             self._draw_ghost(session, figures)
             self._draw_chain(session, figures)
@@ -81,6 +84,36 @@ class Aids:
             foot += ARROW_FOOT * self._radius * up
             at_break = reading.force if event is None else event.force
             arrow.show(foot, reading.force * up, at_break=at_break)
+
+    def say_standing(self, session: Session, *, figures: bool) -> None:
+        """Say at the goal what is to be done now; it passes with time alone.
+
+        Parameters
+        ----------
+        session
+            The session that is shown.
+        figures
+            Whether the trainee is to see the figures: the seconds left are one.
+        """
+        if self._goal is not None:
+            self._goal.say((figures and session.run.standing) or "Goal")
+
+    def _draw_goal(self, session: Session, reading: Reading, figures: bool) -> None:
+        band = session.goal
+        if band is None or reading.phase is not Phase.INTACT:
+            if self._goal is not None:
+                self._goal.remove()
+                self._goal = None
+            return
+        if self._goal is None:
+            self._goal = GoalBand(self._client.scene)
+        frame = session.dissection.frame
+        # The duct's upper edge at rest, at the hook.
+        rest = np.array(reading.hook) - (0.0, 0.0, reading.deflection)
+        edge = self._first + frame @ rest + self._radius * frame[:, 2]
+        low, high = (edge + each * frame[:, 2] for each in band)
+        self._goal.show(low, high, HALF_LENGTH * session.dissection.beam.span * frame[:, 0])
+        self.say_standing(session, figures=figures)
 
     def _draw_overlay(self, session: Session, wanted: bool) -> None:
         if self._overlay is None:
@@ -121,7 +154,8 @@ class Aids:
             self._chain.show(self._nodes)
 
     def _remove(self) -> None:
-        for aid in (self._arrow, self._overlay, self._ghost, self._chain):
+        for aid in (self._arrow, self._goal, self._overlay, self._ghost, self._chain):
             if aid is not None:
                 aid.remove()
-        self._arrow = self._overlay = self._ghost = self._chain = None
+        self._arrow = self._goal = None
+        self._overlay = self._ghost = self._chain = None

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from app.compression.build_process import BuildProcess
 from app.simulation.clock import Clock
+from app.simulation.exercise import ExerciseInputs
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
 from app.simulation.session import Session
@@ -41,6 +42,8 @@ class ClientView:
         Does what takes seconds.
     build_process
         Where organs are built; in this process when None.
+    exercise_inputs
+        What counts in exercises.
 
     Attributes
     ----------
@@ -60,9 +63,12 @@ class ClientView:
         background: Background,
         builder: Background,
         build_process: BuildProcess | None = None,
+        exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
         self.client, self.session = client, session
-        self.workplace = Workplace(client, session, background, builder, build_process)
+        self.workplace = Workplace(
+            client, session, background, builder, build_process, exercise_inputs
+        )
         self._scene = Scene(client, session, look)
         # Before the panel is sent: what is seen can be dragged.
         self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
@@ -123,6 +129,7 @@ class ClientView:
             self._panel_due = PANEL_SECONDS
             self._panel_stale = False
             self._panel.show(reading)
+            self._aids.say_standing(workplace.shown, figures=workplace.figures_visible)
             self._tell(reading)
 
     def _draw(self) -> None:

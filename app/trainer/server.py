@@ -12,6 +12,7 @@ import viser
 
 from app.compression.build_process import BuildProcess
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
@@ -71,6 +72,8 @@ class Trainer:
         "plain" for slow machines.
     most_clients
         How many can train at once.
+    exercise_inputs
+        What counts in exercises: "any" lets sliders and keys in, and each run says so.
 
     Attributes
     ----------
@@ -94,7 +97,9 @@ class Trainer:
         port: int,
         look: Look = "full",
         most_clients: int = MOST_SESSIONS,
+        exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
+        self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
         self._look: Look = look
         self._views: dict[int, ClientView] = {}
@@ -172,7 +177,7 @@ class Trainer:
                 tab_keeps(client, token)
                 view = ClientView(
                     client, session, self._look, self._background, self._builder,
-                    self._build_process,
+                    self._build_process, self._exercise_inputs,
                 )  # fmt: skip
                 if lost:
                     client.add_notification("A new duct", LOST, color="yellow")

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 import viser
 
 from app.compression.build_process import BuildProcess
-from app.simulation.exercise import Exercise
+from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
 from app.simulation.run_log import RunFile
@@ -17,10 +17,11 @@ from app.trainer.drag_proxy import Hold
 from app.trainer.replay_player import ReplayPlayer
 from organ_geometry.organ import Organ
 
-__all__ = ["Workplace", "explained"]
+__all__ = ["HAND_ONLY", "Workplace", "explained"]
 
 PAST_BREAK = 1.05
 """Force of a ramp to the tear, in forces at break."""
+HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 PATIENCE = 0.4
 """A wait that is longer is explained, s."""
 
@@ -40,10 +41,12 @@ class Workplace:
         Does what takes seconds, for one client after the other.
     build_process
         Where it is done; in the trainer's own process when None.
+    exercise_inputs
+        What counts in exercises.
 
     Attributes
     ----------
-    client, session, background, builder, build_process
+    client, session, background, builder, build_process, exercise_inputs
         As given.
     heat, overlay
         Whether the client wants to see the stress on the surface, and the points of the model.
@@ -60,7 +63,9 @@ class Workplace:
         background: Background,
         builder: Background,
         build_process: BuildProcess | None = None,
+        exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
+        self.exercise_inputs: ExerciseInputs = exercise_inputs
         self.client, self.session = client, session
         self.background, self.builder = background, builder
         self.build_process = build_process
@@ -208,7 +213,7 @@ class Workplace:
         """
         self.keep_run()
         self.leave_replay()
-        self.session.start_exercise(exercise, feedback, grasp)
+        self.session.start_exercise(exercise, feedback, grasp, self.exercise_inputs)
         self.pulls += 1
         self._paused = False
         self._changed = True
@@ -226,7 +231,7 @@ class Workplace:
         force
             N.
         """
-        if self._player is None:
+        if self._player is None and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
             # Not before the force is wished for: the inputs would go back to none.
@@ -234,7 +239,7 @@ class Workplace:
 
     def ramp_to_tear(self) -> None:
         """Pull evenly until the duct tears."""
-        if self._player is not None:
+        if self._player is not None or self._refuses_force():
             return
         self._begin_anew(True)
         event = self.session.reading().breaks_at
@@ -361,6 +366,13 @@ class Workplace:
         finally:
             self._changed = True
         return True
+
+    def _refuses_force(self) -> bool:
+        """Return whether only the hand counts now, and say so."""
+        if self.session.run.hand_only:
+            self.refuse(HAND_ONLY)
+            return True
+        return False
 
     def _renew(self) -> None:
         self.keep_run()

@@ -1,99 +1,174 @@
 """Exercises: what passes, what does not and why; numbers that scale with the duct's break."""
 
+from functools import cache
+from typing import NamedTuple
+
 import msgspec
 import pytest
 from simulated import SECONDS, phantom, settle
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import ApproachBreak, Exercise, GentleDissection, HoldStretch
+from app.simulation.exercise import (
+    ApproachBreak,
+    Exercise,
+    GentleDissection,
+    HoldStretch,
+    LeastImpulse,
+)
 from app.simulation.feedback import Feedback, feedback_visible
+from app.simulation.measures import MeasureTaker
 from app.simulation.preset import preset_named, presets
+from app.simulation.replay import replayed
+from app.simulation.run_log import read_run, run_json
+from app.simulation.scripted_hand import CAREFUL, CLUMSY, HASTY, Manner, do_exercise
 from app.simulation.session import Session
-from app.simulation.trial import Figures, Trial, trial_of
+from app.simulation.trial import Figures, Outcome, Trial, trial_of
+from organ_geometry.organ import Organ
+from physics import Exact, TautString, Theory
 
 HOLD = HoldStretch(deflection_mm=5.0, tolerance_mm=0.5, seconds=0.2, force_limit_N=1.0)
 APPROACH = ApproachBreak(margin=0.2, seconds=0.1)
-GENTLE = GentleDissection(product_limit_N_s=2.0)
+GENTLE = GentleDissection(
+    low_mm=4.5,
+    high_mm=5.5,
+    slack_mm=1.25,
+    seconds=0.1,
+    lifts=2,
+    force_limit_N=1.0,
+    mean_force_limit_N=0.6,
+    loading_rate_limit_N_per_s=8.0,
+    overshoot_limit=0.3,
+    reserve_limit=0.25,
+)
 
 
-def figures(
-    *,
-    force: float = 0.5,
-    deflection: float = 5.0,
-    distance: float = 0.5,
-    product: float = 1.0,
-    held: bool = True,
-    torn: bool = False,
-) -> Figures:
-    return Figures(force, deflection, distance, product, held, torn)
+class Tick(NamedTuple):
+    """One tick of a made-up run."""
+
+    force: float = 0.5
+    deflection: float = 5.0
+    distance: float = 0.5
+    held: bool = True
+    torn: bool = False
 
 
-def taken(exercise: Exercise, *series: Figures) -> Trial:
-    trial = trial_of(exercise)
+UP, DOWN = [Tick(0.1, 1.0), Tick(0.3, 3.0), *[Tick()] * 3], [Tick(0.3, 3.0), Tick(0.1, 1.0)]
+
+
+def taken(exercise: Exercise, *series: Tick) -> Trial:
+    """An exercise's trial after a made-up run, with the measures that it has."""
+    trial, taker = trial_of(exercise), MeasureTaker(1.0, exercise.band)
     for each in series:
-        trial.take(each)
+        taker.take(
+            each.force,
+            (0.0, 0.0, each.deflection),
+            each.distance,
+            held=each.held,
+            deflection=each.deflection,
+        )
+        trial.take(Figures(each.force, each.deflection, each.distance, taker, each.held, each.torn))
     return trial
 
 
 def test_a_hold_counts_only_unbroken_time_in_the_band() -> None:
-    there, off = figures(), figures(deflection=5.51)
+    there, off = Tick(), Tick(deflection=5.51)
     assert taken(HOLD, *[there] * 5).outcome is None
-    assert taken(HOLD, *[there] * 3).progress == pytest.approx(0.5)
+    half = taken(HOLD, *[there] * 3)
+    assert half.progress == pytest.approx(0.5)
+    assert half.standing == "keep it, 0.1 s to go"
+    assert taken(HOLD, *[there] * 3, off).standing == "into the band"
     outcome = taken(HOLD, *[there] * 6).outcome
     assert outcome is not None
     assert outcome.passed
     assert "5.0 mm" in outcome.reason
     assert taken(HOLD, *[there] * 5, off, *[there] * 5).outcome is None
-    assert taken(HOLD, *[there] * 5, figures(held=False), *[there] * 5).outcome is None
-    assert taken(HOLD, *[figures(deflection=4.5)] * 6).outcome is not None
+    assert taken(HOLD, *[there] * 5, Tick(held=False), *[there] * 5).outcome is None
+    assert taken(HOLD, *[Tick(deflection=4.5)] * 6).outcome is not None
 
 
 def test_a_hold_fails_by_force_by_a_tear_and_by_time() -> None:
-    forced = taken(HOLD, figures(force=1.0), figures(force=1.001)).outcome
+    forced = taken(HOLD, Tick(force=1.0), Tick(force=1.001)).outcome
     assert forced is not None
     assert not forced.passed
     assert "past 1 N" in forced.reason
-    torn = taken(HOLD, figures(force=3.0, torn=True)).outcome
+    torn = taken(HOLD, Tick(force=3.0, torn=True)).outcome
     assert torn is not None
     assert "tore at 3 N" in torn.reason
-    late = taken(HOLD, *[figures(deflection=0.0)] * round(60.0 / TICK_SECONDS)).outcome
+    late = taken(HOLD, *[Tick(deflection=0.0)] * round(60.0 / TICK_SECONDS)).outcome
     assert late is not None
     assert not late.passed
     assert "60 s" in late.reason
 
 
 def test_an_approach_passes_at_the_margin_and_fails_with_a_tear() -> None:
-    assert taken(APPROACH, *[figures(distance=0.21)] * 30).outcome is None
-    near = taken(APPROACH, *[figures(distance=0.2)] * 3)
+    assert taken(APPROACH, *[Tick(distance=0.21)] * 30).outcome is None
+    near = taken(APPROACH, *[Tick(distance=0.2)] * 3)
     assert near.outcome is not None
     assert near.outcome.passed
     assert "20.0 %" in near.outcome.reason
-    assert taken(APPROACH, figures(distance=0.6)).progress == pytest.approx(0.25)
-    torn = taken(APPROACH, *[figures(distance=0.1)] * 2, figures(distance=0.0, torn=True)).outcome
+    assert taken(APPROACH, Tick(distance=0.6)).progress == pytest.approx(0.25)
+    torn = taken(APPROACH, *[Tick(distance=0.1)] * 2, Tick(distance=0.0, torn=True)).outcome
     assert torn is not None
     assert not torn.passed
 
 
-def test_a_gentle_dissection_is_judged_by_its_force_time_product() -> None:
-    passed = taken(GENTLE, figures(), figures(product=1.999, torn=True)).outcome
+def test_a_gentle_dissection_is_lifted_held_and_led_back_as_often_as_it_says() -> None:
+    once = taken(GENTLE, *UP, *DOWN)
+    assert once.outcome is None
+    assert once.progress == pytest.approx(0.5)
+    assert once.standing.startswith("Lift 2 of 2")
+    assert taken(GENTLE, *UP).standing == "Lift 1 of 2: lead it back"
+    twice = taken(GENTLE, *UP, *DOWN, *UP, *DOWN)
+    assert twice.outcome is not None
+    assert twice.outcome.passed
+    assert twice.progress == 1.0
+    # Two ticks in the band are too few, and what springs back was not led.
+    short = [Tick(0.1, 1.0), Tick(0.3, 3.0), *[Tick()] * 2, *DOWN]
+    assert taken(GENTLE, *short, *short, *UP, *DOWN).outcome is None
+    slipped = [*UP, Tick(0.0, 3.0, held=False), Tick(0.0, 0.0, held=False)]
+    assert taken(GENTLE, *slipped, *slipped, *UP, *DOWN).outcome is None
+
+
+@pytest.mark.parametrize(
+    ("reason", "run"),
+    [
+        ("The force reached 1.1 N, past 1 N.", [*UP, Tick(0.8), Tick(1.1)]),
+        ("The distance to break fell to 20 %, below 25 %.", [*UP, Tick(0.6, 5.0, 0.2)]),
+        ("It went 40 % past the goal, more than 30 %.", [*UP, Tick(0.7, 6.5), Tick(0.9, 7.5)]),
+        ("It was loaded by 9 N/s, faster than 8 N/s.", [Tick(0.0, 0.0), Tick(0.9, 5.0)]),
+        (
+            "The mean force was 0.73 N, past 0.6 N.",
+            [*UP, *[Tick(0.8)] * 40, *DOWN, *UP, *[Tick(0.8)] * 40, *DOWN],
+        ),
+        ("The duct tore at 0.9 N.", [*UP, Tick(0.9, torn=True)]),
+        ("The 90 s were over.", [Tick(0.1, 1.0)] * (90 * 30)),
+    ],
+)
+def test_a_gentle_dissection_is_failed_by_each_of_its_limits_alone(
+    reason: str, run: list[Tick]
+) -> None:
+    assert taken(GENTLE, *run).outcome == Outcome(False, reason)
+
+
+def test_an_impulse_of_a_run_of_version_1_is_judged_as_it_was() -> None:
+    old = LeastImpulse(product_limit_N_s=2.0)
+    under, over = [Tick(1.0)] * 59, [Tick(1.0)] * 61
+    passed = taken(old, *under, Tick(1.0, torn=True)).outcome
     assert passed is not None
     assert passed.passed
     assert "2 N s" in passed.reason
-    for late in (figures(product=2.001), figures(product=2.001, torn=True)):
-        failed = taken(GENTLE, late).outcome
-        assert failed is not None
-        assert not failed.passed
+    assert taken(old, *over).outcome == Outcome(False, "More than 2 N s was spent.")
 
 
 def test_what_comes_after_the_outcome_changes_nothing() -> None:
-    trial = taken(GENTLE, figures(torn=True))
-    before = trial.outcome
-    trial.take(figures(product=100.0))
-    assert trial.outcome is before
+    run = [*UP, *DOWN, *UP, *DOWN]
+    before = taken(GENTLE, *run).outcome
+    assert before is not None
+    assert taken(GENTLE, *run, Tick(9.0, torn=True)).outcome == before
 
 
 def test_every_reason_is_one_sentence_and_every_exercise_says_what_to_do() -> None:
-    for exercise in (HOLD, APPROACH, GENTLE):
+    for exercise in (HOLD, APPROACH, GENTLE, LeastImpulse(product_limit_N_s=2.0)):
         for text in (exercise.goal, exercise.limit):
             assert text.endswith(".")
             assert text.count(". ") == 0
@@ -117,7 +192,7 @@ def test_fading_feedback_is_seen_for_ever_less_of_the_time() -> None:
     assert feedback_visible(Feedback.FADING, 100.0, over=True)
 
 
-# With the whole session under them: every preset's exercises can be passed, and failed.
+# With the whole session under them: a careful hand passes, a hasty and a clumsy one do not.
 
 
 def exercises(session: Session) -> tuple[HoldStretch, ApproachBreak, GentleDissection]:
@@ -136,70 +211,199 @@ def go(session: Session, *, most_seconds: float = 70.0) -> None:
     raise AssertionError("the exercise does not end")
 
 
-@pytest.mark.parametrize("name", list(presets()))
-def test_every_preset_s_exercises_can_be_passed(name: str) -> None:
-    session = Session(phantom(), preset_named(name), vertices=300)
-    hold, approach, gentle = exercises(session)
+@cache
+def own_organ() -> Organ:
+    """An organ of one's own, twice as long as the shipped one and two thirds as thick."""
+    organ = phantom()
+    return Organ(
+        2.0 * organ.axis, organ.frames, organ.keys, organ.outer / 1.5,
+        None if organ.lumen is None else organ.lumen / 1.5, name="own",
+    )  # fmt: skip
+
+
+DUCTS = [*presets(), "own organ"]
+
+
+def session_on(duct: str) -> Session:
+    if duct == "own organ":
+        return Session(own_organ(), vertices=300)
+    return Session(phantom(), preset_named(duct), vertices=300)
+
+
+HANDS = {"careful": CAREFUL, "hasty": HASTY, "clumsy": CLUMSY}
+
+
+@pytest.mark.parametrize("feedback", list(Feedback))
+@pytest.mark.parametrize("duct", DUCTS)
+def test_a_careful_hand_passes_every_exercise_and_the_others_none(
+    duct: str, feedback: Feedback
+) -> None:
+    session = session_on(duct)
+    for exercise in exercises(session):
+        for name, manner in HANDS.items():
+            session.start_exercise(exercise, feedback)
+            do_exercise(session, manner)
+            outcome = session.run.outcome
+            assert outcome is not None
+            assert outcome.passed == (name == "careful"), (exercise.title, name, outcome.reason)
+
+
+@pytest.mark.parametrize("theory", [Exact(), TautString()], ids=lambda theory: theory.name)
+def test_the_hands_fare_the_same_by_other_theories(theory: Theory) -> None:
+    session = session_on(next(iter(presets())))
+    session.choose_theory(theory)
+    for exercise in exercises(session):
+        for name, manner in HANDS.items():
+            session.start_exercise(exercise)
+            do_exercise(session, manner)
+            outcome = session.run.outcome
+            assert outcome is not None
+            assert outcome.passed == (name == "careful"), (exercise.title, name, outcome.reason)
+
+
+def test_a_quick_but_accurate_hand_is_not_gentle() -> None:
+    session = session_on("porcine-gallbladder")
+    session.start_exercise(exercises(session)[2])
+    do_exercise(session, Manner(0.25, 0.0, ()))
+    outcome = session.run.outcome
+    assert outcome is not None
+    assert "loaded by" in outcome.reason
+    session.start_exercise(exercises(session)[2])
+    do_exercise(session, Manner(1.0, 0.0, ()))
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed
+
+
+@pytest.mark.parametrize("duct", DUCTS)
+def test_limits_follow_from_the_duct_s_own_break(duct: str) -> None:
+    session = session_on(duct)
+    hold, _, gentle = exercises(session)
     event = session.reading().breaks_at
     assert event is not None
     assert hold.deflection_mm == pytest.approx(0.6 * event.deflection)
     assert hold.force_limit_N < event.force
-
-    session.start_exercise(hold)
+    # Half of the strength in the band's middle, two thirds of it at the limit.
     session.grab(session.grasp)
-    session.hand_to(hold.deflection_mm)
-    go(session)
-    assert session.run.outcome is not None
-    assert session.run.outcome.passed, session.run.outcome.reason
-    assert session.run.progress == 1.0
-    assert session.measures().maximum_force_N <= hold.force_limit_N
-    assert session.measures().task_threshold_N == hold.force_limit_N
+    session.hand_to(0.5 * (gentle.low_mm + gentle.high_mm))
+    settle(session)
+    reading = session.reading()
+    assert reading.check.distance_to_break == pytest.approx(0.5, abs=1e-6)
+    assert reading.force == pytest.approx(gentle.mean_force_limit_N, rel=1e-6)
+    session.hand_to(gentle.high_mm * (1.0 + gentle.overshoot_limit / 1.08))
+    settle(session)
+    reading = session.reading()
+    assert reading.check.distance_to_break == pytest.approx(gentle.reserve_limit, abs=1e-6)
+    assert reading.force == pytest.approx(gentle.force_limit_N, rel=1e-6)
+    reached = gentle.force_limit_N + 0.25 * gentle.loading_rate_limit_N_per_s
+    assert reached == pytest.approx(event.force, rel=1e-9)
 
-    session.start_exercise(approach)
+
+def test_scripted_hands_do_the_same_each_time_and_nothing_else_than_exercises() -> None:
+    found = []
+    for _ in range(2):
+        session = session_on(DUCTS[0])
+        session.start_exercise(exercises(session)[0])
+        do_exercise(session, CLUMSY)
+        found.append(session.run_file())
+    assert found[0] == found[1]
+    assert "let-go" not in {each.kind for each in found[0].log.inputs}  # it failed before
+    with pytest.raises(ValueError, match="band of deflections"):
+        do_exercise(session_on(DUCTS[0]), CAREFUL)
+
+
+def test_nothing_but_the_hand_counts_in_an_exercise() -> None:
+    session = session_on(DUCTS[0])
+    hold, approach, gentle = exercises(session)
+    event = session.reading().breaks_at
+    assert event is not None
+    for exercise in (hold, approach, gentle):
+        session.start_exercise(exercise)
+        session.set_force(session.force_limit)
+        session.set_grasp(12.0)
+        session.set_threshold(2.0 * session.threshold)
+        session.advance(30)
+        assert not session.run.started
+        assert session.reading().force == 0.0
+        assert (session.grasp, session.threshold) == (25.4, pytest.approx(0.2115, abs=1e-4))
+        # Nor while the hand holds it.
+        session.grab(25.4)
+        session.hand_to(1.0)
+        settle(session)
+        held = session.reading()
+        session.set_force(session.force_limit)
+        session.set_grasp(12.0)
+        session.advance(30)
+        assert session.reading() == held
+        assert {each.kind for each in session.run_file().log.inputs} == {"grab", "hand"}
+        assert session.run_file().log.exercise_inputs == "hand"
+        session.reset()
+    session.set_force(1.0)  # a free pull takes it again
+    settle(session)
+    assert session.reading().force == 1.0
+
+
+def test_a_teacher_can_let_sliders_in_and_the_run_says_so() -> None:
+    session = session_on(DUCTS[0])
+    approach = exercises(session)[1]
+    event = session.reading().breaks_at
+    assert event is not None
+    session.start_exercise(approach, inputs="any")
     session.set_force(0.97 * event.force)
     go(session)
     assert session.run.outcome is not None
-    assert session.run.outcome.passed, session.run.outcome.reason
-    assert 0.0 < session.measures().smallest_distance_to_break <= approach.margin
-
-    session.start_exercise(gentle)
-    session.set_force(session.force_limit)
-    go(session)
-    assert session.run.outcome is not None
-    assert session.run.outcome.passed, session.run.outcome.reason
-    assert session.measures().tear is not None
-    assert session.measures().force_time_product_N_s <= gentle.product_limit_N_s
-    settle(session)
+    assert session.run.outcome.passed
+    kept = read_run(run_json(session.run_file()))
+    assert kept.log.exercise_inputs == "any"
+    assert replayed(kept, phantom()) == kept
+    # The same run, said to be by hand alone, is not made again as one.
+    forged = msgspec.structs.replace(
+        kept, log=msgspec.structs.replace(kept.log, exercise_inputs="hand")
+    )
+    assert replayed(forged, phantom()).outcome is None
 
 
-def test_an_exercise_is_failed_by_what_it_forbids() -> None:
-    session = Session(phantom(), vertices=300)
+def test_the_goal_is_seen_where_the_hand_holds_until_the_exercise_is_over() -> None:
+    session = session_on(DUCTS[0])
     hold, approach, gentle = exercises(session)
-
-    session.start_exercise(hold, Feedback.SUMMARY)
-    session.grab(session.grasp)
-    session.hand_to(1.4 * hold.deflection_mm)
-    assert not session.run.feedback_visible
-    go(session)
-    assert session.run.outcome is not None
-    assert not session.run.outcome.passed
-    assert session.run.feedback_visible
-
+    assert session.goal is None
+    for exercise in (hold, gentle):
+        session.start_exercise(exercise)
+        assert session.goal == exercise.band
     session.start_exercise(approach)
-    session.set_force(session.force_limit)
-    go(session)
-    assert session.run.outcome is not None
-    assert "tore" in session.run.outcome.reason
-    settle(session)
+    for grasp in (25.4, 15.0):
+        session.grab(grasp)
+        session.advance()
+        band = session.goal
+        assert band is not None
+        session.hand_to(band[0] + 1e-6)
+        settle(session)
+        distance = session.reading().check.distance_to_break
+        assert distance == pytest.approx(approach.margin, abs=1e-5)
+        event = session.reading().breaks_at
+        assert event is not None
+        assert band[1] == event.deflection
+    session.finish()
+    assert session.goal is None
 
-    session.start_exercise(gentle)
-    session.set_force(0.9 * session.force_limit / 1.5)
-    go(session)
-    assert session.run.outcome is not None
-    assert not session.run.outcome.passed
+
+def test_earlier_tries_are_those_of_the_same_task_in_this_session() -> None:
+    session = session_on(DUCTS[0])
+    hold, approach, _ = exercises(session)
+    runs = []
+    for exercise, manner in (
+        (hold, HASTY), (approach, HASTY), (hold, CLUMSY), (hold, CAREFUL)
+    ):  # fmt: skip
+        session.start_exercise(exercise)
+        do_exercise(session, manner)
+        runs.append(session.run_file())
+    assert session.earlier_tries(runs[-1]) == [runs[0], runs[2]]
     session.reset()
-    assert session.run.exercise is None
-    assert session.run.outcome is None
+    assert session.earlier_tries(runs[-1]) == [runs[0], runs[2]]
+    assert session.earlier_tries(runs[1]) == []
+    session.set_grasp(20.0)
+    session.start_exercise(exercises(session)[0])
+    do_exercise(session, CAREFUL)
+    assert session.earlier_tries(session.run_file()) == []
 
 
 def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
@@ -207,7 +411,8 @@ def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
     session.start_exercise(exercises(session)[1])
     session.advance(300)
     assert session.run.seconds == 0.0
-    session.set_force(1.0)
+    session.grab(25.4)
+    session.hand_to(3.0)
     session.advance(30)
     assert session.run.seconds == pytest.approx(1.0)
     assert session.run.progress > 0.0
@@ -253,8 +458,11 @@ def test_an_exercise_keeps_its_numbers_and_its_grasp_wherever_the_hand_takes_hol
         (HOLD, {"time_limit_s": 1e9}),
         (APPROACH, {"margin": 1.0}),
         (APPROACH, {"seconds": -1.0}),
-        (GENTLE, {"product_limit_N_s": float("nan")}),
+        (GENTLE, {"force_limit_N": float("nan")}),
         (GENTLE, {"time_limit_s": 0.0}),
+        (GENTLE, {"reserve_limit": 1.0}),
+        (GENTLE, {"lifts": 0}),
+        (LeastImpulse(2.0), {"product_limit_N_s": 0.0}),
     ],
 )
 def test_exercises_that_nobody_can_do_are_refused(

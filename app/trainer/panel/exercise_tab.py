@@ -4,7 +4,7 @@ import html
 
 import viser
 
-from app.simulation.exercise import Exercise
+from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback
 from app.simulation.run_log import RunFile
 from app.trainer.panel.controls import note, on_click, on_input
@@ -16,6 +16,10 @@ FEEDBACK = {
     "Continuous": Feedback.CONTINUOUS,
     "Fading, gone after 30 s": Feedback.FADING,
     "Only in the result": Feedback.SUMMARY,
+}
+WITH: dict[ExerciseInputs, str] = {
+    "hand": "your hand only: drag the duct or the hook until its upper edge is in the blue band.",
+    "any": "your hand, sliders or keys: your teacher lets them count, and the run says so.",
 }
 NONE = "This duct cannot break"
 
@@ -139,7 +143,11 @@ class ExerciseTab:
                 if run.started
                 else "Ready. Time runs from your first pull."
             )
-            content = note(f"<b>{text}</b>", "exercise-state")
+            standing = run.standing if workplace.figures_visible else ""
+            content = note(
+                f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}",
+                "exercise-state",
+            )
             if self._state.content != content:
                 self._state.content = content
 
@@ -163,5 +171,6 @@ class ExerciseTab:
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
             f"{title}<b>Goal</b> {html.escape(exercise.goal)}<br>"
             f"<b>Limit</b> {html.escape(exercise.limit)}<br>"
-            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first pull.</div>"
+            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first pull.<br>"
+            f"<b>With</b> {WITH[self._workplace.exercise_inputs]}</div>"
         )

@@ -1,6 +1,8 @@
-"""A run's measures as a table: published names, units, and what each means at a click."""
+"""A run's measures as a table: published names, units, which way is better, beside other tries."""
 
 import html
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
 
 from app.simulation.measures import Measures
 from app.simulation.trial import Outcome
@@ -11,7 +13,74 @@ __all__ = ["measures_html", "outcome_html"]
 _PASSED, _FAILED, _PLAIN = "#35c28f", "#ff6b5e", "#c9ccd1"
 
 
-def outcome_html(outcome: Outcome | None, title: str) -> str:
+Better = Literal["lower", "higher", ""]
+_ARROWS: dict[Better, str] = {"lower": "↓ lower", "higher": "↑ higher", "": ""}
+TOO_SHORT = "too short"
+
+
+class _Row(NamedTuple):
+    """A measure: its name, its factor and unit as shown, which way is better, what it means."""
+
+    key: str
+    name: str
+    unit: str
+    better: Better
+    meaning: str
+    factor: float = 1.0
+
+
+_ROWS = (
+    _Row("time_s", "Time", "s", "lower", "Length of the run, from the first pull to its end."),
+    _Row("maximum_force_N", "Maximum force", "N", "lower", "Largest force."),
+    _Row(
+        "mean_absolute_nonzero_force_N", "Mean absolute non-zero force", "N", "lower",
+        "Mean of the force over the time in which there was any.",
+    ),
+    _Row(
+        "force_sd_N", "Its standard deviation", "N", "lower",
+        "How much the force varied over the same time.",
+    ),
+    _Row(
+        "maximum_loading_rate_N_per_s", "Maximum rate of loading", "N/s", "lower",
+        "Fastest growth of the force, over a tenth of a second.",
+    ),
+    _Row(
+        "overshoot", "Overshoot", "%", "lower",
+        "How far the duct was pulled past the goal, by the deflection in the goal's middle.", 100.0,
+    ),
+    _Row(
+        "force_time_product_N_s", "Force-time product", "N s", "lower",
+        "Sum of the force over time, also called impulse. It rewards haste: read it with the "
+        "rate of loading.",
+    ),
+    _Row(
+        "time_over_threshold_s", "Time over {threshold} N", "s", "lower",
+        "Time over threshold: with more force than the task threshold, which is the exercise's "
+        "limit of force, or half the force at break.",
+    ),
+    _Row(
+        "path_length_mm", "Path length", "mm", "lower",
+        "Way of the hook while it held the duct.",
+    ),
+    _Row(
+        "economy_of_motion", "Economy of motion", "", "higher",
+        "Farthest distance of the hook from where it took hold, over its path: 1 for one "
+        "straight pull.",
+    ),
+    _Row(
+        "smoothness", "Smoothness", "", "higher",
+        "Log dimensionless jerk of the hook: the nearer to zero, the smoother; -5.3 is the "
+        "smoothest reach there is. Said only of a run with a whole movement, half a second or "
+        "longer, that has come to rest.",
+    ),
+    _Row(
+        "smallest_distance_to_break", "Smallest distance to break", "%", "higher",
+        "How near the duct came to its break: 0 % is the break.", 100.0,
+    ),
+)  # fmt: skip
+
+
+def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
     """Return how a run has ended, as HTML.
 
     Parameters
@@ -20,6 +89,8 @@ def outcome_html(outcome: Outcome | None, title: str) -> str:
         Of its exercise; None for a run that was not judged.
     title
         Of the exercise, or of the run.
+    remark
+        What else is to be known of it.
 
     Returns
     -------
@@ -37,123 +108,116 @@ def outcome_html(outcome: Outcome | None, title: str) -> str:
         f"<span style='font-size:14px;opacity:.8'>{html.escape(title)}</span>"
         f"<span style='border:1px solid {colour};color:{colour};border-radius:99px;"
         f"padding:2px 12px;font-weight:600;font-size:13px'>{word}</span></div>"
-        f"<div style='font-size:15px;margin-top:4px'>{html.escape(reason)}</div></div>"
+        f"<div style='font-size:15px;margin-top:4px'>{html.escape(reason)}</div>"
+        + (
+            f"<div data-testid='remark' style='font-size:13px'>{html.escape(remark)}</div>"
+            * (remark != "")
+        )
+        + "</div>"
     )
 
 
-def measures_html(measures: Measures) -> str:
+def measures_html(
+    measures: Measures,
+    beside: Mapping[str, Measures] | None = None,
+    *,
+    limits: Mapping[str, float] | None = None,
+    sought_break: bool = False,
+) -> str:
     """Return a run's measures as HTML.
 
     Parameters
     ----------
     measures
         The measures.
+    beside
+        Other runs' measures, by what stands over them.
+    limits
+        The exercise's limits, by measure.
+    sought_break
+        Whether to come near the break was the goal: then neither way is better.
 
     Returns
     -------
     str
-        One line each; a click on it opens its definition, which is its tooltip too. Its `data-`
-        attributes carry the figures in full, in the units of `Measures`.
+        A table with a row each; a click on its name opens its definition, which is its tooltip
+        too. Its `data-` attributes carry the figures in full, in the units of `Measures`.
     """
-    m = measures
-    distance = 100.0 * max(m.smallest_distance_to_break, 0.0)
-    rows = [
-        _row("time_s", "Time", m.time_s, "s", "Length of the run, from the first pull to its end."),
-        _row("maximum_force_N", "Maximum force", m.maximum_force_N, "N", "Largest force."),
+    beside, limits = beside or {}, limits or {}
+    # How a try ended is over it already; a limit at the break itself is what a tear is.
+    shown = {key: limit for key, limit in limits.items() if limit > 0.0}
+    heads = ["this try", *beside, *(["limit"] if shown else [])]
+    columns = "".join(
+        f"<th style='text-align:right;font-weight:500;padding:2px 0 2px 10px'>{html.escape(head)}"
+        "</th>"
+        for head in heads
+    )
+    rows = "".join(
         _row(
-            "mean_absolute_nonzero_force_N",
-            "Mean absolute non-zero force",
-            m.mean_absolute_nonzero_force_N,
-            "N",
-            "Mean of the force over the time in which there was any.",
-        ),
-        _row(
-            "force_sd_N",
-            "Its standard deviation",
-            m.force_sd_N,
-            "N",
-            "How much the force varied over the same time.",
-        ),
-        _row(
-            "force_time_product_N_s",
-            "Force-time product",
-            m.force_time_product_N_s,
-            "N s",
-            "Sum of the force over time, also called impulse.",
-        ),
-        _row(
-            "time_over_threshold_s",
-            f"Time over {figure(m.task_threshold_N)} N",
-            m.time_over_threshold_s,
-            "s",
-            "Time over threshold: with more force than the task threshold, which is the "
-            "exercise's limit of force, or half the force at break.",
-        ),
-        _row(
-            "path_length_mm",
-            "Path length",
-            m.path_length_mm,
-            "mm",
-            "Way of the hook while it held the duct.",
-        ),
-        _row(
-            "economy_of_motion",
-            "Economy of motion",
-            m.economy_of_motion,
-            "",
-            "Farthest distance of the hook from where it took hold, over its path: 1 for one "
-            "straight pull.",
-        ),
-        _row(
-            "smoothness",
-            "Smoothness",
-            m.smoothness,
-            "",
-            "Log dimensionless jerk of the hook: the nearer to zero, the smoother; -5.3 is the "
-            "smoothest reach there is.",
-        ),
-        _row(
-            "smallest_distance_to_break",
-            "Smallest distance to break",
-            distance,
-            "%",
-            "How near the duct came to its break: 0 % is the break.",
-            full=m.smallest_distance_to_break,
-        ),
-    ]
-    tear = m.tear
-    if tear is not None:
-        side = {"pull": "on the side of the pull", "away": "on the side away from the pull"}
-        where = side.get(tear.side, "evenly around")
-        total = KPA_PER_MPA * (tear.normal_stress_MPa + tear.bending_stress_MPa)
-        rows.append(
-            "<div data-testid='tear-measure' style='padding:6px 12px;font-size:13px;"
-            "line-height:1.4'>"
-            f"<b>Tear</b> at {tear.time_s:.2f} s and {figure(tear.force_N)} N, "
-            f"{figure(tear.deflection_mm)} mm out: {tear.station_mm:.1f} mm from the left clamp, "
-            f"{where}. {html.escape(tear.criterion)}: "
-            f"{figure(KPA_PER_MPA * tear.normal_stress_MPa)}"
-            f" + {figure(KPA_PER_MPA * tear.bending_stress_MPa)} = {figure(total)} kPa &gt; "
-            f"{figure(KPA_PER_MPA * tear.threshold_MPa)} kPa.</div>"
+            row._replace(better="") if sought_break and row.factor != 1.0 else row,
+            measures, list(beside.values()), shown if shown else None,
         )
-    return f"<div data-testid='measures' style='padding-bottom:10px'>{''.join(rows)}</div>"
+        for row in _ROWS
+        if row.key != "overshoot" or measures.overshoot is not None
+    )  # fmt: skip
+    return (
+        "<div data-testid='measures' style='padding:0 12px 10px;overflow-x:auto'>"
+        "<table style='width:100%;border-collapse:collapse;font-size:13px;"
+        "font-variant-numeric:tabular-nums'><thead><tr style='font-size:12px'><th></th>"
+        f"<th style='text-align:left;font-weight:500'>better</th>{columns}<th></th></tr></thead>"
+        f"<tbody>{rows}</tbody></table>{_tear_html(measures)}</div>"
+    )
 
 
 def _row(
-    key: str, name: str, value: float | None, unit: str, meaning: str, *, full: float | None = None
+    row: _Row, measures: Measures, beside: Sequence[Measures], limits: Mapping[str, float] | None
 ) -> str:
-    meaning = html.escape(meaning, quote=True)
-    exact = value if full is None else full
+    meaning = html.escape(row.meaning, quote=True)
+    name = row.name.format(threshold=figure(measures.task_threshold_N))
+    exact: float | None = getattr(measures, row.key)
+    cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
+    if limits is not None:
+        limit = limits.get(row.key)
+        cells.append("" if limit is None else figure(row.factor * limit))
+    figures = "".join(
+        f"<td style='text-align:right;white-space:nowrap;padding:3px 0 3px 10px'>{cell}</td>"
+        for cell in cells
+    )
     return (
-        f"<details data-measure='{key}' data-value='{'' if exact is None else repr(float(exact))}'"
-        f" title='{meaning}' style='padding:3px 12px;font-size:13px;"
-        "border-bottom:1px solid rgba(255,255,255,.06)'>"
-        "<summary style='display:flex;justify-content:space-between;cursor:help;list-style:none'>"
-        f"<span>{name} <span style='opacity:.5;border:1px solid;border-radius:9px;"
-        "padding:0 4px;font-size:9px'>?</span></span>"
-        "<span style='font-variant-numeric:tabular-nums;white-space:nowrap'>"
-        f"<b>{figure(value)}</b> "
-        f"<span style='opacity:.7;display:inline-block;min-width:26px'>{unit}</span></span>"
-        "</summary>"
-        f"<div style='opacity:.75;padding:2px 0 4px'>{meaning}</div></details>"
+        f"<tr data-measure='{row.key}' data-value='{'' if exact is None else repr(float(exact))}'"
+        f" data-better='{row.better}' title='{meaning}'"
+        " style='border-top:1px solid rgba(255,255,255,.08);vertical-align:top'>"
+        f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>{name} "
+        "<span style='border:1px solid;border-radius:9px;padding:0 4px;font-size:9px'>?</span>"
+        f"</summary><div style='padding:2px 0 4px;max-width:260px'>{meaning}</div></details></td>"
+        f"<td style='white-space:nowrap;font-size:12px;padding:3px 0 3px 6px'>"
+        f"{_ARROWS[row.better]}</td>{figures}"
+        f"<td style='padding:3px 0 3px 4px;white-space:nowrap'>{row.unit}</td></tr>"
+    )
+
+
+def _shown(row: _Row, measures: Measures) -> str:
+    value: float | None = getattr(measures, row.key)
+    if row.key == "smoothness" and value is None and measures.path_length_mm > 0.0:
+        return TOO_SHORT
+    if row.key == "smallest_distance_to_break" and value is not None:
+        value = max(value, 0.0)
+    return figure(None if value is None else row.factor * value)
+
+
+def _tear_html(measures: Measures) -> str:
+    tear = measures.tear
+    if tear is None:
+        return ""
+    side = {"pull": "on the side of the pull", "away": "on the side away from the pull"}
+    where = side.get(tear.side, "evenly around")
+    total = KPA_PER_MPA * (tear.normal_stress_MPa + tear.bending_stress_MPa)
+    return (
+        "<div data-testid='tear-measure' style='padding:6px 0;font-size:13px;line-height:1.4'>"
+        f"<b>Tear</b> at {tear.time_s:.2f} s and {figure(tear.force_N)} N, "
+        f"{figure(tear.deflection_mm)} mm out: {tear.station_mm:.1f} mm from the left clamp, "
+        f"{where}. {html.escape(tear.criterion)}: "
+        f"{figure(KPA_PER_MPA * tear.normal_stress_MPa)}"
+        f" + {figure(KPA_PER_MPA * tear.bending_stress_MPa)} = {figure(total)} kPa &gt; "
+        f"{figure(KPA_PER_MPA * tear.threshold_MPa)} kPa.</div>"
     )

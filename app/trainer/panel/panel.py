@@ -13,6 +13,7 @@ from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
+from app.trainer.panel.opened_tab import open_tab
 from app.trainer.panel.readout import hidden_readout_html, readout_html, zone, zone_told
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
@@ -25,6 +26,7 @@ __all__ = ["DISCLAIMER", "Panel"]
 DISCLAIMER = "Not clinically validated, not a medical device."
 WIDTH = 364
 """px."""
+LEARN, REPLAY = "Learn", "Replay"
 BRAND = (38, 166, 154)
 
 
@@ -69,11 +71,11 @@ class Panel:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, workplace)
-        with tabs.add_tab("Learn"):
+        with tabs.add_tab(LEARN):
             self._exercises = ExerciseTab(gui, workplace)
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(gui, workplace)
-        with tabs.add_tab("Replay"):
+        with tabs.add_tab(REPLAY):
             self._replay = ReplayTab(gui, workplace)
         with tabs.add_tab("Build"):
             self._build = BuildTab(gui, workplace)
@@ -84,6 +86,8 @@ class Panel:
         on_click(ask, lambda: show_help(workplace.client))
         on_click(self._exercises.result, self._show_last)
         self._add_commands()
+        if workplace.in_exercise:  # a page that was loaded anew
+            open_tab(gui, LEARN)
         self.show(workplace.shown.reading())
 
     def show(self, reading: Reading) -> None:
@@ -144,10 +148,17 @@ class Panel:
         run
             The run.
         """
-        again = (lambda: self._exercises.again(run)) if run.log.exercise is not None else None
-        ResultPage(
-            self._workplace, run, again=again, replay=lambda: self._replay.replay(lambda: run)
-        )
+        offered = run.log.exercise is not None
+
+        def again() -> None:
+            self._exercises.again(run)
+            open_tab(self._gui, LEARN)
+
+        def watch() -> None:
+            self._replay.replay(lambda: run)
+            open_tab(self._gui, REPLAY)
+
+        ResultPage(self._workplace, run, again=again if offered else None, replay=watch)
 
     def _show_last(self) -> None:
         run = self._workplace.last_run

@@ -7,11 +7,14 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from app.simulation.replay import Series
+from app.simulation.exercise import ApproachBreak, Exercise
+from app.simulation.replay import Series, loading_rates
 
-__all__ = ["Curve", "add_series_plots", "axes", "dots", "key_html", "line"]
+__all__ = ["Curve", "add_series_plots", "area", "axes", "dots", "key_html", "line"]
 
 AXIS_COLOUR = "#c9ccd1"
+GOAL_COLOUR, GOAL_AREA = "#5cc8ff", "rgba(92,200,255,.25)"
+LIMIT_COLOUR = "#ff6b5e"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 MOST_POINTS = 600
 """Of a plot over time: more than a panel has pixels."""
@@ -92,6 +95,28 @@ def dots(label: str, colour: str) -> uplot.Series:
     )
 
 
+def area(label: str) -> uplot.Series:
+    """Return a series that is filled from the axis up to it: where a goal lies.
+
+    Parameters
+    ----------
+    label
+        What it is.
+
+    Returns
+    -------
+    uplot.Series
+        The series.
+    """
+    return uplot.Series(
+        label=label,
+        stroke=GOAL_COLOUR,
+        width=1,
+        fill=GOAL_AREA,
+        points=uplot.Series_Points(show=False),
+    )
+
+
 def key_html(series: Sequence[uplot.Series]) -> str:
     """Return a plot's key as HTML, each mark drawn as its series is.
 
@@ -131,10 +156,8 @@ def _mark(series: uplot.Series) -> str:
     )
 
 
-def add_series_plots(
-    gui: viser.GuiApi, series: Series, *, force_line: float | None
-) -> tuple[viser.GuiUplotHandle, viser.GuiUplotHandle]:
-    """Add a run's force and its distance to break over time.
+def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
+    """Add a run over time: what its exercise's goal and limits are about, and always the force.
 
     Parameters
     ----------
@@ -142,42 +165,63 @@ def add_series_plots(
         The client's own GUI.
     series
         The run, tick by tick.
-    force_line
-        A force to mark, N: the exercise's limit; None for none.
-
-    Returns
-    -------
-    tuple[viser.GuiUplotHandle, viser.GuiUplotHandle]
-        The two charts.
+    exercise
+        Its exercise, or None.
     """
-    picked = np.unique(
-        np.linspace(0, len(series.time) - 1, min(len(series.time), MOST_POINTS)).round().astype(int)
+    limits = {} if exercise is None else exercise.limits
+    percent = 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
+    band = None if exercise is None else exercise.band
+    if band is not None:
+        _add_plot(gui, series, ("deflection (mm)", "#e8eaed", series.deflection), band=band)
+    margin = (0.0, 100.0 * exercise.margin) if isinstance(exercise, ApproachBreak) else None
+    distance = ("to break (%)", "#f2b134", percent)
+    if margin is not None:
+        _add_plot(gui, series, distance, band=margin, top=108.0)
+    _add_plot(gui, series, ("force F (N)", "#35c28f", series.force), limits.get("maximum_force_N"))
+    rate = limits.get("maximum_loading_rate_N_per_s")
+    if rate is not None:
+        rates = loading_rates(series)
+        _add_plot(gui, series, ("loading (N/s)", "#c58af9", np.maximum(rates, 0.0)), rate)
+    if margin is None:
+        reserve = limits.get("smallest_distance_to_break")
+        _add_plot(gui, series, distance, None if reserve is None else 100.0 * reserve, top=108.0)
+    gui.add_html(
+        key_html([area("goal"), line("limit", LIMIT_COLOUR, 1.5, (6, 4))] if limits else [])
     )
-    time = np.concatenate([[0.0], series.time[picked]])
-    end = max(float(time[-1]), 1.0)
-    force = np.concatenate([[0.0], series.force[picked]])
-    distance = np.concatenate([[100.0], 100.0 * np.clip(series.distance_to_break[picked], 0, 1)])
-    level = np.full_like(time, np.nan if force_line is None else force_line)
-    highest = max(float(force.max()), force_line or 0.0, 1e-3)
-    x = uplot.Scale(time=False, range=(0.0, end))
-    first = gui.add_uplot(
-        (time, force, level),
+
+
+def _add_plot(
+    gui: viser.GuiApi,
+    series: Series,
+    drawn: tuple[str, str, Curve],
+    limit: float | None = None,
+    *,
+    band: tuple[float, float] | None = None,
+    top: float | None = None,
+) -> None:
+    """Add one chart over time: label, colour and values, a limit as a line, a goal as a band."""
+    label, colour, values = drawn
+    count = len(series.time)
+    picked = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
+    time, values = series.time[picked], values[picked]
+    low, high = (np.nan, np.nan) if band is None else band
+    ends = [np.full_like(time, each) for each in (high, low, np.nan if limit is None else limit)]
+    highest = max(float(values.max()), *(0.0 if np.isnan(end[0]) else end[0] for end in ends), 1e-3)
+    gui.add_uplot(
+        (time, values, *ends),
         (
             uplot.Series(label="time, s"),
-            line("force F, N", "#35c28f", 2.0),
-            line("limit, N", "#ff6b5e", 1.5, (6, 4)),
+            line(label, colour, 2.0),
+            line("goal", GOAL_COLOUR, 1.0),
+            line("goal, from", GOAL_COLOUR, 1.0),
+            line("limit", LIMIT_COLOUR, 1.5, (6, 4)),
         ),
-        scales={"x": x, "y": uplot.Scale(range=(0.0, 1.08 * highest))},
-        axes=axes("time (s)", "force F (N)"),
+        bands=(uplot.Band(series=(2, 3), fill=GOAL_AREA),),
+        scales={
+            "x": uplot.Scale(time=False, range=(0.0, max(float(time[-1]), 1.0))),
+            "y": uplot.Scale(range=(0.0, top or 1.08 * highest)),
+        },
+        axes=axes("time (s)", label),
         legend=uplot.Legend(show=False),
-        aspect=2.3,
+        aspect=2.6,
     )
-    second = gui.add_uplot(
-        (time, distance),
-        (uplot.Series(label="time, s"), line("distance to break, %", "#f2b134", 2.0)),
-        scales={"x": x, "y": uplot.Scale(range=(0.0, 108.0))},
-        axes=axes("time (s)", "to break (%)"),
-        legend=uplot.Legend(show=False),
-        aspect=2.3,
-    )
-    return first, second

@@ -13,7 +13,7 @@ from app.simulation.model import Model
 from app.simulation.reading import Reading
 from app.simulation.session import Session
 from app.trainer.background import Background
-from app.trainer.panel.plots import Curve, axes, dots, key_html, line
+from app.trainer.panel.plots import Curve, area, axes, dots, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
 
@@ -34,6 +34,7 @@ _SERIES = {
     "cubic": line("thesis's cubic", CUBIC, 1.2, (5, 3)),
     "exact": line("exact beam", EXACT, 1.2, (2, 3)),
     "ansys": dots("ANSYS, by the thesis", ANSYS),
+    "goal": area("goal"),
 }
 REFERENCE_POINTS = 50
 SAME_BEAM = 1e-3
@@ -95,10 +96,11 @@ class PullPlot:
         self._cubic: _Pair | None = None
         self._exact: _Pair | None = None
         self._ansys: _Pair | None = None
+        self._goal: tuple[float, float] | None = None
         self._deepest = 0.0
         self._level = np.nan
         self._chart = gui.add_uplot(
-            (np.array([0.0, 1.0]), *[nothing] * 6),
+            (np.array([0.0, 1.0]), *[nothing] * len(_SERIES)),
             (uplot.Series(label="deflection"), *_SERIES.values()),
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
             axes=axes("deflection (mm)", "force F (N)"),
@@ -120,7 +122,7 @@ class PullPlot:
                 with self._lock:
                     self._key = None
                     nothing = np.zeros(2)
-                    self._chart.data = (np.array([0.0, 1.0]), *[nothing] * 6)
+                    self._chart.data = (np.array([0.0, 1.0]), *[nothing] * len(_SERIES))
 
     def show(self, session: Session, reading: Reading) -> None:
         """Draw the theory's curve, the part of it that this pull has covered, and the break.
@@ -144,6 +146,10 @@ class PullPlot:
                     end: uplot.Scale(time=False, range=(0.0, float(values[-1])))
                     for end, values in zip(("x", "y"), self._curve, strict=True)
                 }
+            goal = session.goal
+            if goal != self._goal:
+                self._goal = goal
+                self._explain()
             self._deepest = reading.deepest
             self._level = event.force if event else np.nan
             self._draw()
@@ -173,7 +179,12 @@ class PullPlot:
         self._background.do((id(self), "others"), solve)
 
     def _explain(self) -> None:
-        there = {"cubic": self._cubic, "exact": self._exact, "ansys": self._ansys}
+        there = {
+            "cubic": self._cubic,
+            "exact": self._exact,
+            "ansys": self._ansys,
+            "goal": self._goal,
+        }
         self._legend.content = key_html(
             [each for name, each in _SERIES.items() if there.get(name, True) is not None]
         )
@@ -183,7 +194,8 @@ class PullPlot:
         deflections, forces = self._curve
         last = float(deflections[-1])
         marks = np.empty(0) if self._ansys is None else self._ansys[0][self._ansys[0] <= last]
-        grid = np.union1d(np.append(deflections, self._deepest), marks)
+        goal = np.array(self._goal or (), np.float64)
+        grid = np.union1d(np.concatenate([deflections, [self._deepest], goal]), marks)
         theory = np.interp(grid, deflections, forces)
         nowhere = np.full_like(grid, np.nan)
         shown = nowhere.copy()
@@ -197,6 +209,9 @@ class PullPlot:
             nowhere if self._cubic is None else np.interp(grid, *self._cubic, right=np.nan),
             nowhere if self._exact is None else np.interp(grid, *self._exact, right=np.nan),
             shown,
+            np.where((grid >= goal[0]) & (grid <= goal[1]), forces[-1], np.nan)
+            if goal.size
+            else nowhere,
         )
 
 

@@ -4,12 +4,15 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import Literal
 
+import msgspec
 import viser
 
-from app.simulation.exercise import HoldStretch
+from app.simulation.exercise import ApproachBreak
+from app.simulation.measures import Measures
 from app.simulation.replay import Replay, Series, series_csv
 from app.simulation.run_log import RunFile, run_json
-from app.trainer.panel.controls import on_click
+from app.simulation.scripted_hand import CAREFUL, do_exercise
+from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
@@ -19,11 +22,41 @@ __all__ = ["ResultPage", "run_csv", "run_name"]
 
 FEW = 300
 """Vertices of a duct that is only measured."""
+TRIES_BESIDE = 2
+"""Earlier tries that stand beside a result."""
+_BESIDE = (
+    "<b>Try</b>: your earlier tries of this session at the same task. <b>Expert</b>: a scripted "
+    "hand, careful and steady, at the same task; it is no surgeon."
+)
+_SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
 def _series(run: RunFile, workplace: Workplace) -> Series:
     organ = workplace.session.dissection.organ
     return Replay(run.log, organ, vertices=FEW).series()
+
+
+def _expert(run: RunFile, workplace: Workplace) -> Measures | None:
+    """Return the measures of a careful scripted hand in the same exercise; None for free pulls."""
+    if run.log.exercise is None:
+        return None
+    waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
+    session = Replay(waiting, workplace.session.dissection.organ, vertices=FEW).session
+    if session.goal is None:
+        return None
+    do_exercise(session, CAREFUL)
+    return session.measures()
+
+
+def _beside(run: RunFile, workplace: Workplace) -> dict[str, Measures]:
+    """Return what a result stands beside: this session's last tries, newest first, the expert."""
+    tries = workplace.session.earlier_tries(run)
+    found = {
+        f"try {number}": each.measures
+        for number, each in list(enumerate(tries, 1))[: -TRIES_BESIDE - 1 : -1]
+    }
+    expert = _expert(run, workplace)
+    return found if expert is None else {**found, "expert": expert}
 
 
 def run_csv(run: RunFile, workplace: Workplace) -> bytes:
@@ -92,13 +125,22 @@ class ResultPage:
         title = "Free pull" if exercise is None else exercise.title
         self._dialog = Dialog(gui, "Result")
         with self._dialog:
-            gui.add_html(outcome_html(run.outcome, title))
+            by_sliders = exercise is not None and run.log.exercise_inputs == "any"
+            gui.add_html(outcome_html(run.outcome, title, _SLIDERS if by_sliders else ""))
             tabs = gui.add_tab_group()
             with tabs.add_tab("Measures"):
-                gui.add_html(measures_html(run.measures))
+                gui.add_html(
+                    measures_html(
+                        run.measures,
+                        _beside(run, workplace),
+                        limits=None if exercise is None else exercise.limits,
+                        sought_break=isinstance(exercise, ApproachBreak),
+                    )
+                )
+                if exercise is not None:
+                    gui.add_html(note(_BESIDE))
             with tabs.add_tab("Over time"):
-                limit = exercise.force_limit_N if isinstance(exercise, HoldStretch) else None
-                add_series_plots(gui, series, force_line=limit)
+                add_series_plots(gui, series, exercise)
             if again is not None:
                 self._closing("Try again", viser.Icon.REFRESH, again, "teal")
             self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)

@@ -6,10 +6,10 @@ import numpy as np
 import viser
 
 from app.simulation.reading import Phase, Reading
-from app.trainer.panel.controls import number, on_click, on_input
+from app.trainer.panel.controls import note, number, on_click, on_input
 from app.trainer.panel.pull_plot import PullPlot
 from app.trainer.viser_bridge import set_arrow_step
-from app.trainer.workplace import Workplace
+from app.trainer.workplace import HAND_ONLY, Workplace
 
 __all__ = ["TrainTab", "slider_step"]
 
@@ -49,6 +49,7 @@ class TrainTab:
             initial_value=round(session.grasp, 1),
             hint="Where the hook holds the duct, from the left clamp",
         )
+        self._hand_only = gui.add_html(note(HAND_ONLY, "hand-only"), visible=False)
         self._heat = gui.add_checkbox(
             "Stress (H)",
             initial_value=workplace.heat,
@@ -99,12 +100,15 @@ class TrainTab:
         workplace = self._workplace
         visible = workplace.figures_visible
         self.take_ranges()
+        hand_only = workplace.session.run.hand_only
         live = workplace.player is None and reading.phase is Phase.INTACT
+        _see(self._hand_only, workplace.player is None and hand_only)
         _see(self._force, workplace.player is None and visible)
         _see(self._grasp, workplace.player is None)
         for slider in (self._force, self._grasp):  # a torn duct keeps their place
-            if slider.disabled == live:
-                slider.disabled = not live
+            taken = live and not hand_only
+            if slider.disabled == taken:
+                slider.disabled = not taken
         _see(self._heat, visible)
         _see(self._pause, workplace.player is None and not workplace.in_exercise)
         _see(self._reset, workplace.player is None)

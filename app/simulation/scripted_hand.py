@@ -1,0 +1,120 @@
+"""Scripted hands: an exercise done as a careful, hasty or clumsy person would, always the same.
+
+A hand goes to the middle of the goal's band by a reach of minimum jerk (Flash and Hogan 1985, J
+Neurosci 5:1688), stays as long as it is to, and goes on to what the exercise wants next, again and
+again until the exercise is over. What a manner adds to that: how long a reach takes, how far it
+goes past the goal, how the hand sways, and how often it loses the duct.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import cycle
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import ApproachBreak, Exercise, GentleDissection, HoldStretch
+from app.simulation.pull_control import HAND_SPEED
+from app.simulation.session import Session
+
+__all__ = ["CAREFUL", "CLUMSY", "HASTY", "Manner", "do_exercise"]
+
+SPARE_SECONDS = 0.5
+"""Stayed for longer than is asked."""
+LOST_SECONDS = 0.3
+"""For which a duct that was lost is not held."""
+PEAK_SPEED = 1.875
+"""Largest speed of a reach of minimum jerk, in mean speeds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How a hand moves.
+
+    Attributes
+    ----------
+    reach_seconds
+        Time of a reach, s.
+    overshoot
+        How far a reach out goes past its goal before it is put right, as a part of the goal.
+    sway
+        Its own movement: parts of the goal, and how often a second.
+    loses_after
+        Time after which the duct slips away, again and again, s.
+    """
+
+    reach_seconds: float
+    overshoot: float
+    sway: tuple[tuple[float, float], ...]
+    loses_after: float = math.inf
+
+
+CAREFUL = Manner(1.5, 0.0, ((0.004, 9.0),))
+"""Slow, with the tremor that every hand has, of 8 to 12 Hz."""
+HASTY = Manner(0.3, 0.4, ((0.01, 9.0),))
+"""As quick as a hand goes; it sees what it has done a reaction time late."""
+CLUMSY = Manner(1.2, 0.1, ((0.2, 0.7), (0.15, 1.9)), 4.0)
+"""Neither quick nor steady; it loses the duct every few seconds."""
+
+
+def do_exercise(session: Session, manner: Manner) -> None:
+    """Do the exercise that was started, until it is over.
+
+    Parameters
+    ----------
+    session
+        Its session; an exercise waits in it that has a goal's band.
+    manner
+        How the hand moves.
+
+    Raises
+    ------
+    ValueError
+        If there is no such exercise.
+    """
+    run, band = session.run, session.goal
+    if run.exercise is None or band is None:
+        raise ValueError("a scripted hand does an exercise with a band of deflections")
+    goal = 0.5 * sum(band)
+    session.grab(session.task_grasp)
+    held, wanted = 0.0, 0.0
+    ways = cycle(_ways(run.exercise, goal))
+    while not run.over:
+        to, stay = next(ways)
+        for reached in _reach(wanted, to, stay, manner):
+            if run.over:
+                return
+            held += TICK_SECONDS
+            if held > manner.loses_after:
+                session.let_go()
+                session.advance(round(LOST_SECONDS / TICK_SECONDS))
+                session.grab(session.task_grasp)
+                held = 0.0
+            seconds = run.seconds
+            off = sum(part * math.sin(2.0 * math.pi * rate * seconds) for part, rate in manner.sway)
+            session.hand_to(reached + off * goal)
+            session.advance()
+        wanted = to
+
+
+def _ways(exercise: Exercise, goal: float) -> list[tuple[float, float]]:
+    """Return where a hand goes, mm, and how long it stays there, s."""
+    if isinstance(exercise, HoldStretch | ApproachBreak):
+        return [(goal, exercise.seconds + SPARE_SECONDS)]
+    if isinstance(exercise, GentleDissection):
+        return [(goal, exercise.seconds + SPARE_SECONDS), (0.0, SPARE_SECONDS)]
+    return [(goal, exercise.time_limit_s)]
+
+
+def _reach(start: float, goal: float, stay: float, manner: Manner) -> list[float]:
+    """Return a reach tick by tick: out to the goal or past it, back to it, and a stay, mm."""
+    past = goal + manner.overshoot * max(goal - start, 0.0)
+    back = manner.reach_seconds if past > goal else 0.0
+    out = _minimum_jerk(start, past, manner.reach_seconds)
+    return out + _minimum_jerk(past, goal, back) + [goal] * round(stay / TICK_SECONDS)
+
+
+def _minimum_jerk(start: float, goal: float, seconds: float) -> list[float]:
+    """Return a way tick by tick, never faster than a hand is; none for no time."""
+    least = PEAK_SPEED * abs(goal - start) / HAND_SPEED if seconds > 0.0 else 0.0
+    ticks = math.ceil(max(seconds, least) / TICK_SECONDS - 1e-9)
+    parts = [tick / ticks for tick in range(1, ticks + 1)]
+    return [start + (goal - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s * s) for s in parts]

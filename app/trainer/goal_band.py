@@ -1,0 +1,86 @@
+"""The goal of an exercise in the picture: a band over the duct, and what is to be done now."""
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+__all__ = ["GOAL_COLOR", "GoalBand"]
+
+GOAL_COLOR = (92, 200, 255)
+HALF_LENGTH = 0.3
+"""Of the band along the duct, in spans: its ends are seen beside the hook and a raised duct."""
+LINE_WIDTH = 2.5
+"""px."""
+
+
+class GoalBand:
+    """A band where the duct's upper edge is to come at the hook.
+
+    Parameters
+    ----------
+    scene
+        Of one client.
+    """
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        corners = np.zeros((4, 3), np.float32)
+        self._area = scene.add_mesh_simple(
+            "/organ/goal/area",
+            corners,
+            np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+            color=GOAL_COLOR,
+            opacity=0.3,
+            material="standard",
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._edges = scene.add_line_segments(
+            "/organ/goal/edges",
+            np.zeros((2, 2, 3), np.float32),
+            GOAL_COLOR,
+            thickness=LINE_WIDTH,
+            thickness_units="screen",
+        )
+        self._label = scene.add_label("/organ/goal/label", "Goal", anchor="bottom-left")
+        self._place: tuple[bytes, bytes] | None = None
+
+    def show(
+        self,
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        along: NDArray[np.float64],
+    ) -> None:
+        """Draw the band.
+
+        Parameters
+        ----------
+        low, high
+            (3,) where the duct's upper edge is in the lower and upper end of the goal, mm.
+        along
+            (3,) half of the band's length along the duct, mm.
+        """
+        place = low.tobytes(), high.tobytes()
+        if place == self._place:
+            return
+        self._place = place
+        ends = np.array([low - along, low + along, high + along, high - along], np.float32)
+        self._area.vertices = ends
+        self._edges.points = ends[[0, 1, 2, 3]].reshape(2, 2, 3)
+        self._label.position = ends[3]
+
+    def say(self, text: str) -> None:
+        """Write at the band what is to be done now.
+
+        Parameters
+        ----------
+        text
+            A few words.
+        """
+        if text != self._label.text:
+            self._label.text = text
+
+    def remove(self) -> None:
+        """Take it off the scene."""
+        for part in (self._area, self._edges, self._label):
+            part.remove()
