@@ -4,10 +4,12 @@ import sys
 import time
 from pathlib import Path
 
-from browser import TrainerPage, close_browser, running_browser, trainer_page
+from browser import TrainerPage, close_browser, newest, running_browser, trainer_page
 from playwright.sync_api import expect
 from simulated import phantom
 
+from app.simulation.scripted_hand import CAREFUL, do_exercise
+from app.simulation.session import Session
 from app.trainer.server import Trainer
 
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "phone": (390, 844)}
@@ -42,18 +44,16 @@ def take_comparison(tab: TrainerPage, folder: Path) -> None:
     tab.choose("Ghost", "None")
 
 
-def take_exercise(tab: TrainerPage, folder: Path) -> None:
+def take_exercise(tab: TrainerPage, session: Session, folder: Path) -> None:
     """Do an exercise, and take the pictures of its result and of its replay."""
     tab.open("Learn")
     tab.choose("Exercise", "Approach the break")
     tab.press("Start")
     tab.page.get_by_test_id("exercise-state").wait_for()
-    tab.open("Train")
-    tab.slide("Force F (N)", 3.2)
+    do_exercise(session, CAREFUL)
     tab.page.get_by_test_id("outcome").wait_for()
     take(tab, folder / "trainer-result.jpg")
     tab.press("Watch it again")
-    tab.open("Replay")
     tab.slide("Time (s)", 1.0)
     take(tab, folder / "trainer-replay.jpg")
     tab.press("Leave the replay")
@@ -87,7 +87,7 @@ def main(folder: Path) -> None:
                         tab.tick("Stress (H)")
                     if size == "wide":
                         take_comparison(tab, folder)
-                        take_exercise(tab, folder)
+                        take_exercise(tab, newest(trainer).session, folder)
                         tab.slide("Force F (N)", 3.7)
                         tab.wait_for_phase("torn")
                         take(tab, folder / "trainer-torn.jpg")

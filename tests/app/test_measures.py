@@ -5,12 +5,13 @@ import statistics
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated import SECONDS, phantom, settle
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.measures import MeasureTaker
+from app.simulation.replay import Replay, loading_rates
 from app.simulation.session import Phase, Session
 from physics import BreakEvent, Cubic, RuptureCheck
 
@@ -60,6 +61,7 @@ def test_smoothness_of_the_minimum_jerk_reach_is_the_published_one() -> None:
     measures = taken([1.0] * (ticks + 1), reach.tolist()).measures()
     # The jerk at both ends is the largest and the third difference misses a tick and a half there.
     assert measures.smoothness == pytest.approx(-math.log(204.8), abs=0.01)
+    assert measures.smoothness <= -math.log(204.8)
     assert measures.economy_of_motion == pytest.approx(1.0, rel=1e-12)
 
 
@@ -78,6 +80,75 @@ def test_smoothness_depends_on_neither_size_nor_speed_and_falls_with_a_tremor() 
     shaky = taken([1.0] * 301, tremor.tolist()).measures().smoothness
     assert shaky is not None
     assert shaky < smooth - 3.0
+
+
+@given(
+    ticks=st.integers(2, 90),
+    cut=st.floats(0.05, 1.0),
+    tremor=st.sampled_from([0.0, 0.0, 0.002, 0.02]),
+)
+@settings(deadline=None)
+def test_no_run_that_is_cut_short_is_smoother_than_a_movement_can_be(
+    ticks: int, cut: float, tremor: float
+) -> None:
+    s = np.arange(round(cut * ticks) + 1) / ticks
+    reach = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 + tremor * np.sin(0.9 * np.arange(len(s)))
+    smoothness = taken([1.0] * len(s), reach.tolist()).measures().smoothness
+    assert smoothness is None or smoothness <= -math.log(204.8)
+    if len(s) <= 15 or (tremor == 0.0 and cut < 0.9):  # it is still fast, or hardly a movement
+        assert smoothness is None
+
+
+def test_a_yank_to_the_tear_has_no_smoothness_and_a_whole_pull_has_one() -> None:
+    session = Session(phantom(), vertices=300)
+    session.set_force(session.force_limit)
+    while not session.run.over:
+        session.advance()
+    assert session.measures().tear is not None
+    assert session.measures().smoothness is None
+    settle(session)
+    session.reset()
+    session.grab(25.4)
+    session.hand_to(6.0)
+    settle(session)
+    smoothness = session.measures().smoothness
+    assert smoothness is not None
+    assert smoothness < -math.log(204.8)
+
+
+def test_the_rate_of_loading_is_the_fastest_growth_within_a_tenth_of_a_second_of_a_hold() -> None:
+    forces = [0.2, 0.3, 0.5, 0.8, 0.9, 0.9, 0.1]
+    assert taken(forces, [0.0] * 7).measures().maximum_loading_rate_N_per_s == pytest.approx(6.0)
+    # A hold that starts at a force has not been loaded, and what comes after a new one neither.
+    assert taken([3.0, 3.0], [0.0] * 2).measures().maximum_loading_rate_N_per_s == 0.0
+    again = taken([1.0, 0.0, 2.0, 2.1], [0.0] * 4)
+    assert again.measures().maximum_loading_rate_N_per_s == pytest.approx(1.0)
+    again.regrasp()
+    again.take(9.0, (3.0, 0.0, 0.0), 0.5, held=True)
+    assert again.measures().maximum_loading_rate_N_per_s == pytest.approx(1.0)
+
+
+def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
+    session = Session(phantom(), vertices=300)
+    session.grab(25.4)
+    for way in (2.0, 7.0, 4.0, 8.0):
+        session.hand_to(way)
+        session.advance(9)
+        if way == 4.0:
+            session.let_go()
+            session.advance(4)
+            session.grab(25.4)
+    run = session.run_file()
+    rates = loading_rates(Replay(run.log, phantom(), vertices=300).series())
+    assert rates.max() == pytest.approx(run.measures.maximum_loading_rate_N_per_s, rel=1e-12)
+
+
+def test_an_overshoot_is_the_way_past_the_band_by_its_middle() -> None:
+    assert MeasureTaker(1.0).measures().overshoot is None
+    taker = MeasureTaker(1.0, (4.0, 6.0))
+    for deflection, held in ((3.0, True), (5.9, True), (7.0, True), (6.5, True), (9.0, False)):
+        taker.take(1.0, (0.0, 0.0, deflection), 0.5, held=held, deflection=deflection)
+    assert taker.measures().overshoot == pytest.approx(1.0 / 5.0)
 
 
 def test_a_way_too_small_to_be_squared_has_no_smoothness() -> None:

@@ -9,15 +9,17 @@ from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
 from playwright.sync_api import Browser, Download, Locator, expect
 from simulated import phantom
 
-from app.simulation.exercise import ApproachBreak
+from app.simulation.exercise import ApproachBreak, GentleDissection
 from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
 from app.simulation.replay import Replay, series_csv
 from app.simulation.run_log import run_json
+from app.simulation.scripted_hand import CAREFUL, HASTY, do_exercise
 from app.simulation.session import Session
 from app.trainer.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server import Trainer
+from app.trainer.workplace import HAND_ONLY
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from physics import Beam, Cubic, Exact
 
@@ -126,7 +128,7 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         session = view.session
-        session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1))
+        session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1), inputs="any")
         tab.slide("Force F (N)", 2.0)
         tab.page.get_by_test_id("outcome").wait_for()
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
@@ -275,6 +277,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         session = view.session
+        view.workplace.exercise_inputs = "any"  # as by `trainer --exercise-inputs any`
         rest = tab.vertices("skin")
         tab.open("Learn")
         task = tab.page.get_by_test_id("task")
@@ -289,6 +292,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         outcome = tab.page.get_by_test_id("outcome")
         outcome.wait_for()
         assert outcome.get_attribute("data-outcome") == "Passed"
+        expect(tab.page.get_by_test_id("remark")).to_contain_text("Sliders and keys were allowed")
         run = view.workplace.last_run
         assert run is not None
         assert run.outcome is not None
@@ -296,7 +300,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         measures = run_measures(tab)
         for name, value in measures.items():
             assert value == getattr(run.measures, name), name
-        assert len(measures) == 10
+        assert len(measures) == 11
 
         assert downloaded(tab, "Download JSON") == run_json(run)
         name = downloaded_name(tab, "Download CSV")
@@ -304,14 +308,17 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         again = Replay(run.log, phantom(), vertices=300)
         assert downloaded(tab, "Download CSV") == series_csv(again.series()).encode()
         tab.page.get_by_role("tab", name="Over time").click()
-        tab.wait_until(lambda: len(charts(tab)) >= 2)
-        time_of, force_of = next(rows[:2] for rows in charts(tab) if len(rows) == 3)
-        assert time_of[-1] == run.log.ticks / 30.0
-        assert force_of[-1] == again.session.reading().force
+        tab.wait_until(lambda: len(over_time(tab)) == 2)
+        distance, force = over_time(tab)
+        assert [row[-1] for row in force[:2]] == [
+            run.log.ticks / 30.0, again.session.reading().force
+        ]  # fmt: skip
+        assert [distance[2][0], distance[3][0]] == [15.0, 0.0]  # the goal: the margin
 
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
         tab.press("Watch it again")
-        tab.open("Replay")
+        expect(tab.page.get_by_role("button", name="Pause", exact=True)).to_be_visible()
+        expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible()
         tab.wait_until(lambda: view.workplace.player is not None)
         live = session.reading()
         player = view.workplace.player
@@ -345,6 +352,156 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)
         tab.page.locator("input[type=file]").set_input_files(file)
         expect(tab.page.get_by_text(re.compile("not a run of bluntdissect"))).to_be_visible()
+
+
+def over_time(tab: TrainerPage) -> list[list[list[float | None]]]:
+    """The charts of a result: rows of time, values, the goal's two ends and the limit."""
+    return [rows for rows in charts(tab) if len(rows) == 5]
+
+
+def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        view = newest(trainer)
+        session = view.session
+        gentle = session.exercises_offered()[2]
+        assert isinstance(gentle, GentleDissection)
+        tab.open("Learn")
+        tab.choose("Exercise", "Dissect gently")
+        expect(tab.page.get_by_test_id("task")).to_contain_text("your hand only")
+        tab.press("Start")
+        state = tab.page.get_by_test_id("exercise-state")
+        expect(state).to_contain_text("Lift 1 of 3: into the band")
+        # Key T, sliders and typed forces come to nothing, and say so.
+        tab.page.keyboard.press("t")
+        expect(tab.page.get_by_text(HAND_ONLY).first).to_be_visible()
+        tab.open("Train")
+        expect(tab.page.get_by_test_id("hand-only")).to_be_visible()
+        field = force_field(tab)
+        field.focus()
+        expect(field).not_to_be_focused()
+        expect(field).to_be_disabled()
+        tab.page.wait_for_timeout(500)
+        assert not session.run.started
+        assert session.reading().force == 0.0
+
+        # The goal: in the picture over the duct's upper edge, and in the plot.
+        tab.wait_until(lambda: seen(tab, "goal/area"))
+        band = tab.vertices("goal/area")
+        rest = tab.vertices("skin")
+        near = np.abs(rest[:, 0] - band[:, 0].mean()) < 3.0
+        height = band[:, 2].max() - rest[near, 2].max()
+        assert height == pytest.approx(gentle.high_mm, abs=0.5)
+        assert np.ptp(band[:, 2]) == pytest.approx(gentle.high_mm - gentle.low_mm, abs=1e-3)
+        tab.wait_until(lambda: any(charts(tab)[0][7]))
+        x, *_, goal = charts(tab)[0]
+        there = [at for at, value in zip(x, goal, strict=True) if value]
+        assert (there[0], there[-1]) == pytest.approx((gentle.low_mm, gentle.high_mm), rel=1e-6)
+
+        # Held, it counts down: at the goal and in the tab.
+        tab.open("Learn")
+        tab.page.evaluate(WATCH_COUNTDOWN)
+        middle = 0.5 * (gentle.low_mm + gentle.high_mm)
+        session.grab(session.grasp)
+        for tick in range(1, 46):
+            session.hand_to(middle * tick / 45.0)
+            tab.page.wait_for_timeout(40)
+        expect(state).to_contain_text("Lift 1 of 3: lead it back")
+        found = [float(each) for each in tab.page.evaluate("() => window.__left")]
+        assert len(set(found)) >= 2
+        assert found == sorted(found, reverse=True)
+        assert max(found) < gentle.seconds
+        expect(tab.page.get_by_text("Lift 1 of 3: lead it back", exact=True)).to_have_count(2)
+
+        # Loaded anew in the middle of it, it is an exercise still.
+        run = session.run
+        tab.page.reload()
+        tab.wait_for_node("skin")
+        tab.wait_until(lambda: newest(trainer) is not view)
+        view = newest(trainer)
+        assert view.session.run is run
+        assert run.going
+        expect(tab.page.get_by_role("tab", name="Learn")).to_have_attribute("aria-selected", "true")
+        expect(tab.page.get_by_test_id("task")).to_contain_text("Dissect gently")
+        expect(tab.page.get_by_role("button", name="Stop", exact=True)).to_be_visible()
+        expect(state).to_contain_text("of 90 s")
+        tab.wait_until(lambda: seen(tab, "goal/area"))
+        tab.press("Stop")
+        outcome = tab.page.get_by_test_id("outcome")
+        expect(outcome).to_have_attribute("data-outcome", "Not judged")
+        tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        expect(outcome).to_have_count(0)
+        assert not seen(tab, "goal/area")
+
+
+WATCH_COUNTDOWN = """() => {
+    window.__left = [];
+    const look = () => {
+        const text = document.querySelector('[data-testid=exercise-state]')?.innerText ?? '';
+        const left = text.match(/keep it, ([0-9.]+) s to go/)?.[1];
+        if (left && window.__left.at(-1) !== left) window.__left.push(left);
+    };
+    new MutationObserver(look).observe(document.body, {subtree: true, childList: true});
+}"""
+
+
+def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=900, height=700) as tab:
+        view = newest(trainer)
+        session, workplace = view.session, view.workplace
+        gentle = session.exercises_offered()[2]
+        outcome = tab.page.get_by_test_id("outcome")
+        table = tab.page.get_by_test_id("measures")
+        for manner, word, heads in (
+            (HASTY, "Not passed", ["this try", "expert", "limit"]),
+            (CAREFUL, "Passed", ["this try", "try 1", "expert", "limit"]),
+        ):
+            workplace.start_exercise(gentle, Feedback.CONTINUOUS)
+            do_exercise(session, manner)
+            expect(outcome).to_have_attribute("data-outcome", word)
+            assert table.locator("th").all_inner_texts()[1:] == heads
+            cells = table.locator("[data-measure=smoothness] td").all_inner_texts()
+            if manner is HASTY:
+                assert cells[1] == "too short"
+                tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+                expect(outcome).to_have_count(0)
+        # Which way each measure is better; a limit beside what it limits.
+        better = table.locator("[data-better]").evaluate_all(
+            "rows => Object.fromEntries(rows.map(row => [row.dataset.measure, row.dataset.better]))"
+        )
+        assert {name for name, way in better.items() if way == "higher"} == {
+            "economy_of_motion",
+            "smoothness",
+            "smallest_distance_to_break",
+        }
+        assert {name for name, way in better.items() if way == ""} == set()
+        row = table.locator("[data-measure=maximum_loading_rate_N_per_s] td")
+        assert isinstance(gentle, GentleDissection)
+        cells = row.all_inner_texts()
+        assert cells[4] == f"{gentle.loading_rate_limit_N_per_s:.2f}"
+        assert (
+            float(cells[3]) > gentle.loading_rate_limit_N_per_s > float(cells[2])
+        )  # hasty, careful
+
+        tab.page.get_by_role("tab", name="Over time").click()
+        tab.wait_until(lambda: len(over_time(tab)) == 4)
+        deflection, force, rate, distance = over_time(tab)
+        assert [deflection[2][0], deflection[3][0]] == [gentle.high_mm, gentle.low_mm]
+        assert force[4][0] == gentle.force_limit_N
+        assert rate[4][0] == gentle.loading_rate_limit_N_per_s
+        assert max(rate[1]) == workplace.last_run.measures.maximum_loading_rate_N_per_s
+        assert distance[4][0] == 100.0 * gentle.reserve_limit
+        tab.press("Watch it again")
+        expect(tab.page.get_by_role("tab", name="Replay")).to_have_attribute(
+            "aria-selected", "true"
+        )
+        tab.press("Pause")
+        tab.wait_until(lambda: seen(tab, "goal/area"))  # what the run was about
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: workplace.player is None)
 
 
 def apart(tab: TrainerPage, before: np.ndarray) -> float:
@@ -399,6 +556,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         hidden = tab.page.locator("[data-testid=readout][data-hidden='1']")
         hidden.wait_for()
         assert session.run.feedback is Feedback.SUMMARY
+        tab.wait_until(lambda: seen(tab, "goal/area"))  # it is the task, and no figure
         expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
         tab.open("Train")
         expect(tab.page.get_by_text("Force F (N)", exact=True)).to_have_count(0)

@@ -27,6 +27,7 @@ from app.simulation.run_log import (
     read_run,
     run_json,
 )
+from app.simulation.scripted_hand import CAREFUL, do_exercise
 from app.simulation.session import Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
@@ -36,6 +37,8 @@ from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import build_organ
 from physics import Cubic, Exact, Fem, MassSpring, TautString
+
+RUNS = Path(__file__).parent / "runs"
 
 
 def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
@@ -224,9 +227,7 @@ def test_an_exercise_is_judged_again_the_same() -> None:
     session = Session(phantom(), vertices=300)
     approach = session.exercises_offered()[1]
     session.start_exercise(approach, Feedback.FADING)
-    session.set_force(0.9 * session.force_limit / 1.5)
-    while not session.run.over:
-        session.advance()
+    do_exercise(session, CAREFUL)
     original = session.run_file()
     assert original.outcome is not None
     assert original.outcome.passed
@@ -234,6 +235,23 @@ def test_an_exercise_is_judged_again_the_same() -> None:
     again = replayed(read_run(run_json(original)), phantom())
     assert again == original
     assert again.log.feedback is Feedback.FADING
+
+
+@pytest.mark.parametrize("name", ["impulse", "hold"])
+def test_runs_of_version_1_play_as_they_were_recorded(name: str) -> None:
+    """Recorded before only the hand counted: one by force, judged by its impulse; one by hand."""
+    original = read_run((RUNS / f"version_1_{name}.json").read_bytes())
+    found = replayed(original, phantom())
+    assert found.outcome == original.outcome
+    assert found.log.exercise_inputs == "any"
+    assert original.agrees_with(found)
+    for other in (
+        msgspec.structs.replace(found, outcome=None),
+        msgspec.structs.replace(
+            found, measures=msgspec.structs.replace(found.measures, path_length_mm=1.0)
+        ),
+    ):
+        assert not original.agrees_with(other)
 
 
 def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
@@ -377,7 +395,7 @@ def good() -> dict[str, Any]:
 
 BAD: dict[str, tuple[dict[str, object], str]] = {
     "format": ({"format": "other"}, "not a run"),
-    "version": ({"version": 2}, "a run of version 2"),
+    "version": ({"version": 3}, "a run of version 3; this program reads 1 and 2"),
     "log": ({"log": 3}, "damaged"),
     "ticks": ({"log.ticks": 10**9}, "ticks must be"),
     "ticks type": ({"log.ticks": "many"}, "damaged"),

@@ -14,8 +14,9 @@ _PASSED, _FAILED, _PLAIN = "#35c28f", "#ff6b5e", "#c9ccd1"
 
 
 Better = Literal["lower", "higher", ""]
-_ARROWS: dict[Better, str] = {"lower": "↓ lower", "higher": "↑ higher", "": ""}
+_ARROWS: dict[Better, str] = {"lower": "↓", "higher": "↑", "": ""}
 TOO_SHORT = "too short"
+_CELL = "text-align:right;padding:3px 0 3px 8px"
 
 
 class _Row(NamedTuple):
@@ -148,9 +149,7 @@ def measures_html(
     shown = {key: limit for key, limit in limits.items() if limit > 0.0}
     heads = ["this try", *beside, *(["limit"] if shown else [])]
     columns = "".join(
-        f"<th style='text-align:right;font-weight:500;padding:2px 0 2px 10px'>{html.escape(head)}"
-        "</th>"
-        for head in heads
+        f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads
     )
     rows = "".join(
         _row(
@@ -161,11 +160,12 @@ def measures_html(
         if row.key != "overshoot" or measures.overshoot is not None
     )  # fmt: skip
     return (
-        "<div data-testid='measures' style='padding:0 12px 10px;overflow-x:auto'>"
-        "<table style='width:100%;border-collapse:collapse;font-size:13px;"
-        "font-variant-numeric:tabular-nums'><thead><tr style='font-size:12px'><th></th>"
-        f"<th style='text-align:left;font-weight:500'>better</th>{columns}<th></th></tr></thead>"
-        f"<tbody>{rows}</tbody></table>{_tear_html(measures)}</div>"
+        "<div data-testid='measures' style='padding:0 8px 10px;overflow-x:auto'>"
+        "<table style='width:100%;border-collapse:collapse;font-size:13px;line-height:1.35;"
+        "font-variant-numeric:tabular-nums'><thead>"
+        "<tr style='font-size:12px;vertical-align:bottom'>"
+        "<th style='text-align:left;font-weight:400'>↓ lower, ↑ higher is better</th>"
+        f"{columns}</tr></thead><tbody>{rows}</tbody></table>{_tear_html(measures)}</div>"
     )
 
 
@@ -179,20 +179,18 @@ def _row(
     if limits is not None:
         limit = limits.get(row.key)
         cells.append("" if limit is None else figure(row.factor * limit))
-    figures = "".join(
-        f"<td style='text-align:right;white-space:nowrap;padding:3px 0 3px 10px'>{cell}</td>"
-        for cell in cells
-    )
+    figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)
+    unit = f" <span style='white-space:nowrap'>({row.unit})</span>" if row.unit else ""
+    arrow = _ARROWS[row.better]
+    way = f" <span role='img' aria-label='{row.better} is better'>{arrow}</span>" if arrow else ""
     return (
         f"<tr data-measure='{row.key}' data-value='{'' if exact is None else repr(float(exact))}'"
         f" data-better='{row.better}' title='{meaning}'"
         " style='border-top:1px solid rgba(255,255,255,.08);vertical-align:top'>"
-        f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>{name} "
-        "<span style='border:1px solid;border-radius:9px;padding:0 4px;font-size:9px'>?</span>"
-        f"</summary><div style='padding:2px 0 4px;max-width:260px'>{meaning}</div></details></td>"
-        f"<td style='white-space:nowrap;font-size:12px;padding:3px 0 3px 6px'>"
-        f"{_ARROWS[row.better]}</td>{figures}"
-        f"<td style='padding:3px 0 3px 4px;white-space:nowrap'>{row.unit}</td></tr>"
+        f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>{name}"
+        f"{unit}{way} <span style='border:1px solid;border-radius:9px;padding:0 4px;"
+        "font-size:9px'>?</span></summary>"
+        f"<div style='padding:2px 0 4px'>{meaning}</div></details></td>{figures}</tr>"
     )
 
 

@@ -7,15 +7,18 @@ from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
 __all__ = ["open_tab"]
 
-# The tab may not be drawn yet when this comes: it is looked for until it is, for a few seconds.
+# The tab may not be drawn yet when this comes: it is looked for until it is, for a few seconds. In
+# the panel at the side it opens by a key, in the one of a phone by a click.
 _SCRIPT = """
 (() => {
   const until = performance.now() + 5000;
   const open = () => {
     const tab = [...document.querySelectorAll("[role=tab]")]
       .find(each => each.textContent.trim() === LABEL);
-    if (tab) tab.click();
-    else if (performance.now() < until) requestAnimationFrame(open);
+    if (tab?.ariaSelected === "true") return;
+    tab?.click();
+    tab?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+    if (performance.now() < until) requestAnimationFrame(open);
   };
   open();
 })();

@@ -39,6 +39,8 @@ _SERIES = {
 REFERENCE_POINTS = 50
 SAME_BEAM = 1e-3
 """Relative difference of a beam's numbers from a table's that its rounding explains."""
+STEP = 1e-6
+"""Width of a step in the plot, in its widths."""
 MIDDLE = 0.05
 """How near the middle a grasp is in the middle, mm: half of the slider's step."""
 
@@ -194,8 +196,10 @@ class PullPlot:
         deflections, forces = self._curve
         last = float(deflections[-1])
         marks = np.empty(0) if self._ansys is None else self._ansys[0][self._ansys[0] <= last]
+        # A step at each of its ends: two points as good as in one place.
         goal = np.array(self._goal or (), np.float64)
-        grid = np.union1d(np.concatenate([deflections, [self._deepest], goal]), marks)
+        beside = np.add(goal, (-STEP * last, STEP * last)) if goal.size else goal
+        grid = np.union1d(np.concatenate([deflections, [self._deepest], goal, beside]), marks)
         theory = np.interp(grid, deflections, forces)
         nowhere = np.full_like(grid, np.nan)
         shown = nowhere.copy()
@@ -209,7 +213,7 @@ class PullPlot:
             nowhere if self._cubic is None else np.interp(grid, *self._cubic, right=np.nan),
             nowhere if self._exact is None else np.interp(grid, *self._exact, right=np.nan),
             shown,
-            np.where((grid >= goal[0]) & (grid <= goal[1]), forces[-1], np.nan)
+            np.where((grid >= goal[0]) & (grid <= goal[1]), forces[-1], 0.0)
             if goal.size
             else nowhere,
         )
