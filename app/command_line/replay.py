@@ -86,6 +86,8 @@ def replay(
         outcome = None if found.outcome is None else msgspec.to_builtins(found.outcome)
         measures = msgspec.to_builtins(found.measures)
         facts = {"measures": measures, "outcome": outcome, "as_recorded": same, **played}
+        if found.log.exercise is not None:
+            facts["exercise_inputs"] = found.log.exercise_inputs
         print(json.dumps(facts))
         return
     for name, value in _lines(found.measures):
@@ -93,6 +95,9 @@ def replay(
     if found.outcome is not None:
         print(f"{'exercise':<28} {'passed' if found.outcome.passed else 'not passed'}: ", end="")
         print(found.outcome.reason)
+    if found.log.exercise is not None:
+        by_hand = found.log.exercise_inputs == "hand"
+        print(f"{'done with':<28} {'the hand alone' if by_hand else 'sliders and keys allowed'}")
     made = ", ".join(f"{name} {version}" for name, version in others.items())
     note = f"; it was made with {made}" if others else ""
     print(f"{'as recorded':<28} {'yes, to the digit' if same else f'no{note}'}")

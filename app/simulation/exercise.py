@@ -114,8 +114,8 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
 
     @property
     def limits(self) -> dict[str, float]:
-        """What is not to be passed, by the measure's name."""
-        return {"smallest_distance_to_break": 0.0}
+        """None but the tear itself."""
+        return {}
 
 
 class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-lifts"):

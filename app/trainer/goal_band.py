@@ -9,6 +9,8 @@ __all__ = ["GOAL_COLOR", "GoalBand"]
 GOAL_COLOR = (92, 200, 255)
 HALF_LENGTH = 0.3
 """Of the band along the duct, in spans: its ends are seen beside the hook and a raised duct."""
+LABEL_ASIDE = 0.15
+"""Where the label ends before the hook, in half lengths: the force is written on its other side."""
 LINE_WIDTH = 2.5
 """px."""
 
@@ -42,7 +44,7 @@ class GoalBand:
             thickness=LINE_WIDTH,
             thickness_units="screen",
         )
-        self._label = scene.add_label("/organ/goal/label", "Goal", anchor="bottom-left")
+        self._label = scene.add_label("/organ/goal/label", "Goal", anchor="bottom-right")
         self._place: tuple[bytes, bytes] | None = None
 
     def show(
@@ -67,7 +69,7 @@ class GoalBand:
         ends = np.array([low - along, low + along, high + along, high - along], np.float32)
         self._area.vertices = ends
         self._edges.points = ends[[0, 1, 2, 3]].reshape(2, 2, 3)
-        self._label.position = ends[3]
+        self._label.position = high - LABEL_ASIDE * along
 
     def say(self, text: str) -> None:
         """Write at the band what is to be done now.

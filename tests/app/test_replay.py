@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import threading
 from pathlib import Path
 from typing import Any
@@ -471,6 +472,25 @@ def test_the_command_prints_the_same_measures_to_the_digit(
     assert f"{original.measures.maximum_force_N!r} N" in said
     assert f"{original.measures.force_time_product_N_s!r} N s" in said
     assert "yes, to the digit" in said
+
+
+def test_the_command_says_what_an_exercise_was_done_with(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replay(RUNS / "version_1_impulse.json")
+    said = capsys.readouterr().out
+    assert "sliders and keys allowed" in said
+    assert re.search(r"smoothness +too short", said)
+    assert "yes, to the digit" in said
+    session = Session(phantom(), vertices=300)
+    session.start_exercise(session.exercises_offered()[0])
+    do_exercise(session, CAREFUL)
+    path = tmp_path / "run.json"
+    path.write_bytes(run_json(session.run_file()))
+    replay(path)
+    assert re.search(r"done with +the hand alone", capsys.readouterr().out)
+    replay(path, as_json=True)
+    assert json.loads(capsys.readouterr().out)["exercise_inputs"] == "hand"
 
 
 def test_the_command_takes_the_organ_s_own_file(

@@ -16,6 +16,7 @@ _PASSED, _FAILED, _PLAIN = "#35c28f", "#ff6b5e", "#c9ccd1"
 Better = Literal["lower", "higher", ""]
 _ARROWS: dict[Better, str] = {"lower": "↓", "higher": "↑", "": ""}
 TOO_SHORT = "too short"
+DISTANCE = "smallest_distance_to_break"
 _CELL = "text-align:right;padding:3px 0 3px 8px"
 
 
@@ -75,7 +76,7 @@ _ROWS = (
         "longer, that has come to rest.",
     ),
     _Row(
-        "smallest_distance_to_break", "Smallest distance to break", "%", "higher",
+        DISTANCE, "Smallest distance to break", "%", "higher",
         "How near the duct came to its break: 0 % is the break.", 100.0,
     ),
 )  # fmt: skip
@@ -145,16 +146,14 @@ def measures_html(
         too. Its `data-` attributes carry the figures in full, in the units of `Measures`.
     """
     beside, limits = beside or {}, limits or {}
-    # How a try ended is over it already; a limit at the break itself is what a tear is.
-    shown = {key: limit for key, limit in limits.items() if limit > 0.0}
-    heads = ["this try", *beside, *(["limit"] if shown else [])]
+    heads = ["this try", *beside, *(["limit"] if limits else [])]
     columns = "".join(
         f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads
     )
     rows = "".join(
         _row(
-            row._replace(better="") if sought_break and row.factor != 1.0 else row,
-            measures, list(beside.values()), shown if shown else None,
+            row._replace(better="") if sought_break and row.key == DISTANCE else row,
+            measures, list(beside.values()), limits,
         )
         for row in _ROWS
         if row.key != "overshoot" or measures.overshoot is not None
@@ -170,13 +169,13 @@ def measures_html(
 
 
 def _row(
-    row: _Row, measures: Measures, beside: Sequence[Measures], limits: Mapping[str, float] | None
+    row: _Row, measures: Measures, beside: Sequence[Measures], limits: Mapping[str, float]
 ) -> str:
     meaning = html.escape(row.meaning, quote=True)
     name = row.name.format(threshold=figure(measures.task_threshold_N))
     exact: float | None = getattr(measures, row.key)
     cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
-    if limits is not None:
+    if limits:
         limit = limits.get(row.key)
         cells.append("" if limit is None else figure(row.factor * limit))
     figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)
@@ -198,7 +197,7 @@ def _shown(row: _Row, measures: Measures) -> str:
     value: float | None = getattr(measures, row.key)
     if row.key == "smoothness" and value is None and measures.path_length_mm > 0.0:
         return TOO_SHORT
-    if row.key == "smallest_distance_to_break" and value is not None:
+    if row.key == DISTANCE and value is not None:
         value = max(value, 0.0)
     return figure(None if value is None else row.factor * value)
 

@@ -185,9 +185,8 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
     if margin is None:
         reserve = limits.get("smallest_distance_to_break")
         _add_plot(gui, series, distance, None if reserve is None else 100.0 * reserve, top=108.0)
-    gui.add_html(
-        key_html([area("goal"), line("limit", LIMIT_COLOUR, 1.5, (6, 4))] if limits else [])
-    )
+    marks = [area("goal")] * (band is not None or margin is not None)
+    gui.add_html(key_html(marks + [line("limit", LIMIT_COLOUR, 1.5, (6, 4))] * bool(limits)))
 
 
 def _add_plot(
@@ -202,6 +201,8 @@ def _add_plot(
     """Add one chart over time: label, colour and values, a limit as a line, a goal as a band."""
     label, colour, values = drawn
     count = len(series.time)
+    if not count:  # it was over before its first tick
+        return
     picked = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
     time, values = series.time[picked], values[picked]
     low, high = (np.nan, np.nan) if band is None else band

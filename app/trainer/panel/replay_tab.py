@@ -53,7 +53,7 @@ class ReplayTab:
         self._json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
         self._told = gui.add_html(note(_TELLING))
-        self._playing = True
+        self._playing = False
         self._put = 0.0
         self._of: object = None
         self._was_playing = False
