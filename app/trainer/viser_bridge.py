@@ -24,6 +24,7 @@ __all__ = [
     "kept_by_tab",
     "letter_keys_on",
     "offer_home",
+    "open_tab",
     "prepare_page",
     "read_icons",
     "refuse_tunnels",
@@ -90,6 +91,11 @@ def offer_home(
 ) -> None:
     """Put a button over the picture that does what a command does."""
     _call(client, "offerHome", command._impl.uuid, label, hint)  # pyright: ignore[reportPrivateUsage]
+
+
+def open_tab(client: viser.ClientHandle, label: str) -> None:
+    """Open the tab of the panel that has a label; as soon as it is there."""
+    _call(client, "openTab", label)
 
 
 def set_arrow_step(
@@ -233,6 +239,7 @@ height:34px!important;padding:0;background:transparent;color:inherit}}
 .mantine-Modal-body :has(>.{_CLOSER})+* .mantine-Button-label,.bd-unseen
 {{position:absolute!important;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);
 white-space:nowrap}}
+.mantine-Modal-content:has([data-testid=measures]){{flex-basis:620px}}
 .mantine-Modal-content{{--modal-y-offset:2dvh;max-height:96dvh!important}}
 /* Over the picture. */
 #bd-home{{position:absolute;right:12px;bottom:12px;z-index:2;min-height:32px;padding:4px 12px;
@@ -291,6 +298,16 @@ page.offerHome = (uuid, label, hint) => {
   home.title = hint;
   home.onclick = () => viewer().sendMessage({type: "CommandTriggerMessage", uuid});
   later(() => viewer()?.canvas2d, () => viewer().canvas2d.parentElement.append(home));
+};
+
+// A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
+page.openTab = (label, until = performance.now() + 5000) => {
+  const tab = [...document.querySelectorAll("[role=tab]")]
+    .find(each => each.textContent.trim() === label);
+  if (tab?.getAttribute("aria-selected") === "true") return;
+  tab?.click();
+  tab?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+  if (performance.now() < until) setTimeout(() => page.openTab(label, until), 50);
 };
 
 // The camera: neither lost nor below the floor, and without the line that viser draws to a hand.

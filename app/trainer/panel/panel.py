@@ -13,12 +13,11 @@ from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
-from app.trainer.panel.opened_tab import open_tab
 from app.trainer.panel.readout import hidden_readout_html, readout_html, zone, zone_told
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
 from app.trainer.panel.train_tab import TrainTab
-from app.trainer.viser_bridge import announce, offer_home
+from app.trainer.viser_bridge import announce, offer_home, open_tab
 from app.trainer.workplace import Workplace
 
 __all__ = ["DISCLAIMER", "Panel"]
@@ -87,7 +86,7 @@ class Panel:
         on_click(self._exercises.result, self._show_last)
         self._add_commands()
         if workplace.in_exercise:  # a page that was loaded anew
-            open_tab(gui, LEARN)
+            open_tab(workplace.client, LEARN)
         self.show(workplace.shown.reading())
 
     def show(self, reading: Reading) -> None:
@@ -152,11 +151,11 @@ class Panel:
 
         def again() -> None:
             self._exercises.again(run)
-            open_tab(self._gui, LEARN)
+            open_tab(self._workplace.client, LEARN)
 
         def watch() -> None:
             self._replay.replay(lambda: run)
-            open_tab(self._gui, REPLAY)
+            open_tab(self._workplace.client, REPLAY)
 
         ResultPage(self._workplace, run, again=again if offered else None, replay=watch)
 

@@ -123,6 +123,7 @@ class ResultPage:
         series = _series(run, workplace)
         exercise = run.log.exercise
         title = "Free pull" if exercise is None else exercise.title
+        beside = _beside(run, workplace)
         self._dialog = Dialog(gui, "Result")
         with self._dialog:
             by_sliders = exercise is not None and run.log.exercise_inputs == "any"
@@ -132,7 +133,7 @@ class ResultPage:
                 gui.add_html(
                     measures_html(
                         run.measures,
-                        _beside(run, workplace),
+                        beside,
                         limits=None if exercise is None else exercise.limits,
                         sought_break=isinstance(exercise, ApproachBreak),
                     )
