@@ -1,9 +1,19 @@
-"""`bluntdissect haptics`: force feedback, and a simulated device to try it with."""
+"""`bluntdissect haptics`: force feedback, a simulated device to try it with, runs made again."""
 
+import contextlib
+import json
+import math
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator
 from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 import typer
+
+from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from
 
 __all__ = ["haptics"]
 
@@ -12,24 +22,137 @@ ADDRESS = "ws://127.0.0.1:10001"
 
 def haptics(
     serve_virtual: Annotated[
-        bool, typer.Option("--serve-virtual", help="Serve Haply's protocol for a simulated device.")
+        bool,
+        typer.Option("--serve-virtual", help="Serve Haply's protocol for a simulated device."),
     ] = False,
-    address: Annotated[str, typer.Option(help="Where the service is, or shall be.")] = ADDRESS,
-    hand: Annotated[
-        Path | None, typer.Option(help="TOML file of the simulated hand and device.")
+    device: Annotated[
+        str | None, typer.Option(help="haply, force-dimension, virtual, or one that is installed.")
     ] = None,
+    address: Annotated[str, typer.Option(help="Where Haply's service is, or shall be.")] = ADDRESS,
+    hand: Annotated[
+        Path | None, typer.Option(help="TOML file of the simulated hand and its device.")
+    ] = None,
+    preset: Annotated[
+        str, typer.Option(help=f"{PRESET_NAMES}.", show_default=True)
+    ] = "thesis-bile-duct",
+    organ: Annotated[
+        Path | None, typer.Option(help="An .organ file, for presets with the organ's own sections.")
+    ] = None,
+    theory: Annotated[str, typer.Option(help="cubic or exact.")] = "cubic",
+    shear: Annotated[bool, typer.Option("--shear", help="exact: sections shear.")] = False,
+    law: Annotated[str | None, typer.Option(help="exact: linear or neo-hooke.")] = None,
+    grasp: Annotated[
+        float | None,
+        typer.Option(help="Where the hook is, mm from the first clamp.", show_default="the middle"),
+    ] = None,
+    second: Annotated[
+        float | None, typer.Option(help="exact: where a second hook is, mm from the first clamp.")
+    ] = None,
+    second_at: Annotated[
+        float, typer.Option(help="How far a second hook without a device is led, mm.")
+    ] = 0.0,
+    second_device: Annotated[
+        str | None, typer.Option(help="Device of the second hook; without one it stays.")
+    ] = None,
+    second_address: Annotated[
+        str | None, typer.Option(help="Its service's address.", show_default="as --address")
+    ] = None,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold", help="The hook has the duct at once; otherwise while button a is."),
+    ] = False,
+    rate: Annotated[int, typer.Option(help="Periods a second, from 100 to 4000.")] = 1000,
+    scale: Annotated[float, typer.Option(help="Way of the hook by way of the device.")] = 1.0,
+    coupling: Annotated[
+        float | None,
+        typer.Option(
+            help="Virtual coupling, N/mm.", show_default="2 x device's friction x rate, at most 5"
+        ),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="For how long.")] = None,
+    report: Annotated[Path | None, typer.Option(help="JSON file for the report.")] = None,
+    record: Annotated[Path | None, typer.Option(help="File for the run, to be made again.")] = None,
+    replay: Annotated[Path | None, typer.Option(help="Make a recorded run again.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Feel the duct with a haptic device.
+    """Feel the duct with a haptic device; Enter ends it, and then there is no force.
 
-    With --serve-virtual: a simulated device in a scripted hand, for any client of Haply's.
+    Examples: bluntdissect haptics --serve-virtual --hand hand.toml;
+    bluntdissect haptics --device haply --hold --seconds 10 --report r.json
     """
+    if sum((serve_virtual, device is not None, replay is not None)) != 1:
+        raise ValueError("give one of --serve-virtual, --device and --replay")
+    if serve_virtual:
+        _serve(address, hand)
+        return
+    import msgspec
+
+    from app.haptics.felt_run import felt_run
+    from organ_geometry.whole_file import check_target, write_whole
+
+    for target in (report, record):
+        if target is not None:
+            check_target(target)
+    if replay is not None:
+        _replay(replay, organ, as_json=as_json)
+        return
+    assert device is not None  # noqa: S101
+    if not 100 <= rate <= 4000:
+        raise ValueError(f"--rate must be from 100 to 4000, not {rate}")
+    if not 0.01 <= scale <= 10.0:
+        raise ValueError(f"--scale must be from 0.01 to 10, not {scale:g}")
+    if seconds is not None and not 0.0 < seconds < math.inf:
+        raise ValueError(f"--seconds must be above 0, not {seconds:g}")
+    if second is None and (second_device is not None or second_at):
+        raise ValueError("--second-device and --second-at are of a second hook: give --second")
+    if second is not None and second_device is None and second_at <= 0.0:
+        raise ValueError("a second hook is led by --second-device, or --second-at says how far")
+    from app.haptics.device import DeviceOptions
+    from app.haptics.duct_choice import DuctChoice
+    from app.haptics.hand import HandScript, read_hand
+    from app.haptics.servo import real_time
+    from app.haptics.servo_loop import LoopSettings
+    from app.simulation.preset_file import chosen_preset
+
+    choice = DuctChoice.of(
+        chosen_preset(preset),
+        None if organ is None else organ_from(organ),
+        chosen_theory(theory, q=None, shear=shear, law=law),
+        grasp,
+        second,
+    )
+    settings = LoopSettings(rate, scale, hold)
+    script = HandScript() if hand is None else read_hand(hand)
+    opened = [(device, DeviceOptions(address, settings.period, script))]
+    if second_device is not None:
+        opened.append(
+            (second_device, DeviceOptions(second_address or address, settings.period, script))
+        )
+    with _ending() as why:
+        made, run = felt_run(
+            choice, opened, settings, why,
+            coupling=coupling, assist=second_at, seconds=seconds, scheduling=real_time(),
+        )  # fmt: skip
+    if record is not None:
+        write_whole(record, msgspec.json.encode(run))
+    if report is not None:
+        write_whole(report, msgspec.json.format(msgspec.json.encode(made)))
+    if as_json:
+        print(msgspec.json.encode(made).decode())
+        return
+    for name, value in made.lines():
+        print(f"{name:<18} {value}")
+
+
+def _serve(address: str, hand: Path | None) -> None:
     from app.haptics.hand import HandScript, read_hand
     from app.haptics.haply_server import HaplyServer, websocket_address
+    from app.haptics.servo import real_time
 
     host, port = websocket_address(address)
     script = HandScript() if hand is None else read_hand(hand)
-    if not serve_virtual:
-        raise ValueError("give --serve-virtual")
+
+    real_time()  # as even as a device's own clock, where that is allowed
 
     def ready(taken: int) -> None:
         print(f"The virtual device is ready: ws://{host}:{taken}", flush=True)
@@ -39,3 +162,57 @@ def haptics(
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         raise ValueError(f"cannot serve {address}: {why}") from error
+
+
+def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
+    """Make a run again and say whether its forces are the same to the bit."""
+    from app.haptics.device_run import read_device_run
+    from app.haptics.duct_choice import DuctChoice, played_again
+    from app.simulation.preset_file import chosen_preset
+
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot read {file}: {(error.strerror or str(error)).lower()}") from error
+    run = read_device_run(content)
+    tissue = None if run.organ_sha256 is None else organ_from(organ)
+    choice = DuctChoice.of(chosen_preset(run.preset), tissue, run.theory.theory(), *run.grasps_mm)
+    loop, again = played_again(run, choice)
+    same = again.forces_sha256 == run.forces_sha256
+    facts = {
+        "periods": run.periods,
+        "seconds": run.periods / run.rate,
+        "torn": loop.model.torn,
+        "work_of_hands_mJ": float(loop.regulator.books[0]),
+        "as_recorded": same,
+        "bytes": len(content),
+    }
+    if as_json:
+        print(json.dumps(facts))
+        return
+    for name, value in facts.items():
+        print(f"{name:<18} {value}")
+
+
+@contextlib.contextmanager
+def _ending() -> Generator[Callable[[], str | None]]:
+    """Give a function that says why to end: a signal, or a key on the terminal."""
+    ended: list[str] = []
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        ended.append(f"signal {signal.Signals(number).name}")
+
+    def listen() -> None:
+        with contextlib.suppress(OSError, ValueError):
+            if sys.stdin.readline():
+                ended.append("a key")
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    if sys.stdin is not None and sys.stdin.isatty():
+        print("Enter ends it; then there is no force.", file=sys.stderr)
+        threading.Thread(target=listen, daemon=True).start()
+    try:
+        yield lambda: ended[0] if ended else None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

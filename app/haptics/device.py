@@ -1,0 +1,179 @@
+"""Haptic devices: what each must be able to do, and how they are found. SI units throughout.
+
+A driver is a class with a `name`, its `limits` and three methods. It is found by the entry point
+group `bluntdissect.haptics`: the entry's name is that of the device on the command line, its value
+a function of one `DeviceOptions` that returns an open device or raises `DeviceError`.
+"""
+
+import importlib.metadata
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.haptics.hand import HandScript
+
+__all__ = [
+    "Device",
+    "DeviceError",
+    "DeviceLimits",
+    "DeviceOptions",
+    "DeviceState",
+    "device_names",
+    "open_device",
+]
+
+GROUP = "bluntdissect.haptics"
+
+
+class DeviceError(ValueError):
+    """A device that is not there, or no longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceLimits:
+    """What a device can do, and what it is safe to ask of it.
+
+    Attributes
+    ----------
+    force
+        Largest force that it is given, N.
+    force_rate
+        Largest change of that, N/s.
+    damping
+        Its own viscous friction, N s/m, which bounds the stiffness that it can show at a rate.
+    added_damping
+        Most that the passivity controller adds, N s/m.
+    speed
+        Speed above which a state is no state, m/s.
+    """
+
+    force: float
+    force_rate: float
+    damping: float
+    added_damping: float = 20.0
+    speed: float = 5.0
+
+
+@dataclass(slots=True)
+class DeviceState:
+    """Where a device is; one object, filled anew by each exchange.
+
+    Attributes
+    ----------
+    position
+        (3,) right, forward and up, m.
+    velocity
+        (3,) m/s.
+    buttons
+        As bits, the first one 1.
+    """
+
+    position: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    buttons: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceOptions:
+    """What a device is opened with.
+
+    Attributes
+    ----------
+    address
+        Where its service is, for those that have one.
+    period
+        Time between two exchanges, s.
+    script
+        The hand of a virtual device.
+    """
+
+    address: str
+    period: float
+    script: HandScript = field(default_factory=HandScript)
+
+
+class Device(Protocol):
+    """An open device.
+
+    Attributes
+    ----------
+    name
+        What it is, for the report.
+    limits
+        What it can do.
+    """
+
+    name: str
+    limits: DeviceLimits
+
+    def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
+        """Give a force and fill in the state that the device is in.
+
+        Parameters
+        ----------
+        force
+            (3,) N: right, forward and up.
+        state
+            Filled, if there is a new one.
+
+        Returns
+        -------
+        bool
+            Whether there is a new one; `DeviceError` says that there will be none any more.
+        """
+        ...
+
+    def trouble(self) -> str | None:
+        """Return what has been wrong since this was last asked, in one line; None if nothing.
+
+        Returns
+        -------
+        str | None
+            The line.
+        """
+        ...
+
+    def close(self) -> None:
+        """Take the force away and let go of the device, in whatever state it is."""
+        ...
+
+
+def device_names() -> list[str]:
+    """Return the devices that are installed.
+
+    Returns
+    -------
+    list[str]
+        Names.
+    """
+    return sorted({entry.name for entry in importlib.metadata.entry_points(group=GROUP)})
+
+
+def open_device(name: str, options: DeviceOptions) -> Device:
+    """Return an open device.
+
+    Parameters
+    ----------
+    name
+        One of `device_names`.
+    options
+        What it is opened with.
+
+    Returns
+    -------
+    Device
+        The device.
+
+    Raises
+    ------
+    DeviceError
+        If there is none of that name, or it cannot be opened.
+    """
+    for entry in importlib.metadata.entry_points(group=GROUP):
+        if entry.name == name:
+            opener = cast("Callable[[DeviceOptions], Device]", entry.load())
+            return opener(options)
+    raise DeviceError(f"unknown device {name!r}; there are: {', '.join(device_names())}")

@@ -1,0 +1,203 @@
+"""A run by devices as a small file: what its loop was given, period by period."""
+
+import base64
+import binascii
+import hashlib
+import zlib
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from app.haptics.device import DeviceLimits
+from app.haptics.servo_loop import LoopSettings
+from app.simulation.theory_choice import TheoryChoice
+
+__all__ = ["DeviceRun", "Recorder", "read_device_run"]
+
+FORMAT = "bluntdissect-device-run"
+VERSION = 1
+MOST_PERIODS = 40_000_000
+CHUNK = 65_536
+
+
+class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
+    """All that the course of a run depends on.
+
+    Attributes
+    ----------
+    format, version
+        Of the file.
+    preset, organ_sha256
+        The duct: a preset that ships, and the organ of one's own that it was on, if any.
+    theory
+        The theory.
+    grasps_mm, threshold_MPa, coupling_N_per_mm
+        What was felt.
+    rate, scale, hold, stale_seconds
+        As `LoopSettings`.
+    force_N, force_rate_N_per_s, added_damping_N_s_per_m
+        The device's bounds.
+    assist_mm
+        Where a second hook without a device was left, mm along the pull; 0 for none.
+    periods
+        How many.
+    inputs
+        Places and bits of the hands: differences of differences, packed by zlib, in base64.
+    forces_sha256
+        Digest of the forces given.
+    """
+
+    preset: str
+    organ_sha256: str | None
+    theory: TheoryChoice
+    grasps_mm: tuple[float, ...]
+    threshold_MPa: float  # noqa: N815
+    coupling_N_per_mm: float  # noqa: N815
+    rate: int
+    scale: float
+    hold: bool
+    stale_seconds: float
+    force_N: float  # noqa: N815
+    force_rate_N_per_s: float  # noqa: N815
+    added_damping_N_s_per_m: float  # noqa: N815
+    assist_mm: float
+    periods: int
+    inputs: str
+    forces_sha256: str
+    format: str = FORMAT
+    version: int = VERSION
+
+    @property
+    def settings(self) -> LoopSettings:
+        """How the loop ran."""
+        return LoopSettings(self.rate, self.scale, self.hold, self.stale_seconds)
+
+    @property
+    def limits(self) -> DeviceLimits:
+        """The bounds of its forces."""
+        return DeviceLimits(
+            self.force_N, self.force_rate_N_per_s, 0.0, self.added_damping_N_s_per_m
+        )
+
+    def unpacked(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Return places and bits.
+
+        Returns
+        -------
+        tuple[NDArray[np.int64], NDArray[np.uint8]]
+            (N, H, 3) in `PLACE_UNIT`, and (N, H).
+
+        Raises
+        ------
+        ValueError
+            If the inputs are not those of so many periods.
+        """
+        try:
+            content = zlib.decompress(base64.b64decode(self.inputs, validate=True))
+        except (zlib.error, binascii.Error) as error:
+            raise ValueError(f"the inputs of this device run cannot be unpacked: {error}") from None
+        rows = np.frombuffer(content, dtype="<i4" if len(content) % 4 == 0 else "u1")
+        if not 0 < self.periods <= MOST_PERIODS or rows.size % (4 * self.periods):
+            raise ValueError(
+                f"the inputs of this device run are not those of {self.periods} periods"
+            )
+        table = rows.reshape(4, -1, self.periods).astype(np.int64)
+        places = np.cumsum(np.cumsum(table[:3], axis=2), axis=2)
+        return np.ascontiguousarray(places.transpose(2, 1, 0)), table[3].T.astype(np.uint8)
+
+
+class Recorder:
+    """Keeps what a loop is given.
+
+    Parameters
+    ----------
+    hands
+        How many.
+    """
+
+    def __init__(self, hands: int) -> None:
+        self._chunks: list[tuple[NDArray[np.int32], NDArray[np.uint8]]] = []
+        self._hands = hands
+        self._room = self._count = 0
+        self._digest = hashlib.sha256()
+
+    @property
+    def periods(self) -> int:
+        """How many are kept."""
+        return self._count
+
+    @property
+    def forces_sha256(self) -> str:
+        """Digest of the forces so far."""
+        return self._digest.hexdigest()
+
+    def keep(self, units: NDArray[np.int64], inputs: list[int], given: NDArray[np.float64]) -> None:
+        """Keep a period.
+
+        Parameters
+        ----------
+        units
+            (H, 3) places.
+        inputs
+            (H,) bits.
+        given
+            (H, 3) the forces that they came to, N.
+        """
+        place = self._count % CHUNK
+        if place == 0:
+            self._chunks.append(
+                (
+                    np.empty((CHUNK, self._hands, 3), np.int32),
+                    np.empty((CHUNK, self._hands), np.uint8),
+                )
+            )
+        places, bits = self._chunks[-1]
+        places[place], bits[place] = units, inputs
+        self._digest.update(given.tobytes())
+        self._count += 1
+
+    def packed(self) -> str:
+        """Return the inputs for a `DeviceRun`.
+
+        Returns
+        -------
+        str
+            Base64.
+        """
+        places = np.concatenate([chunk[0] for chunk in self._chunks])[: self._count]
+        bits = np.concatenate([chunk[1] for chunk in self._chunks])[: self._count]
+        table = np.zeros((4, self._hands, self._count), "<i4")
+        rows = places.transpose(2, 1, 0).astype(np.int64)
+        for _ in range(2):
+            rows = np.diff(rows, axis=2, prepend=0)
+        table[:3], table[3] = rows, bits.T
+        return base64.b64encode(zlib.compress(table.tobytes(), 9)).decode()
+
+
+def read_device_run(content: bytes) -> DeviceRun:
+    """Return the run in a file.
+
+    Parameters
+    ----------
+    content
+        JSON.
+
+    Returns
+    -------
+    DeviceRun
+        The run.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or of another version.
+    """
+    try:
+        run = msgspec.json.decode(content, type=DeviceRun)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"this is no device run: {error}") from error
+    if (run.format, run.version) != (FORMAT, VERSION):
+        raise ValueError(f"this is a {run.format} of version {run.version}, not {FORMAT} {VERSION}")
+    return run

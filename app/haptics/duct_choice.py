@@ -1,0 +1,204 @@
+"""Which duct is felt: chosen by names, kept in a run, and made into what the servo steps."""
+
+from dataclasses import dataclass
+
+from app.haptics.device import DeviceLimits
+from app.haptics.device_run import DeviceRun, Recorder
+from app.haptics.felt_duct import FeltDuct
+from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.simulation.dissection import Dissection
+from app.simulation.preset import Preset, RoundBeam
+from app.simulation.run_log import OrganIdentity
+from app.simulation.theory_choice import TheoryChoice
+from organ_geometry.organ import Organ
+from physics import Beam, Theory
+
+__all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
+
+STIFFEST = 5.0
+"""N/mm; nothing on a duct is as stiff."""
+
+
+def passive_coupling(damping: float, rate: int) -> float:
+    """Return the stiffest coupling that a device can show at a rate without giving energy.
+
+    A spring K sampled with the period T is passive on a device with the friction b while
+    b > K T / 2 (Colgate and Schenkel 1997, J. Robotic Systems 14:37).
+
+    Parameters
+    ----------
+    damping
+        b, N s/m.
+    rate
+        1/T, Hz.
+
+    Returns
+    -------
+    float
+        2 b/T, at most `STIFFEST`, N/mm.
+    """
+    return min(2e-3 * damping * rate, STIFFEST)
+
+
+@dataclass(frozen=True, slots=True)
+class DuctChoice:
+    """A duct, a theory of it and where it is hooked.
+
+    Attributes
+    ----------
+    preset
+        The preset.
+    beam
+        Its beam.
+    organ
+        The organ, where its sections are the beam's.
+    theory
+        The theory.
+    grasps
+        One hook or two, mm from the first clamp.
+    threshold
+        Stress at which it tears, MPa.
+    """
+
+    preset: Preset
+    beam: Beam
+    organ: Organ | None
+    theory: Theory
+    grasps: tuple[float, ...]
+    threshold: float
+
+    @classmethod
+    def of(
+        cls,
+        preset: Preset,
+        organ: Organ | None,
+        theory: Theory,
+        grasp: float | None = None,
+        second: float | None = None,
+    ) -> "DuctChoice":
+        """Return a choice.
+
+        Parameters
+        ----------
+        preset
+            The preset.
+        organ
+            The organ, for a preset with the organ's own sections.
+        theory
+            The theory.
+        grasp
+            Where the first hook is, mm from the first clamp; the middle when None.
+        second
+            Where a second one is, mm; none when None.
+
+        Returns
+        -------
+        DuctChoice
+            The choice.
+
+        Raises
+        ------
+        ValueError
+            If the preset needs an organ and there is none, or brings a beam and there is one.
+        """
+        if isinstance(preset.beam, RoundBeam):
+            if organ is not None:
+                raise ValueError(f"preset {preset.name} brings its own beam; leave out --organ")
+            beam = preset.round_beam()
+        elif organ is None:
+            raise ValueError(f"preset {preset.name} takes the organ's own sections: give --organ")
+        else:
+            beam = Dissection.of(organ, preset).beam
+        first = 0.5 * beam.span if grasp is None else grasp
+        grasps = (first,) if second is None else tuple(sorted((first, second)))
+        for each in grasps:
+            beam.grasped_at(each)
+        return cls(preset, beam, organ, theory, grasps, preset.threshold(theory, beam))
+
+    def felt(self, coupling: float) -> FeltDuct:
+        """Return what is felt.
+
+        Parameters
+        ----------
+        coupling
+            Stiffness of the virtual coupling, N/mm.
+
+        Returns
+        -------
+        FeltDuct
+            The duct at rest.
+        """
+        return FeltDuct(
+            self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
+        )
+
+    def run(
+        self,
+        recorder: Recorder,
+        settings: LoopSettings,
+        limits: DeviceLimits,
+        *,
+        coupling: float,
+        assist: float,
+    ) -> DeviceRun:
+        """Return what was recorded, as a file has it.
+
+        Parameters
+        ----------
+        recorder
+            What the loop was given.
+        settings, limits, coupling, assist
+            How it ran.
+
+        Returns
+        -------
+        DeviceRun
+            The run.
+        """
+        return DeviceRun(
+            preset=self.preset.name,
+            organ_sha256=None if self.organ is None else OrganIdentity.of(self.organ).sha256,
+            theory=TheoryChoice.of(self.theory),
+            grasps_mm=self.grasps,
+            threshold_MPa=self.threshold,
+            coupling_N_per_mm=coupling,
+            rate=settings.rate,
+            scale=settings.scale,
+            hold=settings.hold,
+            stale_seconds=settings.stale_seconds,
+            force_N=limits.force,
+            force_rate_N_per_s=limits.force_rate,
+            added_damping_N_s_per_m=limits.added_damping,
+            assist_mm=assist,
+            periods=recorder.periods,
+            inputs=recorder.packed(),
+            forces_sha256=recorder.forces_sha256,
+        )
+
+
+def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorder]:
+    """Make a run again, period by period.
+
+    Parameters
+    ----------
+    run
+        The run.
+    choice
+        The duct that it was on.
+
+    Returns
+    -------
+    tuple[ServoLoop, Recorder]
+        The loop at its end, and what it was given: the digests of the forces can be compared.
+    """
+    places, bits = run.unpacked()
+    hands = places.shape[1]
+    model = choice.felt(run.coupling_N_per_mm)
+    loop = ServoLoop(model, run.settings, run.limits, hands)
+    recorder = Recorder(hands)
+    if run.assist_mm:
+        loop.assist(hands, run.assist_mm)
+    for units, inputs in zip(places, bits.tolist(), strict=True):
+        loop.step(units, inputs)
+        recorder.keep(units, inputs, loop.given)
+    return loop, recorder

@@ -1,0 +1,258 @@
+"""What a hand feels: a model of the duct behind a virtual coupling, stepped by the servo.
+
+A model takes where each hand is and answers with the force of each hook, in mm and N. The hook
+hangs on its hand by a spring, the virtual coupling (Colgate, Stanley and Brown 1995), which is
+solved with the beam: K (z - w) = F(w). So the force is the theory's own at the place w of the hook,
+and no stiffer than K to the hand.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics import (
+    Beam,
+    Cubic,
+    Exact,
+    ExactSolver,
+    Hold,
+    NoEquilibrium,
+    Theory,
+    break_event,
+    check_rupture,
+    critical_stations,
+)
+from physics.cubic_kernels import cubic_deflection
+from physics.quantity import positive
+
+__all__ = ["FeltDuct", "FeltModel"]
+
+UP = 2
+"""Axis of the pull among right, forward and up."""
+STRESS_STEPS = 4
+"""Steps between two looks at the stresses of a duct with two hooks."""
+
+
+class FeltModel(Protocol):
+    """What the servo asks of a model; its energies are in N mm.
+
+    Attributes
+    ----------
+    forces
+        (H, 3) pull of each hook on the duct, N.
+    elastic_forces
+        (H, 3) the same before what tore in this step.
+    hooks
+        (H, 3) where the hooks are, less where they were at rest, mm.
+    stored
+        Energy of the duct and of the couplings.
+    spent
+        Energy that tears have taken.
+    torn
+        Whether the duct is.
+    """
+
+    forces: NDArray[np.float64]
+    elastic_forces: NDArray[np.float64]
+    hooks: NDArray[np.float64]
+    stored: float
+    spent: float
+    torn: bool
+
+    def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
+        """Advance by one period.
+
+        Parameters
+        ----------
+        hands
+            (H, 3) where the hands are, less where their hooks are at rest, mm.
+        held
+            (H,) which of them hold the duct.
+        """
+        ...
+
+
+class FeltDuct:
+    """A beam in the plane of its pull, under one hook or two that pull and do not push.
+
+    Parameters
+    ----------
+    theory
+        `Cubic` with a number for q, or `Exact`, which two hooks ask for.
+    beam
+        The beam.
+    grasps
+        Distances of the hooks from the first clamp, mm, growing: one or two.
+    threshold
+        Stress at which it tears, MPa.
+    coupling
+        Stiffness of the virtual coupling, N/mm.
+
+    Attributes
+    ----------
+    forces, elastic_forces, hooks, stored, spent, torn
+        As of each `FeltModel`.
+    theory, beam, grasps, threshold, coupling
+        As given.
+    breaks_at
+        Deflection at which it tears under one hook, mm; infinite if it does not.
+
+    Raises
+    ------
+    ValueError
+        If the theory cannot be felt, or the coupling is not above zero.
+    """
+
+    def __init__(
+        self,
+        theory: Theory,
+        beam: Beam,
+        grasps: tuple[float, ...],
+        *,
+        threshold: float,
+        coupling: float,
+    ) -> None:
+        hooks = len(grasps)
+        if isinstance(theory, Cubic):
+            if isinstance(theory.q, str) or hooks > 1:
+                raise ValueError(
+                    "the cubic is felt with a number for q and under one hook; take --theory exact"
+                )
+        elif not isinstance(theory, Exact):
+            raise ValueError(f"theory {theory.name} cannot be felt; there are: cubic, exact")
+        positive(coupling, "coupling", "N/mm")
+        self.theory: Cubic | Exact = theory
+        self.beam, self.grasps = beam, grasps
+        self.threshold, self.coupling = threshold, coupling
+        self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
+        self.hooks = np.zeros((hooks, 3))
+        self.stored = self.spent = 0.0
+        self.torn = False
+        self._steps = 0
+        self._held = [False] * hooks
+        self._heights = [0.0] * hooks
+        self._compliance = 1.0 / coupling
+        self._solver: ExactSolver | None = None
+        self._bending = self._stretching = 0.0
+        self.breaks_at = float("inf")
+        if isinstance(theory, Exact):
+            self._solver = ExactSolver(
+                beam, *grasps, shear=theory.shear, law=theory.law, intervals=theory.intervals
+            )
+        else:
+            self._bending, self._stretching = theory.stiffness(beam, grasps[0])
+        self._critical = critical_stations(beam, grasps[0], count=2)
+        if hooks == 1:
+            event = break_event(theory, beam, grasps[0], threshold)
+            if event is not None:
+                self.breaks_at = event.deflection
+        else:
+            self._critical = np.union1d(self._critical, [grasps[1]])
+        self.step(np.full((hooks, 3), 1.0), np.ones(hooks, np.bool_))  # compiled before it is felt
+        self.rest()
+
+    def rest(self) -> None:
+        """Make the duct whole and let go of it."""
+        for array in (self.forces, self.elastic_forces, self.hooks):
+            array[:] = 0.0
+        self.stored = self.spent = 0.0
+        self.torn, self._steps = False, 0
+        self._held[:] = [False] * len(self._held)
+        if self._solver is not None:
+            self._solver.rest()
+
+    def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
+        """Find the equilibrium with the hands where they are; see `FeltModel`.
+
+        Parameters
+        ----------
+        hands
+            (H, 3) mm; along the clamps and sideways the hooks slide.
+        held
+            (H,) which of them hold the duct.
+        """
+        self._steps += 1
+        heights = self._heights
+        for hook in range(len(heights)):
+            holds = bool(held[hook])
+            if self._held[hook] and not holds:  # the duct springs back; nobody gets that energy
+                self.spent += self.stored
+                self.stored = 0.0
+            self._held[hook] = holds
+            # A hook that is not pulled is not there: it neither pushes nor holds.
+            heights[hook] = max(float(hands[hook, UP]), 0.0) if holds else 0.0
+        if self.torn:
+            self.forces[:] = self.elastic_forces[:] = 0.0
+            self.hooks[:] = hands
+            return
+        try:
+            broken = self._solve(heights)
+        except NoEquilibrium:  # further than the law carries
+            broken = True
+        self.elastic_forces[:] = self.forces
+        if broken:
+            self.torn = True
+            self.spent += self.stored
+            self.stored = 0.0
+            self.forces[:] = 0.0
+            self.hooks[:] = hands
+
+    def _solve(self, heights: list[float]) -> bool:
+        """Solve, fill what is felt and return whether the duct breaks."""
+        forces, hooks = self.forces[:, UP], self.hooks[:, UP]
+        solver, give = self._solver, self._compliance
+        if len(heights) == 2 and solver is not None:
+            return self._solve_both(solver, heights)
+        height = heights[0]
+        if height == 0.0:
+            forces[0] = hooks[0] = self.stored = 0.0
+            return False
+        if solver is None:
+            k1, k3 = self._bending, self._stretching
+            # (K + k1) w + k3 w^3 = K z: the spring only stiffens the cubic's bending.
+            place = cubic_deflection(k1 + self.coupling, k3, self.coupling * height)
+            force = (k1 + k3 * place * place) * place
+            bent = (0.5 * k1 + 0.25 * k3 * place * place) * place * place
+        else:
+            solver.hold(Hold("deflection", height, give))
+            place, force, bent = solver.deflection, solver.force, solver.strain_energy
+        forces[0], hooks[0] = force, place
+        self.stored = bent + 0.5 * give * force * force
+        return place >= self.breaks_at
+
+    def _solve_both(self, solver: ExactSolver, heights: list[float]) -> bool:
+        forces, hooks, give = self.forces[:, UP], self.hooks[:, UP], self._compliance
+        loose = Hold("force", 0.0)
+        holds = [Hold("deflection", height, give) if height > 0.0 else loose
+                 for height in heights]  # fmt: skip
+        if holds[0] is loose and holds[1] is loose:
+            forces[:] = hooks[:] = self.stored = 0.0
+            return False
+        solver.hold(*holds)
+        # A hook that the other one lifts the duct away from has come off.
+        off = [i for i, force in enumerate((solver.force, solver.second_force)) if force < 0.0]
+        if off:
+            holds[off[0]] = loose
+            solver.hold(*holds)
+        forces[0], forces[1] = max(solver.force, 0.0), max(solver.second_force, 0.0)
+        hooks[0], hooks[1] = solver.deflection, solver.second_deflection
+        self.stored = solver.strain_energy + 0.5 * give * float(forces @ forces)
+        if self._steps % STRESS_STEPS:
+            return False
+        return check_rupture(solver.sample(self._critical), self.threshold).broken
+
+    def solved_force(self, deflection: float) -> float:
+        """Return the theory's force at a place, solved from rest and without the coupling.
+
+        Parameters
+        ----------
+        deflection
+            Displacement of the only hook, mm.
+
+        Returns
+        -------
+        float
+            Force, N.
+        """
+        return self.theory.force(self.beam, self.grasps[0], deflection)

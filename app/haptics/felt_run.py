@@ -1,0 +1,104 @@
+"""A duct felt with devices, from their opening to the report."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from app.haptics.device import Device, DeviceError, DeviceLimits, DeviceOptions, open_device
+from app.haptics.device_run import DeviceRun
+from app.haptics.duct_choice import DuctChoice, passive_coupling
+from app.haptics.servo import ORDINARY, Servo
+from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.haptics.servo_report import ServoReport
+
+__all__ = ["felt_run", "least_limits"]
+
+
+def least_limits(devices: Sequence[Device]) -> DeviceLimits:
+    """Return the bounds that keep every device within its own.
+
+    Parameters
+    ----------
+    devices
+        One or more.
+
+    Returns
+    -------
+    DeviceLimits
+        The least of each bound.
+    """
+    limits = [device.limits for device in devices]
+    return DeviceLimits(
+        min(each.force for each in limits),
+        min(each.force_rate for each in limits),
+        min(each.damping for each in limits),
+        min(each.added_damping for each in limits),
+        min(each.speed for each in limits),
+    )
+
+
+def felt_run(
+    choice: DuctChoice,
+    opened: Sequence[tuple[str, DeviceOptions]],
+    settings: LoopSettings,
+    stopped: Callable[[], str | None],
+    *,
+    coupling: float | None = None,
+    assist: float = 0.0,
+    seconds: float | None = None,
+    scheduling: str = ORDINARY,
+    watched: Callable[[ServoLoop], None] | None = None,
+) -> tuple[ServoReport, DeviceRun]:
+    """Open devices and let them feel a duct until the time is over or somebody stops it.
+
+    Parameters
+    ----------
+    choice
+        The duct.
+    opened
+        Names of the devices and what they are opened with, one for each hook from the first.
+    settings
+        How the loop runs.
+    stopped
+        Why it shall end, or None.
+    coupling
+        Stiffness of the virtual coupling, N/mm; `passive_coupling` when None.
+    assist
+        How far a second hook without a device is led, mm.
+    seconds
+        For how long; None for ever.
+    scheduling
+        How this process is scheduled.
+    watched
+        Called after each period with the loop.
+
+    Returns
+    -------
+    tuple[ServoReport, DeviceRun]
+        What was done, and what it is made again from.
+
+    Raises
+    ------
+    DeviceError
+        If a device cannot be opened.
+    """
+    devices: list[Device] = []
+    try:
+        for name, options in opened:
+            devices.append(open_device(name, options))
+        limits = least_limits(devices)
+        stiffness = coupling or passive_coupling(limits.damping, settings.rate)
+        loop = ServoLoop(choice.felt(stiffness), settings, limits, len(devices))
+    except BaseException:
+        for device in devices:
+            with suppress(DeviceError):
+                device.close()
+        raise
+    alone = len(choice.grasps) > len(devices)
+    if alone:
+        loop.assist(len(devices), assist)
+    servo = Servo(devices, loop, scheduling)
+    report = servo.run(seconds, stopped, None if watched is None else lambda: watched(loop))
+    run = choice.run(
+        servo.recorder, settings, limits, coupling=stiffness, assist=assist if alone else 0.0
+    )
+    return report, run

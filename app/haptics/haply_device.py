@@ -1,0 +1,283 @@
+"""Haply's Inverse3 through its service: one message out, one state in, in the loop's own thread.
+
+The websocket protocol is the library's, without its threads: between the loop and the wire there is
+nothing but a socket. States answer messages in their order, so that each is known to be as old as
+the message that it answers; one that is late is read and left.
+"""
+
+import socket
+import time
+from collections import deque
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+from websockets.client import ClientProtocol
+from websockets.exceptions import InvalidHandshake, WebSocketException
+from websockets.frames import Frame, Opcode
+from websockets.protocol import State
+from websockets.uri import parse_uri
+
+from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
+from app.haptics.haply_messages import (
+    ClientMessage,
+    ProtocolError,
+    ServiceMessage,
+    Vector,
+    Version,
+    read_service_message,
+)
+from app.haptics.haply_server import websocket_address
+
+__all__ = ["HaplyDevice", "open_haply"]
+
+PROFILE = "org.bluntdissect:duct"
+LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5)
+"""An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed."""
+CONNECT_SECONDS = 3.0
+STALE_SECONDS = 0.02
+"""A state that answers a message sent longer ago than this is none."""
+SLACK = 5e-3
+"""Jump, m, that is taken for motion at any speed."""
+
+
+class HaplyDevice:
+    """An Inverse3 behind an open connection.
+
+    Parameters
+    ----------
+    options
+        The service's address, and the period for which a state is waited.
+
+    Attributes
+    ----------
+    name, limits
+        As of each `Device`.
+    version
+        Of the service's messages, read off its inventory.
+    """
+
+    def __init__(self, options: DeviceOptions) -> None:
+        host, port = websocket_address(options.address)
+        self._address = options.address
+        self._patience = min(STALE_SECONDS, 4.0 * options.period)
+        self._sent: deque[float] = deque()
+        self._trouble: str | None = None
+        self._last: Vector | None = None
+        self._last_time = 0.0
+        self._profile: str | None = PROFILE
+        self._encoder = msgspec.json.Encoder()
+        try:
+            self._socket = socket.create_connection((host, port), CONNECT_SECONDS)
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise DeviceError(
+                f"no service of Haply's answers at {options.address}: {why}; start it, or a "
+                f"virtual one with `bluntdissect haptics --serve-virtual`"
+            ) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            self._protocol = self._connected()
+            message = self._inventory()
+        except BaseException:
+            self._socket.close()
+            raise
+        self.version: Version = "3.1" if message.session_id is UNSET else "3.5"
+        inverse = message.inverse3[0]
+        self._id = inverse.device_id
+        self._message = ClientMessage.of_force(self._id, Vector(), self.version)
+        self._grip = message.wireless_verse_grip[0].device_id if message.wireless_verse_grip else ""
+        kind = "Inverse3" if inverse.config is UNSET else inverse.config.type
+        self.name = f"Haply {kind} {self._id}, messages of {self.version}"
+        self.limits = LIMITS
+
+    def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
+        """Send a force and wait for the state that answers it; see `Device`.
+
+        Parameters
+        ----------
+        force
+            (3,) N.
+        state
+            Filled if a state came in time.
+
+        Returns
+        -------
+        bool
+            Whether one did.
+
+        Raises
+        ------
+        DeviceError
+            If the service has gone.
+        """
+        now = time.perf_counter()
+        # A service that is behind is not sent more, but for a sign of life now and then.
+        if not self._sent or now - self._sent[-1] > STALE_SECONDS:
+            x, y, z = force.tolist() if not self._sent else (0.0, 0.0, 0.0)
+            self._send(x, y, z)
+        deadline = now + self._patience
+        while True:
+            try:
+                self._socket.settimeout(max(deadline - time.perf_counter(), 1e-5))
+                content = self._socket.recv(65536)
+            except TimeoutError:
+                self._trouble = f"no state within {1e3 * self._patience:g} ms"
+                return False
+            except OSError as error:
+                raise self._gone(str(error)) from error
+            if self._read(content, state):
+                return True
+            # Whatever came answers what was sent: nothing more will.
+            if not self._sent or time.perf_counter() > deadline:
+                return False
+
+    def trouble(self) -> str | None:
+        """Return what was wrong last; see `Device`.
+
+        Returns
+        -------
+        str | None
+            The line.
+        """
+        line, self._trouble = self._trouble, None
+        return line
+
+    def close(self) -> None:
+        """Take the force away, as a message of its own, and close; see `Device`."""
+        try:
+            self._socket.settimeout(0.2)
+            self._send(0.0, 0.0, 0.0)
+            self._protocol.send_close(1000)
+            self._flush()
+        except (OSError, DeviceError, WebSocketException):
+            pass  # there is nobody to tell
+        finally:
+            self._socket.close()
+
+    def _connected(self) -> ClientProtocol:
+        """Shake hands."""
+        protocol = ClientProtocol(parse_uri(self._address), max_size=2**20)
+        protocol.send_request(protocol.connect())
+        self._socket.settimeout(CONNECT_SECONDS)
+        try:
+            for data in protocol.data_to_send():
+                self._socket.sendall(data)
+            while protocol.state is State.CONNECTING and protocol.handshake_exc is None:
+                content = self._socket.recv(65536)
+                protocol.receive_data(content) if content else protocol.receive_eof()
+        except (OSError, InvalidHandshake) as error:
+            raise DeviceError(f"no websocket answers at {self._address}: {error}") from error
+        if protocol.handshake_exc is not None:
+            raise DeviceError(f"no websocket answers at {self._address}: {protocol.handshake_exc}")
+        return protocol
+
+    def _inventory(self) -> ServiceMessage:
+        """Wait for the first message, with a device in it."""
+        deadline = time.perf_counter() + CONNECT_SECONDS
+        protocol = self._protocol
+        while time.perf_counter() < deadline:
+            for event in protocol.events_received():
+                if not isinstance(event, Frame) or event.opcode is not Opcode.TEXT:
+                    continue
+                try:
+                    message = read_service_message(bytes(event.data))
+                except ProtocolError as error:
+                    raise DeviceError(f"{self._address}: {error}") from error
+                if not message.inverse3:
+                    raise DeviceError(f"the service at {self._address} has no Inverse3 connected")
+                return message
+            try:
+                content = self._socket.recv(65536)
+            except TimeoutError:
+                break
+            except OSError as error:
+                raise self._gone(str(error)) from error
+            if not content:
+                raise self._gone("it closed the connection")
+            protocol.receive_data(content)
+        raise DeviceError(f"the service at {self._address} sends no inventory of its devices")
+
+    def _send(self, x: float, y: float, z: float) -> None:
+        message = ClientMessage.of_force(self._id, Vector(x, y, z), self.version,
+                                         profile=self._profile)  # fmt: skip
+        self._profile = None
+        self._protocol.send_text(self._encoder.encode(message))
+        self._flush()
+        self._sent.append(time.perf_counter())
+
+    def _flush(self) -> None:
+        try:
+            for data in self._protocol.data_to_send():
+                self._socket.sendall(data)
+        except OSError as error:
+            raise self._gone(str(error)) from error
+
+    def _read(self, content: bytes, state: DeviceState) -> bool:
+        """Take what has come; return whether a state in time was among it."""
+        protocol = self._protocol
+        if not content:
+            raise self._gone("it closed the connection")
+        protocol.receive_data(content)
+        taken = False
+        for event in protocol.events_received():
+            if isinstance(event, Frame) and event.opcode in (Opcode.TEXT, Opcode.BINARY):
+                taken |= self._take(bytes(event.data), state)
+        self._flush()  # of what a ping asks for
+        if protocol.state is not State.OPEN:
+            raise self._gone("it closed the connection")
+        return taken
+
+    def _take(self, content: bytes, state: DeviceState) -> bool:
+        now = time.perf_counter()
+        if not self._sent:
+            self._trouble = "a state that answers no message"
+            return False
+        asked = self._sent.popleft()
+        try:
+            message = read_service_message(content)
+        except ProtocolError as error:
+            self._trouble = str(error)
+            return False
+        found = [each for each in message.inverse3 if each.device_id == self._id]
+        if not found or found[0].state is UNSET:
+            self._trouble = f"a state without {self._id}"
+            return False
+        if now - asked > STALE_SECONDS:
+            self._trouble = f"a state {1e3 * (now - asked):.0f} ms late"
+            return False
+        place, speed = found[0].state.cursor_position, found[0].state.cursor_velocity
+        if self._last is not None:
+            way = max(abs(place.x - self._last.x), abs(place.y - self._last.y),
+                      abs(place.z - self._last.z))  # fmt: skip
+            if way > SLACK + self.limits.speed * (now - self._last_time):
+                self._trouble = f"a jump of {1e3 * way:.0f} mm"
+                self._last, self._last_time = place, now
+                return False
+        self._last, self._last_time = place, now
+        state.position[0], state.position[1], state.position[2] = place.x, place.y, place.z
+        state.velocity[0], state.velocity[1], state.velocity[2] = speed.x, speed.y, speed.z
+        for grip in message.wireless_verse_grip:
+            if grip.device_id == self._grip and grip.state is not UNSET:
+                state.buttons = grip.state.pressed
+        return True
+
+    def _gone(self, why: str) -> DeviceError:
+        return DeviceError(f"the service at {self._address} has gone: {why.lower()}")
+
+
+def open_haply(options: DeviceOptions) -> HaplyDevice:
+    """Return the first Inverse3 of a service.
+
+    Parameters
+    ----------
+    options
+        The service's address and the period.
+
+    Returns
+    -------
+    HaplyDevice
+        The device.
+    """
+    return HaplyDevice(options)

@@ -1,0 +1,276 @@
+"""The servo: devices, a loop and a clock. A period sends a force and takes the next state.
+
+In a process of its own: nothing else takes the interpreter from it, the collector is off, and all
+of a step that is arithmetic is compiled. It sleeps to just before a period and spins the rest.
+"""
+
+import contextlib
+import gc
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from app.haptics.device import Device, DeviceError, DeviceState
+from app.haptics.device_run import Recorder
+from app.haptics.felt_duct import FeltDuct
+from app.haptics.regulator import ALLOWED, BRAKED, LEAST, MODELLED, SAMPLED, WITHHELD, WORK
+from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, ServoLoop
+from app.haptics.servo_report import Energies, ForceCheck, ServoReport, TimeHistogram
+
+__all__ = ["ORDINARY", "Servo", "real_time"]
+
+SPIN_SECONDS = 1.5e-4
+"""How long before a period it stops sleeping: a sleep ends late by up to as much."""
+MISSED = 1.5
+"""Periods from one to the next that count as missed."""
+BEHIND = 5
+"""Periods after which it stops making up for lost time."""
+SILENT_SECONDS = 1.0
+"""Time without a state after which a device counts as gone."""
+ORDINARY = "as other processes"
+CHECKS_PER_SECOND = 20
+MOST_CHECKS = 2000
+
+
+def real_time() -> str:
+    """Ask that other processes wait for this one, which sleeps most of the time.
+
+    Returns
+    -------
+    str
+        How this process is scheduled: asking takes a privilege that few users have.
+    """
+    with contextlib.suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
+        return "before other processes (SCHED_FIFO)"
+    return ORDINARY
+
+
+class Servo:
+    """Runs a loop with its devices.
+
+    Parameters
+    ----------
+    devices
+        One for each hand of the loop.
+    loop
+        The loop.
+    scheduling
+        How the process is scheduled, for the report.
+
+    Attributes
+    ----------
+    loop, devices
+        As given.
+    recorder
+        What the loop was given.
+    """
+
+    def __init__(
+        self, devices: Sequence[Device], loop: ServoLoop, scheduling: str = ORDINARY
+    ) -> None:
+        self.devices, self.loop = devices, loop
+        self.recorder = Recorder(len(devices))
+        self._period, self._step = TimeHistogram(), TimeHistogram()
+        self._exchange, self._answer = TimeHistogram(), TimeHistogram()
+        self._missed = self._stale = 0
+        self._largest = self._jump = self._peak = 0.0
+        self._seconds = 0.0
+        self._scheduling = scheduling
+        self._checks: list[tuple[float, float]] = []
+        self._troubles: Counter[str] = Counter()
+
+    def run(
+        self,
+        seconds: float | None,
+        stopped: Callable[[], str | None],
+        watched: Callable[[], None] | None = None,
+    ) -> ServoReport:
+        """Run until the time is over or somebody stops it; then there is no force.
+
+        Parameters
+        ----------
+        seconds
+            For how long; None for ever.
+        stopped
+            Asked each period; why it shall end, or None.
+        watched
+            Called after each period, for who shows what happens.
+
+        Returns
+        -------
+        ServoReport
+            What was done.
+        """
+        collected = gc.isenabled()
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        try:
+            ended = self._run(seconds, stopped, watched)
+        finally:
+            self.loop.end()
+            for device in self.devices:
+                device.close()
+            gc.unfreeze()
+            if collected:
+                gc.enable()
+        return self.report(ended)
+
+    def _run(
+        self,
+        seconds: float | None,
+        stopped: Callable[[], str | None],
+        watched: Callable[[], None] | None,
+    ) -> str:
+        clock, loop, devices = time.perf_counter, self.loop, self.devices
+        period, stale = loop.settings.period, loop.settings.stale_seconds
+        states = [DeviceState() for _ in devices]
+        units = np.zeros((len(devices), 3), np.int64)
+        inputs = [0] * len(devices)
+        before = loop.given.copy()
+        every = max(1, loop.settings.rate // CHECKS_PER_SECOND)
+        start = due = last = clock()
+        received = [start] * len(devices)
+        alive = [start] * len(devices)
+        count = 0
+        while True:
+            while (wait := due - clock()) > SPIN_SECONDS:
+                time.sleep(wait - SPIN_SECONDS)
+            while (now := clock()) < due:
+                pass
+            if count:
+                self._period.add(now - last)
+                self._missed += now - last > MISSED * period
+            last = now
+            if (why := stopped()) is not None:
+                break
+            if seconds is not None and now - start >= seconds:
+                why = "its time is over"
+                break
+            for hand, device in enumerate(devices):
+                sent = clock()
+                if count:
+                    self._answer.add(sent - received[hand])
+                try:
+                    fresh = device.exchange(loop.given[hand], states[hand])
+                except DeviceError as error:
+                    self._seconds = clock() - start
+                    return str(error)
+                got = received[hand] = clock()
+                self._exchange.add(got - sent)
+                bits = states[hand].buttons & (LIVE - 1)
+                if fresh:
+                    units[hand] = np.rint(states[hand].position * (1.0 / PLACE_UNIT))
+                    alive[hand] = got
+                    bits |= FRESH
+                if got - alive[hand] <= stale:
+                    bits |= LIVE
+                inputs[hand] = bits
+                if not fresh:
+                    self._stale += 1
+                    trouble = device.trouble() or "no state"
+                    self._troubles[trouble] += 1
+                    if got - alive[hand] > SILENT_SECONDS:
+                        self._seconds = got - start
+                        return f"no state of {device.name} for {SILENT_SECONDS:g} s: {trouble}"
+            stepping = clock()
+            loop.step(units, inputs)
+            self._step.add(clock() - stepping)
+            self.recorder.keep(units, inputs, loop.given)
+            self._watch(before, count, every)
+            if watched is not None:
+                watched()
+            count += 1
+            due += period
+            if clock() - due > BEHIND * period:
+                due = clock()
+        self._seconds = clock() - start
+        return why
+
+    def _watch(self, before: "np.ndarray[tuple[int, int], np.dtype[np.float64]]", count: int,
+               every: int) -> None:  # fmt: skip
+        """Keep the largest force, its largest change, and what is compared afterwards."""
+        loop = self.loop
+        for hand in range(len(self.devices)):
+            given, old = loop.given[hand], before[hand]
+            self._largest = max(self._largest, float(given @ given))
+            change = given - old
+            self._jump = max(self._jump, float(change @ change))
+            old[:] = given
+        self._peak = max(self._peak, abs(float(loop.regulator.books[WORK])))
+        if count % every == 0 and len(self._checks) < MOST_CHECKS:
+            model = loop.model
+            if model.hooks[0, 2] > 0.0 and not model.torn:
+                self._checks.append((float(model.hooks[0, 2]), float(model.forces[0, 2])))
+
+    def report(self, ended: str) -> ServoReport:
+        """Return what was done.
+
+        Parameters
+        ----------
+        ended
+            Why it ended.
+
+        Returns
+        -------
+        ServoReport
+            The report.
+        """
+        loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
+        scale = loop.settings.scale
+        assist, held = loop.assist_work / scale, (model.stored + model.spent) / scale
+        residual = float(books[MODELLED]) - (held - assist)
+        energy = Energies(
+            float(books[WORK]), model.stored / scale, model.spent / scale, float(books[SAMPLED]),
+            float(books[BRAKED]), float(books[WITHHELD]), assist,
+            abs(residual) / self._peak if self._peak else 0.0, float(books[LEAST]),
+            float(books[ALLOWED]),
+        )  # fmt: skip
+        periods, seconds = self.recorder.periods, max(self._seconds, 1e-9)
+        duct = model if isinstance(model, FeltDuct) else None
+        return ServoReport(
+            device=", ".join(device.name for device in self.devices),
+            theory="" if duct is None else duct.theory.name,
+            grasps_mm=() if duct is None else duct.grasps,
+            coupling_N_per_mm=0.0 if duct is None else duct.coupling,
+            scheduling=self._scheduling,
+            wanted_rate_Hz=loop.settings.rate,
+            rate_Hz=periods / seconds,
+            seconds=self._seconds,
+            periods=periods,
+            missed_periods=self._missed,
+            missed_part=self._missed / max(periods, 1),
+            stale_periods=self._stale,
+            period_us=self._period.percentiles(),
+            step_us=self._step.percentiles(),
+            exchange_us=self._exchange.percentiles(),
+            state_to_force_us=self._answer.percentiles(),
+            largest_force_N=self._largest**0.5,
+            largest_force_step_N=self._jump**0.5,
+            energy_mJ=energy,
+            force_check=self._force_check(),
+            torn=model.torn,
+            ended_by=ended,
+            troubles=dict(self._troubles),
+            forces_sha256=self.recorder.forces_sha256,
+        )
+
+    def _force_check(self) -> ForceCheck | None:
+        model = self.loop.model
+        if not isinstance(model, FeltDuct) or len(model.grasps) > 1 or not self._checks:
+            return None
+        worst = 0.0
+        for place, force in self._checks:
+            solved = model.solved_force(place)
+            worst = max(worst, abs(force - solved) / abs(solved))
+        place, force = max(self._checks)
+        return ForceCheck(
+            "the model's force at the hook's place w (the hand is force/coupling farther out) with "
+            "the theory solved from rest at w; the device is given this force, bounded, and what "
+            "the passivity controller adds",
+            len(self._checks), worst, place, force,
+        )  # fmt: skip

@@ -1,0 +1,242 @@
+"""One period of the servo, without a clock or a device: the same to the bit for the same places.
+
+Where the devices are (in whole steps of 0.1 um), which buttons are pressed and whether the states
+are fresh: everything else follows. So a run is kept as these and made again from them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from app.haptics.device import DeviceLimits
+from app.haptics.felt_duct import FeltModel
+from app.haptics.regulator import Regulator
+
+__all__ = ["CLUTCH", "FRESH", "LIVE", "PLACE_UNIT", "TAKE", "LoopSettings", "ServoLoop"]
+
+Array = NDArray[np.float64]
+
+PLACE_UNIT = 1e-7
+"""m; the grid on which places are taken and kept."""
+TAKE, CLUTCH, LIVE, FRESH = 1, 2, 64, 128
+"""Bits of a hand's input: the button that takes the duct, the one that moves the device without the
+hook; whether a state came lately, and whether one came in this period."""
+STRIDE, MOST_STRIDES = 0.05, 64
+"""Longest way of a hand, mm, that the model takes in one step, and most steps of a period: a hand
+that was lost for some periods is followed along its way."""
+
+
+@njit(cache=True, nogil=True)
+def _lead(
+    hand: int,
+    bits: int,
+    before: int,
+    hold: bool,
+    to_mm: float,
+    units: NDArray[np.int64],
+    places: Array,
+    origins: Array,
+    led_from: Array,
+    led: Array,
+    led_before: Array,
+    held: NDArray[np.bool_],
+) -> None:
+    """Lead a hook by its hand: the clutch, and what takes the duct and lets go."""
+    if bits & FRESH:
+        for j in range(3):
+            places[hand, j] = units[hand, j] * PLACE_UNIT
+    if (bits | before) & CLUTCH:
+        # The hook stays where it is, without a force; from where the device is now it goes on.
+        for j in range(3):
+            origins[hand, j] = places[hand, j]
+            led_from[hand, j] = led[hand, j]
+    taken = hold or bits & TAKE != 0
+    if taken and not held[hand] and not hold:
+        for j in range(3):
+            origins[hand, j] = places[hand, j]
+            led_from[hand, j] = led_before[hand, j] = 0.0
+    held[hand] = taken
+    for j in range(3):
+        way = places[hand, j] - origins[hand, j]
+        led[hand, j] = led_from[hand, j] + to_mm * way
+
+
+@njit(cache=True, nogil=True)
+def _strides(before: Array, led: Array) -> int:
+    """Return in how many steps the model goes from one place to the other."""
+    longest = 0.0
+    for h in range(led.shape[0]):
+        for j in range(3):
+            longest = max(longest, abs(led[h, j] - before[h, j]))
+    return min(max(math.ceil(longest / STRIDE), 1), MOST_STRIDES)
+
+
+@njit(cache=True, nogil=True)
+def _go(before: Array, led: Array, part: float, now: Array) -> None:
+    """Fill a place on the way; at its end the place that is led to, to the bit."""
+    for h in range(led.shape[0]):
+        for j in range(3):
+            way = led[h, j] - before[h, j]
+            now[h, j] = led[h, j] if part == 1.0 else before[h, j] + part * way
+
+
+@njit(cache=True, nogil=True)
+def _work(
+    pulled: Array, elastic: Array, before: Array, led: Array, strides: int, hands: int
+) -> tuple[float, float]:
+    """Return the work of one stride: of the hands, and of the hooks without one."""
+    by_hands = by_assist = 0.0
+    for h in range(led.shape[0]):
+        for j in range(3):
+            work = 0.5 * (pulled[h, j] + elastic[h, j]) * (led[h, j] - before[h, j]) / strides
+            if h < hands:
+                by_hands += work
+            else:
+                by_assist += work
+    return by_hands, by_assist
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSettings:
+    """How a servo runs.
+
+    Attributes
+    ----------
+    rate
+        Periods a second.
+    scale
+        Way of the hook by way of the device.
+    hold
+        Whether the hook has the duct at once; with a button otherwise.
+    stale_seconds
+        Age of a state beyond which there is no force.
+    """
+
+    rate: int = 1000
+    scale: float = 1.0
+    hold: bool = True
+    stale_seconds: float = 0.02
+
+    @property
+    def period(self) -> float:
+        """Time between two steps, s."""
+        return 1.0 / self.rate
+
+
+class ServoLoop:
+    """Hands on a model.
+
+    Parameters
+    ----------
+    model
+        What they feel.
+    settings
+        How it runs.
+    limits
+        Of the devices; the least of each is kept.
+    hands
+        How many devices there are; further hooks of the model are where `assist` says.
+
+    Attributes
+    ----------
+    model, settings
+        As given.
+    regulator
+        Keeps the books.
+    given
+        (H, 3) forces for the devices, N.
+    hooks_led
+        (K, 3) where the hooks are led, mm from their rest.
+    """
+
+    def __init__(
+        self, model: FeltModel, settings: LoopSettings, limits: DeviceLimits, hands: int = 1
+    ) -> None:
+        self.model, self.settings = model, settings
+        self.hands, hooks = hands, len(model.forces)
+        self.regulator = Regulator(
+            hands, settings.period, force=limits.force, force_rate=limits.force_rate,
+            added_damping=limits.added_damping,
+        )  # fmt: skip
+        self.given = self.regulator.given
+        self.hooks_led = np.zeros((hooks, 3))
+        self.assist_work = 0.0
+        self.ended = False
+        self._held = np.zeros(hooks, np.bool_)
+        self._origins, self._led_from = np.zeros((hands, 3)), np.zeros((hands, 3))
+        self._places = np.zeros((hands, 3))
+        self._inputs = [0] * hands
+        self._begun = False
+        self._outward = np.zeros((hands, 3))
+        self._led_before, self._led_now = np.zeros((hooks, 3)), np.zeros((hooks, 3))
+        self._pulled = np.zeros((hooks, 3))
+        self._to_mm = 1e3 * settings.scale
+        self.step(np.zeros((hands, 3), np.int64), [0] * hands)  # compiled before it is felt
+        self._begun = False
+
+    def assist(self, hook: int, height: float) -> None:
+        """Lead a hook that no device leads.
+
+        Parameters
+        ----------
+        hook
+            Which one.
+        height
+            Where it is led, mm along the pull from its rest; 0 lets go.
+        """
+        self.hooks_led[hook, 2] = height
+        self._held[hook] = height > 0.0
+
+    def step(self, units: NDArray[np.int64], inputs: list[int]) -> None:
+        """Go one period on.
+
+        Parameters
+        ----------
+        units
+            (H, 3) where the devices are, in `PLACE_UNIT`.
+        inputs
+            (H,) bits of each hand.
+        """
+        places = self._places
+        if not self._begun:
+            places[:] = units * PLACE_UNIT
+            self.regulator.start(places)
+            self._origins[:] = places
+            self._begun = True
+        live = not self.ended
+        for hand, bits in enumerate(inputs):
+            live &= bits & (LIVE | CLUTCH) == LIVE
+            _lead(
+                hand, bits, self._inputs[hand], self.settings.hold, self._to_mm, units,
+                places, self._origins, self._led_from, self.hooks_led, self._led_before, self._held,
+            )  # fmt: skip
+            self._inputs[hand] = bits
+        modelled = self._walk()
+        model, scale = self.model, self.settings.scale
+        np.negative(model.forces[: self.hands], self._outward)
+        energy = (model.stored + model.spent - self.assist_work) / scale
+        self.regulator.regulate(places, self._outward, modelled / scale, energy, live)
+
+    def _walk(self) -> float:
+        """Let the model follow the hands; return their work on it, N mm of the model."""
+        model, before, led, now = self.model, self._led_before, self.hooks_led, self._led_now
+        strides, work = _strides(before, led), 0.0
+        for stride in range(1, strides + 1):
+            self._pulled[:] = model.forces
+            _go(before, led, stride / strides, now)
+            model.step(now, self._held)
+            by_hands, by_assist = _work(
+                self._pulled, model.elastic_forces, before, led, strides, self.hands
+            )
+            work += by_hands
+            self.assist_work += by_assist
+        before[:] = led
+        return work
+
+    def end(self) -> None:
+        """Give no force from now on."""
+        self.ended = True
+        self.given[:] = 0.0

@@ -1,0 +1,70 @@
+"""The simulated device as a driver of this process: one period passes with each exchange."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.haptics.device import DeviceLimits, DeviceOptions, DeviceState
+from app.haptics.simulated_device import STEP, SimulatedDevice
+
+__all__ = ["VirtualDevice", "open_virtual"]
+
+
+class VirtualDevice:
+    """A simulated device in a scripted hand, the same to the bit each time.
+
+    Parameters
+    ----------
+    options
+        The hand, and the period that passes with each exchange.
+
+    Attributes
+    ----------
+    name, limits
+        As of each `Device`.
+    simulated
+        Device and hand.
+    """
+
+    def __init__(self, options: DeviceOptions) -> None:
+        self.name = "virtual device"
+        self.simulated = SimulatedDevice(options.script)
+        hardware = options.script.device
+        self.limits = DeviceLimits(
+            hardware.force_limit_N, hardware.force_rate_limit_N_per_s, hardware.damping_N_s_per_m
+        )
+        self._periods = options.period / STEP
+        self._due = 0.0
+
+    def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
+        """Let one period pass under a force; see `Device`."""
+        self._due += self._periods
+        steps = round(self._due)
+        self._due -= steps
+        self.simulated.advance(steps, force)
+        state.position[:] = self.simulated.position
+        state.velocity[:] = self.simulated.velocity
+        state.buttons = self.simulated.pressed
+        return True
+
+    def trouble(self) -> str | None:
+        """Nothing is ever wrong; see `Device`."""
+        return None
+
+    def close(self) -> None:
+        """Nothing is open; see `Device`."""
+
+
+def open_virtual(options: DeviceOptions) -> VirtualDevice:
+    """Return a simulated device.
+
+    Parameters
+    ----------
+    options
+        The hand and the period.
+
+    Returns
+    -------
+    VirtualDevice
+        The device.
+    """
+    return VirtualDevice(options)

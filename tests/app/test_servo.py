@@ -1,0 +1,357 @@
+"""The servo: what a scripted hand feels, its energy, its limits, and that it is made again."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
+from app.haptics.device_run import read_device_run
+from app.haptics.duct_choice import DuctChoice, passive_coupling, played_again
+from app.haptics.felt_duct import FeltDuct
+from app.haptics.felt_run import felt_run
+from app.haptics.hand import HandScript, SimulatedHand, SimulatedHardware, Waypoint
+from app.haptics.regulator import BRAKED, LEAST, MADE, MODELLED, SAMPLED, WITHHELD, WORK
+from app.haptics.servo import Servo
+from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
+from app.haptics.virtual_device import VirtualDevice
+from app.simulation.preset import preset_named
+from physics import Cubic, Exact, Theory
+
+DUCT = preset_named("thesis-bile-duct")
+STIFFNESS = 0.1388  # N/mm of the thesis's duct at rest: 3 E I (S/(a b))^3
+THERE_AND_BACK = (
+    Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(1.1, (2.0, -1.0, 10.0)),
+    Waypoint(1.6, (0.0, 0.0, 10.0)), Waypoint(2.6, (0.0, 0.0, 0.0)),
+)  # fmt: skip
+TO_THE_TEAR = (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(2.1, (0.0, 0.0, 30.0)))
+
+
+def choice(theory: Theory | None = None, grasp: float | None = None,
+           second: float | None = None) -> DuctChoice:  # fmt: skip
+    return DuctChoice.of(DUCT, None, theory or Cubic(), grasp, second)
+
+
+def hand(path: tuple[Waypoint, ...] = THERE_AND_BACK, *, device: dict[str, Any] | None = None,
+         **grip: Any) -> HandScript:  # fmt: skip
+    figures: dict[str, Any] = {"stiffness_N_per_m": 700.0, "damping_N_s_per_m": 8.0, **grip}
+    return HandScript(
+        device=SimulatedHardware(**(device or {})), hand=SimulatedHand(**figures), path=path
+    )
+
+
+@dataclass
+class Felt:
+    """A run of a loop with a virtual device: its course, a row a period."""
+
+    loop: ServoLoop
+    device: VirtualDevice
+    hooks: np.ndarray[tuple[int], np.dtype[np.float64]]
+    forces: np.ndarray[tuple[int], np.dtype[np.float64]]
+    given: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    books: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+
+
+def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
+         seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0) -> Felt:  # fmt: skip
+    settings = LoopSettings(rate, scale)
+    device = VirtualDevice(DeviceOptions("", settings.period, script))
+    loop = ServoLoop((chosen or choice()).felt(coupling), settings, device.limits)
+    state, rows = DeviceState(), round(seconds * rate)
+    hooks, forces = np.zeros(rows), np.zeros(rows)
+    given, books = np.zeros((rows, 3)), np.zeros((rows, 8))
+    for row in range(rows):
+        device.exchange(loop.given[0], state)
+        units = np.rint(state.position[None, :] / PLACE_UNIT).astype(np.int64)
+        loop.step(units, [FRESH | LIVE])
+        hooks[row], forces[row] = loop.model.hooks[0, 2], loop.model.forces[0, 2]
+        given[row], books[row] = loop.given[0], loop.regulator.books
+    return Felt(loop, device, hooks, forces, given, books)
+
+
+@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(shear=True, law="neo-hooke")])
+def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
+    run = felt(hand(), choice(theory, 20.0))
+    assert run.hooks.max() > 5.0
+    duct = choice(theory, 20.0)
+    for row in range(0, len(run.hooks), 50):
+        if run.hooks[row] > 0.0:
+            solved = theory.under_deflection(
+                duct.beam, 20.0, float(run.hooks[row]), np.empty(0)
+            ).force
+            assert run.forces[row] == pytest.approx(solved, rel=1e-6)
+    # What the device gets is the force downwards, but for the little that the controller adds.
+    assert np.abs(run.given[:, 2] + run.forces).max() < 0.05
+
+
+@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(shear=True, law="neo-hooke")])
+@pytest.mark.parametrize("path", [THERE_AND_BACK, TO_THE_TEAR])
+@pytest.mark.parametrize("rate", [1000, 4000])
+def test_the_work_of_the_hand_is_stored_or_dissipated(
+    theory: Theory, path: tuple[Waypoint, ...], rate: int
+) -> None:
+    run = felt(hand(path, tremor_mm=0.1), choice(theory), rate=rate, seconds=2.7)
+    books, model = run.books, run.loop.model
+    peak = books[:, WORK].max()
+    assert peak > 3.0
+    assert model.torn == (path is TO_THE_TEAR)
+    last = books[-1]
+    assert last[MODELLED] == pytest.approx(model.stored + model.spent, abs=1e-6 * peak)
+    named = last[MODELLED] + last[SAMPLED] + last[BRAKED] + last[WITHHELD]
+    assert last[WORK] == pytest.approx(named, abs=1e-12 * peak)
+
+
+def test_what_the_motors_did_is_what_the_loop_has_booked() -> None:
+    run = felt(hand(device={"force_rate_limit_N_per_s": 1e6}))
+    by_motors = 1e3 * run.device.simulated.work[1]
+    # The last force still acts when the device's books are closed.
+    assert run.books[-1, WORK] == pytest.approx(-by_motors, abs=2e-4)
+
+
+@pytest.mark.parametrize("reaction", [1.0, 5.0])
+@pytest.mark.parametrize("latency", [0.0, 1.0, 5.0])
+def test_a_stiff_hand_with_a_delay_is_steady(reaction: float, latency: float) -> None:
+    script = hand(
+        device={"latency_ms": latency}, reaction_delay_ms=reaction,
+        stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
+    )  # fmt: skip
+    run = felt(script, choice(Exact()))
+    held = run.forces[1400:1600]
+    assert held.mean() > 1.0
+    assert held.std() < 2e-3
+    assert np.abs(np.diff(run.given[:, 2])).max() < 0.1
+    assert run.books[:, MADE].max() < 0.02  # uJ twenty: the bound that is stated
+    assert run.books[:, LEAST].min() > -0.02
+
+
+def test_the_controller_takes_out_what_sampling_makes() -> None:
+    # A coupling far beyond 2 b/T, on a device with next to no friction.
+    script = hand(
+        (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(0.6, (0.0, 0.0, 9.0)),
+         Waypoint(0.9, (0.0, 0.0, 0.5)), Waypoint(1.2, (0.0, 0.0, 9.0))),
+        device={"damping_N_s_per_m": 0.0}, damping_N_s_per_m=1.0,
+    )  # fmt: skip
+    run = felt(script, coupling=5.0, seconds=2.0)
+    assert run.books[-1, SAMPLED] < -0.02  # energy that was made
+    assert run.books[-1, BRAKED] > 0.5 * -run.books[-1, SAMPLED]
+    assert run.books[:, MADE].max() < 0.02
+
+
+def test_a_tear_is_felt_and_bounded() -> None:
+    run = felt(hand(TO_THE_TEAR), seconds=2.6)
+    torn = int(np.flatnonzero(np.diff((run.forces > 0.0).astype(int)) < 0)[-1])
+    assert run.forces[torn] == pytest.approx(3.5586, rel=1e-3)
+    changes = np.linalg.norm(np.diff(run.given, axis=0), axis=1)
+    assert changes.max() <= 0.2 * (1.0 + 1e-9)  # 200 N/s at 1 kHz
+    assert run.forces[torn + 1 :].max() == 0.0
+    assert np.abs(run.given[torn + 40 :]).max() < 0.05  # gone within 40 ms
+
+
+def test_limits_scale_and_start() -> None:
+    weak = felt(hand(device={"force_limit_N": 0.7}))
+    assert np.linalg.norm(weak.given, axis=1).max() <= 0.7 * (1.0 + 1e-12)
+    assert weak.forces.max() > 1.0
+    half = felt(hand(), scale=0.5)
+    assert half.hooks.max() < 5.2
+    assert half.books[-1, MODELLED] == pytest.approx(half.loop.model.stored / 0.5, abs=1e-5)
+    assert passive_coupling(0.5, 1000) == 1.0  # 2 b/T
+
+
+def units(z: float) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    return np.array([[0, 0, round(1e-3 * z / PLACE_UNIT)]], np.int64)
+
+
+def stepped(loop: ServoLoop, z: float, bits: int, periods: int = 1) -> float:
+    for _ in range(periods):
+        loop.step(units(z), [bits])
+    return float(loop.given[0, 2])
+
+
+LIMITS = DeviceLimits(10.0, 200.0, 0.5)
+
+
+def test_there_is_no_force_while_states_are_missing_and_it_comes_back_softly() -> None:
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    stepped(loop, 0.0, FRESH | LIVE)
+    pulled = stepped(loop, 6.0, FRESH | LIVE, 500)
+    assert pulled < -0.5
+    assert stepped(loop, 6.0, LIVE) == pytest.approx(pulled, rel=1e-6)  # one is missing
+    assert stepped(loop, 6.0, 0) == 0.0  # too old
+    soft = [stepped(loop, 6.0, FRESH | LIVE) for _ in range(400)]
+    assert soft[0] == pytest.approx(pulled / 300.0, rel=1e-2)  # of 0.3 s
+    assert soft[150] == pytest.approx(0.5 * pulled, rel=0.02)
+    assert soft[-1] == pytest.approx(pulled, rel=1e-6)
+    loop.end()
+    assert stepped(loop, 6.0, FRESH | LIVE) == 0.0
+
+
+def test_the_clutch_moves_the_device_without_the_hook_and_makes_no_energy() -> None:
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    stepped(loop, 0.0, FRESH | LIVE)
+    for z in np.linspace(0.0, 6.0, 300).tolist():
+        stepped(loop, z, FRESH | LIVE)
+    hook = float(loop.model.hooks[0, 2])
+    for z in np.linspace(6.0, -20.0, 300).tolist():
+        assert stepped(loop, z, FRESH | LIVE | CLUTCH) == 0.0
+    assert loop.model.hooks[0, 2] == hook
+    stepped(loop, -20.0, FRESH | LIVE, 400)
+    assert loop.model.hooks[0, 2] == hook
+    for z in np.linspace(-20.0, -26.0, 300).tolist():
+        stepped(loop, z, FRESH | LIVE)
+    assert loop.model.hooks[0, 2] == pytest.approx(0.0, abs=1e-9)
+    assert loop.regulator.books[WORK] > -0.02
+
+
+def test_a_button_takes_the_duct_and_lets_go() -> None:
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(hold=False), LIMITS)
+    stepped(loop, 0.0, FRESH | LIVE)
+    assert stepped(loop, 5.0, FRESH | LIVE, 400) == 0.0
+    for z in np.linspace(5.0, 9.0, 200).tolist():
+        stepped(loop, z, FRESH | LIVE | TAKE)
+    assert loop.hooks_led[0, 2] == pytest.approx(4.0)
+    assert loop.model.forces[0, 2] > 0.3
+    stored = loop.model.stored
+    stepped(loop, 9.0, FRESH | LIVE, 50)
+    assert loop.model.forces[0, 2] == 0.0
+    assert loop.model.spent == pytest.approx(stored)
+
+
+def test_a_lost_hand_is_followed_along_its_way() -> None:
+    near, far = (FeltDuct(Exact(), choice().beam, (25.4,), threshold=9.0, coupling=1.0)
+                 for _ in range(2))  # fmt: skip
+    steps = ServoLoop(near, LoopSettings(), LIMITS)
+    jump = ServoLoop(far, LoopSettings(), LIMITS)
+    for z in np.linspace(0.0, 3.0, 601).tolist():
+        stepped(steps, z, FRESH | LIVE)
+    stepped(jump, 0.0, FRESH | LIVE)
+    stepped(jump, 3.0, FRESH | LIVE)
+    works = [loop.regulator.books[MODELLED] for loop in (steps, jump)]
+    assert works[1] == pytest.approx(works[0], rel=1e-4)
+    assert works[1] == pytest.approx(far.stored, rel=1e-4)
+
+
+def test_a_second_hook_helps() -> None:
+    alone, helped = choice(Exact(), 20.0), choice(Exact(), 20.0, 34.0)
+    one, two = (each.felt(1.0) for each in (alone, helped))
+    loops = [ServoLoop(model, LoopSettings(), LIMITS) for model in (one, two)]
+    loops[1].assist(1, 0.0)
+    for loop in loops:
+        for z in np.linspace(0.0, 5.0, 300).tolist():
+            stepped(loop, z, FRESH | LIVE)
+    assert two.forces[0, 2] == pytest.approx(one.forces[0, 2], rel=1e-5)  # slack, it is none
+    before = float(two.forces[0, 2])
+    for height in np.linspace(0.0, 6.0, 300).tolist():
+        loops[1].assist(1, height)
+        stepped(loops[1], 5.0, FRESH | LIVE)
+    assert two.forces[1, 2] > 0.3
+    assert two.forces[0, 2] < before  # the assistant takes over what the first had to bear
+    total = loops[1].regulator.books[MODELLED] + loops[1].assist_work
+    assert total == pytest.approx(two.stored, rel=1e-5)
+
+
+def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
+    model = choice(Exact(), 15.0, 50.8 - 15.0).felt(1.0)
+    loop = ServoLoop(model, LoopSettings(), LIMITS, hands=2)
+    for z in np.linspace(0.0, 5.0, 400).tolist():
+        loop.step(np.vstack([units(z), units(z)]), [FRESH | LIVE] * 2)
+    assert loop.given[0, 2] == pytest.approx(loop.given[1, 2], rel=1e-9)
+    assert loop.given[0, 2] < -0.5
+    for z in np.linspace(5.0, 30.0, 800).tolist():
+        loop.step(np.vstack([units(z), units(z)]), [FRESH | LIVE] * 2)
+    assert model.torn
+
+
+def options(script: HandScript) -> list[tuple[str, DeviceOptions]]:
+    return [("virtual", DeviceOptions("", 0.001, script))]
+
+
+def test_a_run_is_a_small_file_and_is_made_again_to_the_bit(tmp_path: Path) -> None:
+    periods = iter(range(1500))
+    chosen = choice(Exact())
+    report, run = felt_run(
+        chosen, options(hand(tremor_mm=0.05)), LoopSettings(),
+        lambda: None if next(periods, None) is not None else "enough",
+    )  # fmt: skip
+    assert report.ended_by == "enough"
+    assert report.periods == run.periods == 1499 or report.periods == 1500
+    content = msgspec.json.encode(run)
+    assert len(content) < 6 * run.periods
+    again = read_device_run(content)
+    loop, recorder = played_again(again, chosen)
+    assert recorder.forces_sha256 == run.forces_sha256 == report.forces_sha256
+    assert float(loop.regulator.books[WORK]) == report.energy_mJ.work_of_hands
+    check = report.force_check
+    assert check is not None
+    assert check.largest_error < 1e-6
+    assert report.energy_mJ.residual_of_peak < 1e-6
+    other = DuctChoice.of(DUCT, None, Exact(), 24.0)
+    assert played_again(again, other)[1].forces_sha256 != run.forces_sha256
+    for wrong, says in (
+        (b"{", "no device run"),
+        (msgspec.json.encode(msgspec.structs.replace(run, version=9)), "version 9"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            read_device_run(wrong)
+    with pytest.raises(ValueError, match="cannot be unpacked"):
+        msgspec.structs.replace(run, inputs="////").unpacked()
+    with pytest.raises(ValueError, match="not those of"):
+        msgspec.structs.replace(run, periods=run.periods + 1).unpacked()
+
+
+class Silent(VirtualDevice):
+    """A device whose states end, or that goes away."""
+
+    closed = False
+
+    def __init__(self, script: HandScript, after: int, *, goes: bool = False) -> None:
+        super().__init__(DeviceOptions("", 0.001, script))
+        self.left, self.goes = after, goes
+        self.forces: list[float] = []
+
+    def exchange(self, force: Any, state: DeviceState) -> bool:
+        self.forces.append(float(np.linalg.norm(force)))
+        self.left -= 1
+        if self.left < 0 and self.goes:
+            raise DeviceError("it has gone")
+        return super().exchange(force, state) and self.left >= 0
+
+    def trouble(self) -> str | None:
+        return "nothing comes"
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize("goes", [False, True])
+def test_a_device_that_falls_silent_ends_the_servo(goes: bool) -> None:
+    path = (Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(0.2, (0.0, 0.0, 9.0)))
+    device = Silent(hand(path), 400, goes=goes)
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(), device.limits)
+    report = Servo([device], loop).run(20.0, lambda: None)
+    assert device.closed
+    assert not loop.given.any()
+    assert max(device.forces[:401]) > 0.3
+    if goes:
+        assert report.ended_by == "it has gone"
+    else:
+        assert report.ended_by.endswith("nothing comes")
+        assert not any(device.forces[450:])  # no force for most of the silent second
+        assert report.stale_periods == report.troubles["nothing comes"]
+
+
+def test_what_cannot_be_felt_is_refused() -> None:
+    with pytest.raises(ValueError, match="take --theory exact"):
+        choice(Cubic(), 20.0, 30.0).felt(1.0)
+    with pytest.raises(ValueError, match="take --theory exact"):
+        choice(Cubic(q="fitted")).felt(1.0)
+    with pytest.raises(ValueError, match="coupling"):
+        choice().felt(0.0)
+    with pytest.raises(ValueError, match="own sections"):
+        DuctChoice.of(preset_named("porcine-bile-duct"), None, Cubic())
+    with pytest.raises(ValueError, match="grasp"):
+        choice(grasp=90.0)
+    assert math.isfinite(choice().felt(1.0).breaks_at)
