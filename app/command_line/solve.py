@@ -130,6 +130,10 @@ def solve(
         "theory": chosen.name,
         "preset": preset,
         "section": section,
+        "span_mm": beam.span,
+        "area_mm2": beam.area,
+        "second_moment_mm4": beam.second_moment,
+        "fibre_distance_mm": beam.fibre_distance,
         "force_N": pulled.force,
         "deflection_mm": pulled.deflection,
         "normal_stress_MPa": check.normal_stress,
@@ -148,6 +152,12 @@ def solve(
         ("theory", ", ".join([chosen.name, *(f"{key} {value}" for key, value in options.items())])),
         *([] if preset is None else [("preset", preset)]),
         ("section", section),
+        (
+            "beam",
+            f"span {beam.span:.6g} mm, area {beam.area:.6g} mm^2, second moment "
+            f"{beam.second_moment:.6g} mm^4, outer fibre at {beam.fibre_distance:.6g} mm, "
+            f"modulus {beam.modulus:.6g} MPa",
+        ),
         ("force", f"{pulled.force:.6g} N"),
         ("deflection", f"{pulled.deflection:.6g} mm"),
         ("normal stress", f"{1e3 * check.normal_stress:.6g} kPa"),

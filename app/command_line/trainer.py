@@ -46,14 +46,15 @@ def trainer(
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
     # Within what is compiled on a first start Python could lose an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from app.simulation.preset_file import chosen_preset
+
     tissue = organ_from(organ)
+    chosen = None if preset is None else chosen_preset(preset)
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
-    from app.simulation.preset_file import chosen_preset
     from app.trainer.server import Trainer
 
-    chosen = None if preset is None else chosen_preset(preset)
     running = Trainer(
         tissue, chosen, host=host, port=port, look=look, exercise_inputs=exercise_inputs
     )

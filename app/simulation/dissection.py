@@ -109,7 +109,7 @@ class Dissection:
         Returns
         -------
         str
-            The section between the clamps, with its sizes in mm; for reports and the panel.
+            The section and the mm between the clamps, for reports and the panel.
         """
         kind, beam = self.preset.beam, self.beam
         drawn = "hollow" if self.organ.hollow else "full"
@@ -124,11 +124,7 @@ class Dissection:
         if kind.wall_mm is not None:
             own = f"the organ's own outline with a wall of {kind.wall_mm:g} mm"
         which = "all along it" if isinstance(theory, Exact) else "the weakest one"
-        return (
-            f"{own}, {which}, {beam.span:.4g} mm between the clamps; area {beam.area:.3g} mm^2, "
-            f"second moment {beam.second_moment:.3g} mm^4, outer fibre at "
-            f"{beam.fibre_distance:.3g} mm"
-        )
+        return f"{own}, {which}, {beam.span:.4g} mm between the clamps"
 
     @property
     def beam_stations(self) -> NDArray[np.float64]:

@@ -93,7 +93,7 @@ class OrganBeam(msgspec.Struct, frozen=True, tag_field="section", tag="organ", o
                 )
 
 
-class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A duct to train on: its beam, its material and its break, with their sources.
 
     Attributes
@@ -197,10 +197,10 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     def strength(self) -> str:
         """The strength as it is given, and what a theory makes of it."""
         if self.break_stress_MPa is not None:
-            return f"strength {1e3 * self.break_stress_MPa:.6g} kPa, T of every theory"
+            return f"a stress of {1e3 * self.break_stress_MPa:.6g} kPa, which is T in every theory"
         return (
-            f"breaks at {self.break_force_N:.6g} N at mid-span; each theory's T is the stress "
-            "that it reads there"
+            f"a break at {self.break_force_N:.6g} N at mid-span; T is the stress that each theory "
+            "reads there"
         )
 
 

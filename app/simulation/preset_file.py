@@ -24,7 +24,8 @@ class _PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def preset_toml(preset: Preset) -> bytes:
     """Return a preset as a file: TOML with one `[[preset]]`, its numbers to the last bit."""
-    return _HEADER.encode() + msgspec.toml.encode({"preset": [preset]})
+    lines = {name: each for name, each in msgspec.to_builtins(preset).items() if each is not None}
+    return _HEADER.encode() + msgspec.toml.encode({"preset": [lines]})
 
 
 def read_preset(content: bytes, name: str) -> Preset:

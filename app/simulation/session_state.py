@@ -123,6 +123,11 @@ class SessionState:
         return self._pulled.threshold_wanted
 
     @property
+    def given_threshold(self) -> float:
+        """Stress at which the duct tears by its preset, in the chosen theory, MPa."""
+        return self._pulled.model.threshold
+
+    @property
     def threshold_range(self) -> tuple[float, float]:
         """How far the threshold may be moved, MPa."""
         return self._pulled.threshold_range

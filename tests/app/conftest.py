@@ -5,10 +5,13 @@ from collections.abc import Iterator
 import pytest
 import viser
 from browser import running_browser
+from own_organ import tube_file
 from playwright.sync_api import Browser
 from simulated import phantom
 
 from app.trainer.server import Trainer
+
+__all__ = ["tube_file"]
 
 
 @pytest.fixture(scope="session")

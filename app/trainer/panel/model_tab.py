@@ -4,9 +4,13 @@ import html
 
 import viser
 
-from app.simulation.preset import OrganBeam
+from app.simulation.dissection import fits
+from app.simulation.model import Model
+from app.simulation.preset import Preset
 from app.simulation.reading import Phase, Reading
-from app.trainer.panel.controls import KPA_PER_MPA, note, number, on_input, on_work
+from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_input, on_work
+from app.trainer.panel.preset_form import PresetForm
 from app.trainer.panel.train_tab import slider_step
 from app.trainer.workplace import Workplace
 
@@ -33,13 +37,15 @@ class ModelTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         session = workplace.session
+        self._own: Preset | None = None
         self._titles = self._offered()
         self._preset = gui.add_dropdown(
             "Duct",
             tuple(self._titles),
-            initial_value=session.dissection.preset.title,
+            initial_value=self._title(),
             hint="Material, section and break, with their sources below",
         )
+        self._form = PresetForm(gui, workplace)
         low, high, step, value = self._threshold_scale()
         self._threshold = gui.add_slider(
             "Threshold (kPa)",
@@ -55,8 +61,10 @@ class ModelTab:
             hint="Show the key points, the sections kept and the driving points",
         )
         gui.add_html(note(_POINTS))
+        self._thresholds = gui.add_html("")
         self._about = gui.add_html(self._about_html())
         self._model: object = (session.dissection, session.theory)
+        self._solve_thresholds()
         on_work(self._preset, self._choose_preset)
         on_input(
             self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA)
@@ -78,6 +86,7 @@ class ModelTab:
         for handle in (self._preset, self._threshold):
             if handle.visible != free:
                 handle.visible = free
+        self._form.see(free)
         self.take_ranges()
 
     def take_ranges(self) -> None:
@@ -91,29 +100,46 @@ class ModelTab:
         if titles != self._titles:
             self._titles = titles
             self._preset.options = tuple(titles)
-        self._preset.value = session.dissection.preset.title
+        self._preset.value = self._title()
+        self._form.show()
         low, high, step, value = self._threshold_scale()
         self._threshold.min, self._threshold.max, self._threshold.step = low, high, step
         self._threshold.value = value
         self._about.content = self._about_html()
+        self._solve_thresholds()
 
-    def _offered(self) -> dict[str, str]:
-        presets = self._workplace.session.presets_offered()
-        return {preset.title: preset.name for preset in presets}
+    def _offered(self) -> dict[str, Preset]:
+        """Return the presets to choose from, by title; the last one of one's own is kept."""
+        session = self._workplace.session
+        presets, organ = session.presets_offered(), session.dissection.organ
+        if not session.dissection.preset.ships:
+            self._own = session.dissection.preset
+        elif self._own is not None and fits(organ, self._own):
+            presets.append(self._own)
+        offered: dict[str, Preset] = {}
+        for preset in presets:
+            taken = preset.label in offered
+            offered[f"{preset.label} (yours)" if taken else preset.label] = preset
+        return offered
+
+    def _title(self) -> str:
+        """Return the title of the preset that is solved."""
+        now = self._workplace.session.dissection.preset
+        return next(title for title, preset in self._titles.items() if preset == now)
 
     def _set_threshold(self, threshold: float) -> None:
         if not self._workplace.in_exercise:
             self._workplace.session.set_threshold(threshold)
 
     def _choose_preset(self, title: object) -> None:
-        workplace, name = self._workplace, self._titles.get(str(title))
+        workplace, preset = self._workplace, self._titles.get(str(title))
         session = workplace.session
-        if name is None or name == session.dissection.preset.name or workplace.in_exercise:
+        if preset is None or preset == session.dissection.preset or workplace.in_exercise:
             return
         workplace.keep_run()
-        workplace.attempt("Preparing the duct.", lambda: session.choose_preset(name))
+        workplace.attempt("Preparing the duct.", lambda: session.choose_preset(preset))
         workplace.pulls += 1
-        self._preset.value = session.dissection.preset.title
+        self._preset.value = self._title()
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
         """Return the threshold slider's ends, step and value, kPa, in round numbers."""
@@ -123,22 +149,49 @@ class ModelTab:
         low, high, value = (round(step * round(end / step), 9) for end in (low, high, value))
         return low, high, step, value
 
+    def _solve_thresholds(self) -> None:
+        """Find every theory's threshold and break, in the background."""
+        workplace, model = self._workplace, self._model
+
+        def solve() -> None:
+            rows: list[str] = []
+            for label, theory in OFFERED_THEORIES.items():
+                try:
+                    found = Model.of(workplace.session.dissection, theory)
+                except ValueError:
+                    threshold, force = "–", "ends before"
+                else:
+                    threshold = figure(KPA_PER_MPA * found.threshold)
+                    force = figure(found.break_force)
+                rows.append(
+                    f"<tr><td style='padding-right:8px'>{html.escape(label)}</td>"
+                    f"<td style='text-align:right;padding-right:8px'>{threshold}</td>"
+                    f"<td style='text-align:right'>{force}</td></tr>"
+                )
+            if model == self._model:
+                self._thresholds.content = (
+                    "<div data-testid='thresholds' style='padding:2px 12px 8px;font-size:12px'>"
+                    "<table style='font-variant-numeric:tabular-nums'><tr style='opacity:.8'>"
+                    "<td>Theory</td><td style='text-align:right'>T (kPa)</td>"
+                    f"<td style='text-align:right'>breaks at (N)</td></tr>{''.join(rows)}</table>"
+                    "</div>"
+                )
+
+        workplace.background.do((id(self), "thresholds"), solve)
+
     def _about_html(self) -> str:
         session = self._workplace.session
         preset, beam = session.dissection.preset, session.dissection.beam
-        own = isinstance(preset.beam, OrganBeam)
-        section = (
-            "the organ's weakest section (the exact beam takes all)" if own else "a full round bar"
-        )
         geometry = (
-            f"{beam.span:.1f} mm between the clamps, {section}: area {beam.area:.1f} mm², "
+            f"{session.dissection.section(session.theory)}. Area {beam.area:.1f} mm², "
             f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "
             f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
             f"Poisson's ratio {beam.poisson_ratio:g}."
         )
         paragraphs = (
-            (preset.title, preset.description),
+            (preset.label, preset.description),
             ("Beam", geometry),
+            ("Strength as given", preset.strength),
             ("Source", preset.source),
             (f"Confidence: {preset.confidence}", preset.confidence_note),
         )

@@ -13,7 +13,13 @@ from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
 from app.trainer.panel.legend import HeatLegend
 from app.trainer.panel.model_tab import ModelTab
-from app.trainer.panel.readout import hidden_readout_html, readout_html, zone, zone_told
+from app.trainer.panel.readout import (
+    duct_html,
+    hidden_readout_html,
+    readout_html,
+    zone,
+    zone_told,
+)
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
 from app.trainer.panel.train_tab import TrainTab
@@ -61,6 +67,7 @@ class Panel:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         self._readout = gui.add_html("")
+        self._duct = gui.add_html("")
         gui.add_html(
             "<div data-testid='disclaimer' style='padding:0 14px 6px;"
             f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
@@ -109,6 +116,9 @@ class Panel:
         if self._readout.content != content:
             self._readout.content = content
         self._announce(reading)
+        content = duct_html(workplace.shown, figures=visible)
+        if self._duct.content != content:
+            self._duct.content = content
         self._legend.show(
             workplace.heat and visible,
             workplace.shown.stress_range[1],

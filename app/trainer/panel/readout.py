@@ -1,9 +1,12 @@
 """The read-out above the sliders: distance to break in large, the other figures below it."""
 
+import html
+
 from app.simulation.reading import Phase, Reading
+from app.simulation.session import Session
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = ["hidden_readout_html", "readout_html", "zone", "zone_told"]
+__all__ = ["duct_html", "hidden_readout_html", "readout_html", "zone", "zone_told"]
 
 CAREFUL_BELOW = 0.40
 STOP_BELOW = 0.15
@@ -124,6 +127,43 @@ def readout_html(reading: Reading, state: str = "") -> str:
         f"{_bar(used)}"
         "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
         f"{rows}</div></div>"
+    )
+
+
+def duct_html(session: Session, *, figures: bool) -> str:
+    """Return which organ and which section of it are solved, and the strength as it is given.
+
+    Parameters
+    ----------
+    session
+        The session that is shown.
+    figures
+        Whether the strength is to be seen.
+
+    Returns
+    -------
+    str
+        HTML; amber where another section is solved than the organ's own.
+    """
+    dissection, organ = session.dissection, session.dissection.organ
+    own = dissection.own_sections
+    name = html.escape(organ.name or "Your organ")
+    shape = (
+        f"{'hollow' if organ.hollow else 'full'}, {organ.length:.4g} mm long, "
+        f"{2.0 * organ.mean_radius:.3g} mm thick"
+    )
+    colour = "inherit" if own else COLOURS[CAREFUL]
+    strength = ""
+    if figures:
+        given = dissection.preset.strength
+        if session.threshold != session.given_threshold:
+            given = f"{given}; T moved by you from {KPA_PER_MPA * session.given_threshold:.6g} kPa"
+        strength = f"<div data-testid='strength'>Strength as given: {html.escape(given)}.</div>"
+    return (
+        f"<div data-testid='duct' data-own-sections='{int(own)}' style='padding:0 14px 6px;"
+        f"font-size:11px;line-height:1.35'><div><b>{name}</b>: {shape}.</div>"
+        f"<div style='color:{colour}'>Solved as "
+        f"{html.escape(dissection.section(session.theory))}.</div>{strength}</div>"
     )
 
 
