@@ -6,11 +6,16 @@ import sys
 import threading
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.command_line.load import PRESET_HELP, organ_from
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from app.haptics.servo_process import FeltSetting, ServoProcess
 
 __all__ = ["trainer"]
 
@@ -33,6 +38,16 @@ def trainer(
         str,
         typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
     ] = "hand",
+    haptics: Annotated[
+        str | None,
+        typer.Option(help="Haptic device that has the hook: haply, force-dimension or virtual."),
+    ] = None,
+    haptics_address: Annotated[
+        str, typer.Option(help="Where Haply's service is.")
+    ] = "ws://127.0.0.1:10001",
+    haptics_hand: Annotated[
+        Path | None, typer.Option(help="TOML file of the virtual device's hand.")
+    ] = None,
 ) -> None:
     """Serve the trainer; open the address that it prints in a browser.
 
@@ -50,14 +65,16 @@ def trainer(
 
     tissue = organ_from(organ)
     chosen = None if preset is None else chosen_preset(preset)
+    servo = None if haptics is None else _servo(haptics, haptics_address, haptics_hand)
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
     from app.trainer.server import Trainer
 
     running = Trainer(
-        tissue, chosen, host=host, port=port, look=look, exercise_inputs=exercise_inputs
-    )
+        tissue, chosen, host=host, port=port, look=look,
+        exercise_inputs=exercise_inputs, haptics=servo,
+    )  # fmt: skip
     # From here on both signals end the wait below, so that server and clock stop in order.
     stop = threading.Event()
 
@@ -75,3 +92,16 @@ def trainer(
     # The warming may be at work yet, for seconds. Nobody waits for it, and where it is inside some
     # C++ code Python's own end would abort: threads that are left cannot be unwound from there.
     os._exit(0)
+
+
+def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetting], ServoProcess]":
+    """Return what starts the servo of a device."""
+    from app.haptics.device import DeviceOptions
+    from app.haptics.hand import HandScript, read_hand
+    from app.haptics.servo_loop import LoopSettings
+    from app.haptics.servo_process import ServoProcess
+
+    settings = LoopSettings()
+    script = HandScript() if hand is None else read_hand(hand)
+    options = DeviceOptions(address, settings.period, script)
+    return lambda setting: ServoProcess(device, options, settings, setting)

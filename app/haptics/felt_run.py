@@ -46,7 +46,6 @@ def felt_run(
     assist: float = 0.0,
     seconds: float | None = None,
     scheduling: str = ORDINARY,
-    watched: Callable[[ServoLoop], None] | None = None,
 ) -> tuple[ServoReport, DeviceRun]:
     """Open devices and let them feel a duct until the time is over or somebody stops it.
 
@@ -68,8 +67,6 @@ def felt_run(
         For how long; None for ever.
     scheduling
         How this process is scheduled.
-    watched
-        Called after each period with the loop.
 
     Returns
     -------
@@ -97,7 +94,8 @@ def felt_run(
     if alone:
         loop.assist(len(devices), assist)
     servo = Servo(devices, loop, scheduling)
-    report = servo.run(seconds, stopped, None if watched is None else lambda: watched(loop))
+    report = servo.run(seconds, stopped)
+    assert servo.recorder is not None  # noqa: S101
     run = choice.run(
         servo.recorder, settings, limits, coupling=stiffness, assist=assist if alone else 0.0
     )

@@ -60,20 +60,28 @@ class Servo:
         The loop.
     scheduling
         How the process is scheduled, for the report.
+    keeps
+        Whether what the loop is given is kept, to be made again.
 
     Attributes
     ----------
     loop, devices
         As given.
     recorder
-        What the loop was given.
+        What the loop was given, where it is kept.
     """
 
     def __init__(
-        self, devices: Sequence[Device], loop: ServoLoop, scheduling: str = ORDINARY
+        self,
+        devices: Sequence[Device],
+        loop: ServoLoop,
+        scheduling: str = ORDINARY,
+        *,
+        keeps: bool = True,
     ) -> None:
         self.devices, self.loop = devices, loop
-        self.recorder = Recorder(len(devices))
+        self.recorder = Recorder(len(devices)) if keeps else None
+        self._periods = 0
         self._period, self._step = TimeHistogram(), TimeHistogram()
         self._exchange, self._answer = TimeHistogram(), TimeHistogram()
         self._missed = self._stale = 0
@@ -180,7 +188,9 @@ class Servo:
             stepping = clock()
             loop.step(units, inputs)
             self._step.add(clock() - stepping)
-            self.recorder.keep(units, inputs, loop.given)
+            if self.recorder is not None:
+                self.recorder.keep(units, inputs, loop.given)
+            self._periods += 1
             self._watch(before, count, every)
             if watched is not None:
                 watched()
@@ -230,7 +240,7 @@ class Servo:
             abs(residual) / self._peak if self._peak else 0.0, float(books[LEAST]),
             float(books[ALLOWED]),
         )  # fmt: skip
-        periods, seconds = self.recorder.periods, max(self._seconds, 1e-9)
+        periods, seconds = self._periods, max(self._seconds, 1e-9)
         duct = model if isinstance(model, FeltDuct) else None
         return ServoReport(
             device=", ".join(device.name for device in self.devices),
@@ -256,7 +266,7 @@ class Servo:
             torn=model.torn,
             ended_by=ended,
             troubles=dict(self._troubles),
-            forces_sha256=self.recorder.forces_sha256,
+            forces_sha256="" if self.recorder is None else self.recorder.forces_sha256,
         )
 
     def _force_check(self) -> ForceCheck | None:

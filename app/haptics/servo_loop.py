@@ -155,25 +155,40 @@ class ServoLoop:
     def __init__(
         self, model: FeltModel, settings: LoopSettings, limits: DeviceLimits, hands: int = 1
     ) -> None:
-        self.model, self.settings = model, settings
-        self.hands, hooks = hands, len(model.forces)
+        self.settings, self.hands = settings, hands
+        self._limits = limits
+        self._to_mm = 1e3 * settings.scale
+        self.ended = False
+        self.feel(model)
+
+    def feel(self, model: FeltModel) -> None:
+        """Begin anew, on a model at rest: where the hands are next is where their hooks rest.
+
+        Parameters
+        ----------
+        model
+            What is felt from now on.
+        """
+        hands, hooks, limits = self.hands, len(model.forces), self._limits
+        self.model = model
         self.regulator = Regulator(
-            hands, settings.period, force=limits.force, force_rate=limits.force_rate,
+            hands,
+            self.settings.period,
+            force=limits.force,
+            force_rate=limits.force_rate,
             added_damping=limits.added_damping,
-        )  # fmt: skip
+        )
         self.given = self.regulator.given
         self.hooks_led = np.zeros((hooks, 3))
         self.assist_work = 0.0
-        self.ended = False
         self._held = np.zeros(hooks, np.bool_)
         self._origins, self._led_from = np.zeros((hands, 3)), np.zeros((hands, 3))
         self._places = np.zeros((hands, 3))
         self._inputs = [0] * hands
-        self._begun = False
         self._outward = np.zeros((hands, 3))
         self._led_before, self._led_now = np.zeros((hooks, 3)), np.zeros((hooks, 3))
         self._pulled = np.zeros((hooks, 3))
-        self._to_mm = 1e3 * settings.scale
+        self._begun = False
         self.step(np.zeros((hands, 3), np.int64), [0] * hands)  # compiled before it is felt
         self._begun = False
 

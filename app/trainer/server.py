@@ -7,10 +7,12 @@ import socket
 import threading
 import time
 import warnings
+from collections.abc import Callable
 
 import viser
 
 from app.compression.build_process import BuildProcess
+from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
@@ -18,6 +20,7 @@ from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.background import Background
 from app.trainer.client_view import ClientView
+from app.trainer.haptic_hand import HapticHand, felt_in
 from app.trainer.metronome import Metronome
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
@@ -74,6 +77,8 @@ class Trainer:
         How many can train at once.
     exercise_inputs
         What counts in exercises: "any" lets sliders and keys in, and each run says so.
+    haptics
+        Starts the servo of a device, given what is felt at first; none when None.
 
     Attributes
     ----------
@@ -98,6 +103,7 @@ class Trainer:
         look: Look = "full",
         most_clients: int = MOST_SESSIONS,
         exercise_inputs: ExerciseInputs = "hand",
+        haptics: Callable[[FeltSetting], ServoProcess] | None = None,
     ) -> None:
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
@@ -114,6 +120,13 @@ class Trainer:
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         warm_session(organ, preset)
         self._server = _serve(host, port)
+        self._hand: HapticHand | None = None
+        if haptics is not None:
+            try:
+                self._hand = HapticHand(haptics(felt_in(Session(organ, preset))))
+            except ValueError:
+                self._server.stop()
+                raise
         # Where "reset view" leads; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)
         camera = self._server.initial_camera
@@ -156,6 +169,8 @@ class Trainer:
         self._stopping.set()
         self.warming.stop()
         self._clock.join(timeout=5.0)
+        if self._hand is not None:
+            self._hand.stop()
         with self._views_lock:
             views, self._views = self._views, {}
         for view in views.values():
@@ -221,6 +236,8 @@ class Trainer:
             with self._views_lock:
                 views = list(self._views.items())
             self._turns.take(self.metronome.work)
+            if self._hand is not None:
+                self._attend(self._hand, views[0][1] if views else None)
             for place, (number, view) in enumerate(views):
                 try:
                     view.tick(min(seconds, LONGEST_TICK), draws=self._turns.draws(place))
@@ -235,6 +252,15 @@ class Trainer:
                 expiry = now + EXPIRY_SECONDS
                 self._kept.expire()
                 self._close_silent()
+
+    def _attend(self, hand: HapticHand, view: ClientView | None) -> None:
+        """Let the hand on the device lead the first page."""
+        try:
+            hand.attend(None if view is None else view.workplace)
+        except Exception:
+            log.exception("the hand on the device has stopped")
+            self._hand = None
+            hand.stop()
 
     def _close_silent(self) -> None:
         try:

@@ -50,6 +50,8 @@ class Workplace:
         As given.
     heat, overlay
         Whether the client wants to see the stress on the surface, and the points of the model.
+    device
+        What has the hook instead of mouse and sliders, or None.
     pulls
         Counts the changes of the pull that no slider has made.
     last_run
@@ -72,6 +74,8 @@ class Workplace:
         self.heat = self.overlay = False
         self.pulls = 0
         self.last_run: RunFile | None = None
+        self.device: str | None = None
+        self._device_notice: viser.NotificationHandle | None = None
         self._player: ReplayPlayer | None = None
         self._paused = False
         self._held_from: float | None = None
@@ -223,6 +227,46 @@ class Workplace:
         self.session.finish()
         self._changed = True
 
+    def give_hook(self, device: str) -> None:
+        """Give the hook to the hand on a device, and say so; mouse and sliders let it be.
+
+        Parameters
+        ----------
+        device
+            What the device is called.
+        """
+        self.let_go()
+        self.device = device
+        self._device_notice = self.client.add_notification(
+            "The device holds the hook", f"{device}: pull up to pull the duct.", color="green"
+        )
+
+    def take_hook_back(self, why: str | None) -> None:
+        """Give the hook back to mouse and sliders.
+
+        Parameters
+        ----------
+        why
+            What the page says of it; nothing when None.
+        """
+        self.device = None
+        if self._device_notice is not None:
+            self._device_notice.remove()
+            self._device_notice = None
+        if why is not None:
+            self.client.add_notification("The device has let go", why, color="yellow")
+
+    def grab_by_device(self) -> bool:
+        """Take the duct with the hand on the device, where the hook is.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
+        self._begin_anew(True)
+        return self.session.grab(self.session.grasp) is not None
+
     def pull_with(self, force: float) -> None:
         """Pull with a force; after a run that is over, as a new run.
 
@@ -231,7 +275,7 @@ class Workplace:
         force
             N.
         """
-        if self._player is None and not self._refuses_force():
+        if self._player is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
             # Not before the force is wished for: the inputs would go back to none.
@@ -239,7 +283,7 @@ class Workplace:
 
     def ramp_to_tear(self) -> None:
         """Pull evenly until the duct tears."""
-        if self._player is not None or self._refuses_force():
+        if self._player is not None or self._refuses_mouse() or self._refuses_force():
             return
         self._begin_anew(True)
         event = self.session.reading().breaks_at
@@ -256,7 +300,7 @@ class Workplace:
         hold
             Where.
         """
-        if self._player is not None:
+        if self._player is not None or self._refuses_mouse():
             return
         session = self.session
         if session.reading().phase is not Phase.INTACT:
@@ -366,6 +410,13 @@ class Workplace:
         finally:
             self._changed = True
         return True
+
+    def _refuses_mouse(self) -> bool:
+        """Return whether a device has the hook, and say so."""
+        if self.device is not None:
+            self.refuse(f"The hand on the device has the hook ({self.device}).")
+            return True
+        return False
 
     def _refuses_force(self) -> bool:
         """Return whether only the hand counts now, and say so."""

@@ -4,7 +4,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,7 +18,7 @@ from app.haptics.device import DeviceError, DeviceOptions, DeviceState, device_n
 from app.haptics.hand import HandScript
 from app.haptics.haply_device import HaplyDevice
 
-Answer = Callable[[int, str | bytes], list[str | bytes] | None]
+Answer = Callable[[int, str | bytes], Sequence[str | bytes] | None]
 """What a service sends for a message, the first of which has the number 0; None closes."""
 
 
@@ -103,7 +103,10 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
     ],
 )
 def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> None:
-    with service(lambda n, _: [bad if n == 1 else state(0.15 + 1e-4 * n)]) as (address, _):
+    def answer(number: int, _: str | bytes) -> list[str | bytes]:
+        return [bad if number == 1 else state(0.15 + 1e-4 * number)]
+
+    with service(answer) as (address, _):
         device, into = HaplyDevice(DeviceOptions(address, 0.004)), DeviceState()
         assert device.exchange(np.zeros(3), into)
         assert not device.exchange(np.zeros(3), into)

@@ -1,0 +1,276 @@
+"""The servo in a process of its own, beside a trainer: a duct goes in, where the hook is comes out.
+
+Nothing of the trainer's delays a force: the two share a row of numbers that the servo writes each
+period, and a pipe by which the trainer says which duct is felt. When the trainer ends, the pipe
+does, and with it the force.
+"""
+
+import multiprocessing
+import signal
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import SynchronizedArray
+from typing import Any
+
+from app.haptics.device import Device, DeviceError, DeviceOptions, DeviceState, open_device
+from app.haptics.duct_choice import passive_coupling
+from app.haptics.felt_duct import FeltDuct
+from app.haptics.servo import Servo, real_time
+from app.haptics.servo_loop import LoopSettings, ServoLoop
+from physics import Beam, Theory
+
+__all__ = ["FeltSetting", "HookSnapshot", "ServoProcess"]
+
+NUMBER, GENERATION, DEFLECTION, PEAK, FORCE, TORN, FRESH_PEAK = range(7)
+POLL_PERIODS = 8
+"""Periods between two looks into the pipe."""
+OPEN_SECONDS = 30.0
+"""Time in which a device must be open; what is compiled meanwhile takes most of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeltSetting:
+    """A duct that is felt under one hook.
+
+    Attributes
+    ----------
+    theory, beam, grasp, threshold
+        As of a `FeltDuct`.
+    """
+
+    theory: Theory
+    beam: Beam
+    grasp: float
+    threshold: float
+
+
+@dataclass(frozen=True, slots=True)
+class HookSnapshot:
+    """Where the device's hook is.
+
+    Attributes
+    ----------
+    generation
+        Counts what was asked to be felt: an older one is of another duct.
+    deflection, force
+        Of the hook, mm and N.
+    peak
+        Largest deflection since the last snapshot, mm.
+    torn
+        Whether the duct is, to the hand.
+    """
+
+    generation: int
+    deflection: float
+    force: float
+    peak: float
+    torn: bool
+
+
+class ServoProcess:
+    """A device in a process that feels what it is told to; for one thread.
+
+    Parameters
+    ----------
+    device
+        Name of the device.
+    options
+        What it is opened with.
+    settings
+        How the loop runs.
+    setting
+        What is felt at first.
+
+    Attributes
+    ----------
+    device
+        What the open device is called.
+    unfelt
+        Why the last duct that was asked for is not felt, or None.
+
+    Raises
+    ------
+    DeviceError
+        If the device cannot be opened.
+    """
+
+    def __init__(
+        self, device: str, options: DeviceOptions, settings: LoopSettings, setting: FeltSetting
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._row: Any = context.Array("d", 8, lock=False)
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(
+            target=_serve,
+            args=(theirs, self._row, device, options, settings, setting),
+            daemon=True,
+        )
+        self._process.start()
+        theirs.close()
+        self._generation = 0
+        self._ended: str | None = None
+        self.unfelt: str | None = None
+        said: object = None
+        with suppress(EOFError, OSError):
+            if self._pipe.poll(OPEN_SECONDS):
+                said = self._pipe.recv()
+        if not isinstance(said, tuple) or said[0] != "open":
+            self.stop()
+            raise DeviceError(
+                str(said[1]) if isinstance(said, tuple) else f"device {device} did not open"
+            )
+        self.device = str(said[1])
+
+    def feel(self, setting: FeltSetting | None) -> int:
+        """Have another duct felt, at rest; where the hand is then is where its hook rests.
+
+        Parameters
+        ----------
+        setting
+            The duct; None for none, without a force.
+
+        Returns
+        -------
+        int
+            The generation of its snapshots.
+        """
+        self._generation, self.unfelt = self._generation + 1, None
+        with suppress(OSError):
+            self._pipe.send((self._generation, setting))
+        return self._generation
+
+    def snapshot(self) -> HookSnapshot:
+        """Return where the hook is now.
+
+        Returns
+        -------
+        HookSnapshot
+            The last whole snapshot.
+        """
+        row = self._row
+        while True:
+            before = row[NUMBER]
+            values = row[:]
+            if before == row[NUMBER] and before % 2.0 == 0.0:
+                break
+        row[FRESH_PEAK] = values[NUMBER] + 1.0
+        return HookSnapshot(
+            int(values[GENERATION]), values[DEFLECTION], values[FORCE],
+            max(values[PEAK], values[DEFLECTION]), values[TORN] != 0.0,
+        )  # fmt: skip
+
+    @property
+    def ended(self) -> str | None:
+        """Why the servo has ended, or None while it runs; a duct that cannot be felt is no end."""
+        if self._ended is None:
+            with suppress(EOFError, OSError):
+                while self._pipe.poll():
+                    kind, words = self._pipe.recv()
+                    if kind == "ended":
+                        self._ended = words
+                    else:
+                        self.unfelt = words
+            if self._ended is None and not self._process.is_alive():
+                self._ended = "its process has ended"
+        return self._ended
+
+    def stop(self) -> None:
+        """Take the force away and end the process."""
+        self._pipe.close()
+        self._process.join(timeout=3.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+class _Felt:
+    """What the servo's process feels."""
+
+    def __init__(self, pipe: Connection, row: "SynchronizedArray[float]") -> None:
+        self._pipe, self._row = pipe, row
+        self._generation = 0.0
+        self._wanted: tuple[int, FeltSetting | None] | None = None
+        self._periods = 0
+        self._peak = self._asked = 0.0
+        self._state = DeviceState()
+
+    def stopped(self) -> str | None:
+        """Look into the pipe now and then; why to end, or None."""
+        self._periods += 1
+        if self._periods % POLL_PERIODS:
+            return None
+        try:
+            while self._pipe.poll():
+                self._wanted = self._pipe.recv()
+        except (EOFError, OSError):
+            return "the trainer has ended"
+        return None
+
+    def watch(self, loop: ServoLoop, device: Device) -> None:
+        """Write where the hook is; take what is to be felt."""
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None:
+            self._change(loop, device, *wanted)
+        row, model = self._row, loop.model
+        place = float(model.hooks[0, 2])
+        if row[FRESH_PEAK] > self._asked:
+            self._asked, self._peak = row[FRESH_PEAK], 0.0
+        self._peak = max(self._peak, place)
+        row[NUMBER] += 1.0
+        row[GENERATION], row[DEFLECTION], row[PEAK] = self._generation, place, self._peak
+        row[FORCE], row[TORN] = float(model.forces[0, 2]), float(model.torn)
+        row[NUMBER] += 1.0
+
+    def _change(
+        self, loop: ServoLoop, device: Device, generation: int, setting: FeltSetting | None
+    ) -> None:
+        loop.given[:] = 0.0
+        device.exchange(loop.given[0], self._state)  # no force while the model is made
+        loop.ended = setting is None
+        if setting is not None:
+            try:
+                loop.feel(_duct(setting, device, loop.settings))
+            except ValueError as error:
+                loop.ended = True
+                with suppress(OSError):
+                    self._pipe.send(("unfelt", str(error)))
+        self._generation, self._peak = float(generation), 0.0
+
+
+def _duct(setting: FeltSetting, device: Device, settings: LoopSettings) -> FeltDuct:
+    return FeltDuct(
+        setting.theory,
+        setting.beam,
+        (setting.grasp,),
+        threshold=setting.threshold,
+        coupling=passive_coupling(device.limits.damping, settings.rate),
+    )
+
+
+def _serve(
+    pipe: Connection,
+    row: "SynchronizedArray[float]",
+    name: str,
+    options: DeviceOptions,
+    settings: LoopSettings,
+    setting: FeltSetting,
+) -> None:
+    """Open the device, feel what is asked for and say why it ended: the process."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # the trainer ends it by its pipe
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        device = open_device(name, options)
+        loop = ServoLoop(_duct(setting, device, settings), settings, device.limits)
+    except ValueError as error:
+        with suppress(OSError):
+            pipe.send(("failed", str(error)))
+        return
+    felt = _Felt(pipe, row)
+    with suppress(OSError):
+        pipe.send(("open", device.name))
+    servo = Servo([device], loop, real_time(), keeps=False)
+    report = servo.run(None, felt.stopped, lambda: felt.watch(loop, device))
+    with suppress(OSError):
+        pipe.send(("ended", report.ended_by))
+    pipe.close()

@@ -1,0 +1,126 @@
+"""A hand on a device in the trainer: it holds the hook of the first page, which says so.
+
+The servo has the duct's force at its own rate and in its own process. Each tick takes from it where
+the hook is and leads the session's hand there, as a mouse would: exercises, measures, tear and
+replay know no difference.
+"""
+
+from app.haptics.servo_process import FeltSetting, ServoProcess
+from app.simulation.reading import Phase
+from app.simulation.session import Session
+from app.trainer.workplace import Workplace
+
+__all__ = ["HapticHand", "felt_in"]
+
+TAKEN, LEFT = 0.3, 0.05
+"""Deflection, mm, from which a run begins, and below which the hand has left the duct."""
+
+
+def felt_in(session: Session) -> FeltSetting:
+    """Return what a hand feels of a session's duct.
+
+    Parameters
+    ----------
+    session
+        The session.
+
+    Returns
+    -------
+    FeltSetting
+        Its duct, theory, grasp and threshold.
+    """
+    return FeltSetting(session.theory, session.dissection.beam, session.grasp, session.threshold)
+
+
+class HapticHand:
+    """Leads the session of one page by a device. Called by the trainer's clock alone.
+
+    Parameters
+    ----------
+    servo
+        The servo.
+    """
+
+    def __init__(self, servo: ServoProcess) -> None:
+        self._servo = servo
+        self._workplace: Workplace | None = None
+        self._setting: FeltSetting | None = None
+        self._generation = 0
+        self._holds = self._torn = False
+        self._told: str | None = None
+
+    def attend(self, workplace: Workplace | None) -> None:
+        """Go one tick on.
+
+        Parameters
+        ----------
+        workplace
+            The page whose hook the hand holds now; None while there is no page.
+        """
+        servo = self._servo
+        if workplace is not self._workplace:
+            self._leave()
+            self._workplace = workplace
+            if workplace is not None and servo.ended is None:
+                workplace.give_hook(servo.device)
+        if workplace is None:
+            self._feel(None)
+            return
+        if (why := servo.ended) is not None:
+            if workplace.device is not None:
+                workplace.take_hook_back(
+                    f"{why[0].upper()}{why[1:]}. The mouse has the hook again."
+                )
+                self._holds = False
+            return
+        session, whole = workplace.session, workplace.session.reading().phase is Phase.INTACT
+        if not whole:
+            self._holds, self._torn = False, True
+            return
+        renewed, self._torn = self._torn, False
+        watching = workplace.player is not None or workplace.paused
+        self._feel(None if watching else felt_in(session), again=renewed)
+        if servo.unfelt not in (None, self._told):
+            workplace.refuse(f"The device has no force: {servo.unfelt}.")
+        self._told = servo.unfelt
+        self._lead(workplace)
+
+    def stop(self) -> None:
+        """End the servo: there is no force any more."""
+        self._leave()
+        self._servo.stop()
+
+    def _feel(self, setting: FeltSetting | None, *, again: bool = False) -> None:
+        if again or not _same(setting, self._setting):
+            self._setting = setting
+            self._generation = self._servo.feel(setting)
+
+    def _lead(self, workplace: Workplace) -> None:
+        hook = self._servo.snapshot()
+        if hook.generation != self._generation or self._setting is None:
+            return
+        session = workplace.session
+        if not self._holds and (hook.torn or hook.peak > TAKEN):
+            self._holds = workplace.grab_by_device()
+        if not self._holds:
+            return
+        # To the hand it has torn: the session follows, and tears at the same stress.
+        session.hand_to(session.deflection_limit if hook.torn else hook.peak)
+        if hook.peak <= LEFT and not hook.torn:
+            self._holds = False
+            workplace.release()
+
+    def _leave(self) -> None:
+        if self._workplace is not None:
+            if self._holds:
+                self._workplace.release()
+            self._workplace.take_hook_back(None)
+        self._workplace, self._holds, self._torn = None, False, False
+
+
+def _same(one: FeltSetting | None, other: FeltSetting | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return one.beam is other.beam and (one.theory, one.grasp, one.threshold) == (
+        other.theory, other.grasp, other.threshold,
+    )  # fmt: skip
