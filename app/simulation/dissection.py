@@ -213,6 +213,7 @@ class Dissection:
             min(self.clamps[0] + check.station, self.clamps[1]),
             (check.tension_side or 1) * self.frame[:, 2],
             edge_length=edge_length,
+            down=-self.frame[:, 2],
             seed=seed,
         )
 

@@ -110,6 +110,8 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Whole force at the middle of the span at which every theory is made to tear, or None.
     break_stress_MPa
         Stress at which the duct tears in every theory, or None.
+    looks_like
+        What it is drawn as.
 
     Raises
     ------
@@ -125,6 +127,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     poisson_ratio: float = 0.3
     break_force_N: float | None = None  # noqa: N815
     break_stress_MPa: float | None = None  # noqa: N815
+    looks_like: Literal["bile duct", "gallbladder", "ureter", "rubber"] = "bile duct"
     source: str = "Yours: no source is given."
     confidence: Literal["high", "medium", "low"] = "low"
     confidence_note: str = "Nobody has said how sure these figures are."

@@ -10,17 +10,19 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
+from app.simulation.preset import Preset
 from app.simulation.session import Phase, Reading, Session, Surface
 from app.trainer.drag_proxy import DragProxy, Hold
+from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import TOWARDS_VIEWER
-from app.trainer.stage.contact import BITE, Contact, HookPlace, sink
+from app.trainer.stage.contact import Contact, HookPlace, sink
 from app.trainer.stage.heat_map import UNLIT, HeatMap
 from app.trainer.stage.lighting import Look
-from app.trainer.stage.plain_tissue import TISSUE, PlainTissue
+from app.trainer.stage.plain_tissue import PlainTissue
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.streamed_mesh import keep_finish
-from app.trainer.stage.tissue import WET, Tissue, TornEnd
-from app.trainer.stage.wall import Wall
+from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
+from app.trainer.stage.wall_texture import mean_color
 from organ_geometry.organ import Organ
 
 __all__ = ["Scene"]
@@ -39,7 +41,6 @@ class _Drawn:
     surface: Surface
     contact: Contact
     tissue: Tissue | PlainTissue
-    ring_ends: NDArray[np.int64]
 
 
 class Scene:
@@ -63,14 +64,15 @@ class Scene:
         self._shape = -1
         self._clamps: tuple[float, float] | None = None
         self._organ: Organ | None = None
+        self._preset: Preset | None = None
+        self._appearance: Appearance | None = None
         self._first = np.zeros(3)  # the organ's axis at the first clamp
         self._arch = 0.0
         self._hand: DragProxy | None = None
+        self._finish: tuple[Appearance, float] | None = None
         self._heat_wanted = False
         self._heat_maps: list[HeatMap] = []
         keep_finish(client.scene, "/finish/unlit", UNLIT, unlit=True)
-        if look == "full":
-            keep_finish(client.scene, "/finish/wet", WET)
         self.draw(session.reading())
         # Once for the client, not for each stage: viser keeps every callback as long as the client.
         client.camera.on_update(self._camera_moved)
@@ -127,7 +129,6 @@ class Scene:
             hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
-            stage.cast_shadow(self._axis())
             if self._hand is not None:
                 self._hand.follow([drawn.contact.vertices for drawn in self._drawn])
             if self._heat_wanted and stress is not None:
@@ -190,17 +191,17 @@ class Scene:
             return
         hand.let_go()
         hand.set_duct([drawn.surface.skin for drawn in self._drawn], dissection.frame, self._first)
-        hand.set_hook(dissection.organ.mean_radius)
+        hand.set_hook(self._radius)
         hand.follow([drawn.contact.vertices for drawn in self._drawn])
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""
         self._set_stage().frame_camera(self._client)
 
-    def _axis(self) -> NDArray[np.float64]:
-        """Return points of the duct's axis as it is drawn, in the stage's coordinates, mm."""
-        parts = [drawn.contact.vertices[drawn.ring_ends].mean(axis=1) for drawn in self._drawn]
-        return (np.concatenate(parts) - self._first) @ self._session.dissection.frame
+    @property
+    def _radius(self) -> float:
+        """Radius of the duct as it is drawn, mm."""
+        return drawn_radius(self._session.dissection)
 
     def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
         """Put the hook where it pulls, sunk into the wall, and return where that is."""
@@ -227,31 +228,37 @@ class Scene:
         """Return the stage for the session's clamps, setting it anew when they have moved."""
         dissection = self._session.dissection
         organ, clamps = dissection.organ, dissection.clamps
-        if self._stage is not None and self._clamps == clamps and self._organ is organ:
+        preset = dissection.preset
+        shown = self._organ is organ and (self._clamps, self._preset) == (clamps, preset)
+        if self._stage is not None and shown:
             return self._stage
-        self._organ, self._clamps = organ, clamps
+        self._organ, self._clamps, self._preset = organ, clamps, preset
+        appearance = appearance_of(preset)
         first, last = dissection.organ.axis_at(np.array(dissection.clamps))
         self._first = first
         span = float(np.linalg.norm(last - first))
         axis = dissection.organ.axis_at(np.linspace(*dissection.clamps, 41)) - first
         self._arch = max(0.0, float((axis @ dissection.frame[:, 2]).max()))
-        radius = dissection.organ.mean_radius
+        radius = self._radius
         if self._stage is not None and not (
             math.isclose(span, self._stage.span, rel_tol=SAME_STAGE)
             and math.isclose(radius, self._stage.radius, rel_tol=SAME_STAGE)
+            and appearance == self._appearance
         ):
             if self._hand is not None:
                 self._hand.let_go()  # of the stage's hook
             self._stage.remove()
             self._stage = None
+        self._appearance = appearance
         if self._stage is None:
             self._stage = Stage(
                 self._client.scene,
                 span=span,
                 radius=radius,
                 look=self._look,
-                bite=BITE,
-                tissue=TISSUE,
+                bite=appearance.bite,
+                tissue=mean_color(appearance),
+                surroundings=appearance.surroundings,
             )
             self._stage.frame_camera(self._client)
         # A shader is compiled for what the camera sees.
@@ -274,26 +281,34 @@ class Scene:
             heat_map.remove()
         self._heat_maps = []
         dissection, scene = self._session.dissection, self._client.scene
-        organ, radius = dissection.organ, dissection.organ.mean_radius
+        organ, radius = dissection.organ, self._radius
+        look = appearance_of(dissection.preset)
+        if self._look == "full" and self._finish != (look, radius):
+            self._finish = look, radius
+            send_finish(scene, look, radius)
         self._drawn = []
         for surface in self._session.surfaces:
             skin, node = surface.skin, f"/organ/{surface.name}"
-            axis = organ.axis_at(skin.stations)
-            contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+            contact = Contact(
+                skin,
+                organ.axis_at(skin.stations),
+                dissection.frame,
+                dissection.clamps,
+                radius,
+                thickness=radius / organ.mean_radius,
+                bite=look.bite,
+            )
             if self._look == "full":
                 tissue = Tissue(
                     scene,
                     node,
-                    skin,
-                    length=organ.length,
+                    contact,
+                    look=look,
                     radius=radius,
+                    lumen=drawn_lumen(dissection),
                     torn_end=_TORN_ENDS.get(surface.name),
                 )
             else:
-                tissue = PlainTissue(scene, node, skin)
-            wall = Wall.of(skin)
-            # Two opposite vertices of every other ring: their middle is on the axis.
-            rings = np.arange(0, wall.rings, 2)[:, None] * wall.sides
-            ring_ends = rings + np.array([0, wall.sides // 2])
-            self._drawn.append(_Drawn(surface, contact, tissue, ring_ends))
+                tissue = PlainTissue(scene, node, skin, mean_color(look))
+            self._drawn.append(_Drawn(surface, contact, tissue))
         self._offer_hand()

@@ -14,6 +14,7 @@ import viser
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.dissection import Dissection, default_preset
 from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
 from app.simulation.session import Session
@@ -139,7 +140,7 @@ class Trainer:
         self._silent: set[int] = set()
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        self.warming = Warming(organ.mean_radius, look)
+        self.warming = Warming(Dissection.of(organ, preset or default_preset(organ)), look)
 
     @property
     def port(self) -> int:

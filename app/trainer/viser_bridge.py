@@ -28,6 +28,7 @@ __all__ = [
     "prepare_page",
     "read_icons",
     "refuse_tunnels",
+    "run_in_page",
     "set_arrow_step",
     "set_letter_keys",
     "tab_keeps",
@@ -204,7 +205,24 @@ def _call(client: viser.ClientHandle, name: str, *arguments: Any) -> None:
 
 
 def _run(client: viser.ClientHandle, source: str) -> None:
-    client.gui._websock_interface.queue_message(  # pyright: ignore[reportPrivateUsage]
+    _queue(client.gui, source)
+
+
+def run_in_page(scene: viser.SceneApi, source: str) -> None:
+    """Run a script in the page of a client's scene.
+
+    Parameters
+    ----------
+    scene
+        The client's own scene.
+    source
+        JavaScript.
+    """
+    _queue(scene, source)
+
+
+def _queue(channel: viser.SceneApi | viser.GuiApi, source: str) -> None:
+    channel._websock_interface.queue_message(  # pyright: ignore[reportPrivateUsage]
         _messages.RunJavascriptMessage(source=source)
     )
 

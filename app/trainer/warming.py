@@ -11,20 +11,18 @@ import threading
 import numpy as np
 import viser
 
+from app.simulation.dissection import Dissection
 from app.simulation.preset import THESIS_PRESET, Preset, preset_named
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.stage.bed_shadow import BANDS, lay_shadow
-from app.trainer.stage.contact import BITE, Contact, HookPlace
+from app.trainer.stage.appearance import appearance_of, drawn_radius
+from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.heat_map import heat_colors
 from app.trainer.stage.lighting import Look
-from app.trainer.stage.plain_tissue import TISSUE
 from app.trainer.stage.stage import stage_files
-from app.trainer.stage.tissue import raise_wall
-from app.trainer.stage.tissue_bed import bed_surface
 from app.trainer.stage.underlay import sink_wall
-from app.trainer.stage.vessels import Vessels, pose_vessels
 from app.trainer.stage.wall import Wall, wall_normals
+from app.trainer.stage.wall_texture import mean_color, wall_texture
 from app.trainer.viser_bridge import read_icons
 from organ_geometry.organ import Organ
 from physics import Cubic
@@ -82,8 +80,8 @@ class Warming:
 
     Parameters
     ----------
-    radius
-        Of the duct that is trained on, mm.
+    dissection
+        What is trained on.
     look
         How it is drawn.
 
@@ -93,9 +91,9 @@ class Warming:
         Set when all is ready.
     """
 
-    def __init__(self, radius: float, look: Look) -> None:
+    def __init__(self, dissection: Dissection, look: Look) -> None:
         self.done = threading.Event()
-        self._radius = radius
+        self._dissection = dissection
         self._look: Look = look
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="warming", daemon=True)
@@ -106,7 +104,16 @@ class Warming:
         self._stopping = True
 
     def _run(self) -> None:
-        stage_files(radius=self._radius, look=self._look, bite=BITE, tissue=TISSUE)
+        look, radius = appearance_of(self._dissection.preset), drawn_radius(self._dissection)
+        stage_files(
+            radius=radius,
+            look=self._look,
+            bite=look.bite,
+            tissue=mean_color(look),
+            surroundings=look.surroundings,
+        )
+        if self._look == "full":
+            wall_texture(look, radius)
         read_icons(ICONS)
         beam = preset_named(THESIS_PRESET).round_beam()
         middle = 0.5 * beam.span
@@ -131,18 +138,8 @@ def _warm_drawing(session: Session) -> None:
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
     contact.mark(session.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
-    wall, vessels = Wall.of(skin), Vessels.of(Wall.of(skin), organ.length, radius)
-    normals, raised, colors = np.empty((3, wall.count, 3), np.float32)
+    wall = Wall.of(skin)
+    normals, below, colors = np.empty((3, wall.count, 3), np.float32)
     wall_normals(contact.vertices, wall.rings, wall.sides, wall.right_handed, normals)
-    raise_wall(contact.vertices, normals, np.zeros(wall.count, np.float32), raised)
-    sink_wall(raised, normals, colors)
-    count = len(vessels.ring)
-    pose_vessels(
-        raised, normals, contact.shade, wall.sides, vessels.ring, vessels.side, vessels.between,
-        vessels.lift, np.empty((count, 3), np.float32), np.empty(count, np.float32),
-    )  # fmt: skip
+    sink_wall(contact.vertices, normals, below)
     heat_colors(contact.shade, normals, dissection.frame[:, 2].copy(), colors)
-    lay_shadow(
-        axis[:2].copy(), np.full(3, 100.0), np.zeros(3), 1.0, radius, *bed_surface(),
-        np.empty((len(BANDS), 2, 2, 3), np.float32),
-    )  # fmt: skip

@@ -34,6 +34,8 @@ THINNED = 0.6
 """Part of its thickness that the stretched wall has lost at a rim."""
 CURL = 0.9
 """Along how much of the axis a rim is flared and thinned, in mean radii."""
+SAG = 0.30
+"""How far a free end hangs down, in mean radii."""
 DRAWN_BACK = 3.0
 """Length of the axis over which a rim's drawing back fades out, in mean radii."""
 
@@ -87,6 +89,7 @@ def torn_pieces(
     tension_side: NDArray[np.float64],
     *,
     edge_length: float,
+    down: NDArray[np.float64] | None = None,
     seed: int = 1,
 ) -> tuple[TornPiece, TornPiece]:
     """Return the two pieces of an organ torn at a station.
@@ -101,6 +104,8 @@ def torn_pieces(
         (3,) direction from the axis to the side that tears first.
     edge_length
         Wanted length of the triangles' edges, mm.
+    down
+        (3,) direction in which a free end hangs; away from the tension side when None.
     seed
         Chooses the rim's raggedness.
 
@@ -119,6 +124,7 @@ def torn_pieces(
             f"station of a tear must lie from 0 to {organ.length:g} mm, got {station:g} mm"
         )
     radius = organ.mean_radius
+    sag = SAG * radius * (-tension_side if down is None else down)
     shortest = min(SHORTEST_STUMP * radius, 0.25 * organ.length)
     middle = float(np.clip(station, shortest, organ.length - shortest))
     raggedness = min(RAGGEDNESS * radius, 0.6 * shortest)
@@ -145,7 +151,8 @@ def torn_pieces(
         gape = min(GAPE * radius, 0.3 * length) * (1.0 + GAPE_SPREAD * (1.0 - 2.0 * height))
         curled = np.clip(1.0 - behind / min(CURL * radius, fade), 0.0, 1.0) ** 2
         outwards = _turned_out(organ, skin, angles.size, radius, seed)
-        return TornPiece(skin, height, (gape * near)[:, None] * away + curled[:, None] * outwards)
+        retreat = gape[:, None] * away + sag
+        return TornPiece(skin, height, near[:, None] * retreat + curled[:, None] * outwards)
 
     return piece(skins[0], middle, -onwards), piece(skins[1], organ.length - middle, onwards)
 

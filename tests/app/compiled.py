@@ -7,9 +7,10 @@ import viser
 from numba.core.dispatcher import Dispatcher
 from simulated import phantom, settle, tear
 
+from app.simulation.dissection import Dissection, default_preset
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.stage.bed_shadow import BedShadow
+from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.heat_map import HeatMap
 from app.trainer.stage.tissue import Tissue
@@ -43,9 +44,8 @@ def draw(scene: viser.SceneApi, session: Session) -> None:
         hook = HookPlace(dissection.axis_point(20.0), dissection.frame, radius)
         contact.mark(surface.vertices, None if len(session.surfaces) > 1 else hook)
         torn = (None, "last", "first")[0 if len(session.surfaces) == 1 else index + 1]
-        tissue = Tissue(
-            scene, f"/{surface.name}", skin, length=organ.length, radius=radius, torn_end=torn
-        )
+        look = appearance_of(dissection.preset)
+        tissue = Tissue(scene, f"/{surface.name}", contact, look=look, radius=radius, torn_end=torn)
         tissue.show(contact.vertices, contact.shade)
         heat = HeatMap(
             scene, f"/{surface.name}_stress", skin, dissection.frame[:, 2], torn=torn is not None
@@ -53,8 +53,6 @@ def draw(scene: viser.SceneApi, session: Session) -> None:
         stress = session.stress(np.empty(len(surface.vertices), np.float32), index)
         heat.show(contact.vertices, contact.shade)
         heat.show(contact.vertices, stress)
-        shadow = BedShadow(scene, span=50.8, radius=radius, floor=(25.4, 0.0, -8.0))
-        shadow.show(axis)
 
 
 def train(scene: viser.SceneApi, session: Session) -> None:
@@ -94,7 +92,7 @@ def main() -> None:
     session = Session(organ)
     train(server.scene, session)
     report(before, "before the other theories")
-    Warming(organ.mean_radius, "full").done.wait()
+    Warming(Dissection.of(organ, default_preset(organ)), "full").done.wait()
     before = signatures()
     for theory in OFFERED_THEORIES.values():
         session = Session(organ)

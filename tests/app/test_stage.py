@@ -80,7 +80,7 @@ def test_instruments_are_closed_and_wound_outwards(name: str) -> None:
 @pytest.mark.parametrize("radius", RADII)
 def test_clamp_bites_the_end_from_above_and_below(radius: float) -> None:
     bite = 0.8
-    steel, shaft, cuff, face = loaded(
+    steel, shaft, cuff = loaded(
         clamp_glb("first", radius=radius, bite=bite, tissue=TISSUE)
     ).geometry.values()
     over_the_end = steel.vertices[steel.vertices[:, 0] > 0.0]
@@ -88,14 +88,11 @@ def test_clamp_bites_the_end_from_above_and_below(radius: float) -> None:
         jaw = over_the_end[up * over_the_end[:, 2] > 0.0]
         nearest = np.abs(jaw[:, 2]).min() / radius
         assert bite - 0.15 < nearest <= bite
-        assert np.ptp(jaw[:, 1]) > 2.0 * radius
+        assert np.ptp(jaw[:, 1]) > 1.6 * radius
     assert steel.bounds[1][0] < radius
     assert shaft.bounds[0][0] < -100.0
     assert cuff.bounds[0][0] > -JAW_LENGTH * radius
     assert np.abs(cuff.bounds[:, 2]).max() <= radius
-    # A duct that tears off in front of the cuff uncovers the face, not the cuff.
-    assert face.bounds[1][0] > cuff.bounds[1][0]
-    assert face.bounds[1][0] < 0.1 * radius
 
 
 def test_second_clamp_mirrors_the_first() -> None:
@@ -153,6 +150,7 @@ def test_hook_follows_a_local_radius(scene: viser.SceneApi) -> None:
 
 
 @given(angle=st.floats(-math.pi, math.pi))
+@settings(deadline=None)
 def test_hook_turns_from_up_to_the_pull(angle: float) -> None:
     direction = np.array([0.0, -math.sin(angle), math.cos(angle)])
     turn = np.asarray(trimesh.transformations.quaternion_matrix(hook_wxyz(direction)))[:3, :3]

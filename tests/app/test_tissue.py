@@ -2,22 +2,23 @@
 
 import io
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 import viser
-from browser import trainer_page
+from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser
 from simulated import phantom, pull, tear
 
 from app.simulation.session import Session
 from app.trainer.server import Trainer
-from app.trainer.stage.bed_shadow import BANDS, BedShadow
+from app.trainer.stage.appearance import appearance_of
+from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.contact import BITE, Contact, HookPlace, _press
 from app.trainer.stage.hook import bend_radius, wire_radius
 from app.trainer.stage.tissue import Tissue
-from app.trainer.stage.tissue_bed import bed_surface, height_at
 from app.trainer.stage.wall import Wall, wall_normals
 
 SPAN, RADIUS = 50.8, 4.4453
@@ -42,12 +43,11 @@ def test_clamps_flatten_the_ends_and_leave_the_rest() -> None:
     skin = session.surfaces[0].skin
     contact = contact_of(session)
     contact.mark(skin.vertices, None)
-    moved = np.linalg.norm(contact.vertices - skin.vertices, axis=1)
-    assert moved[np.abs(skin.stations - 0.5 * SPAN) < 0.3 * SPAN].max() < 1e-3 * RADIUS
+    free = np.linalg.norm(contact._pinch, axis=1)
+    assert free[np.abs(skin.stations - 0.5 * SPAN) < 0.3 * SPAN].max() < 3e-3 * RADIUS
     end = np.flatnonzero(skin.stations < 1e-9)
-    assert np.ptp(contact.vertices[end, 2]) == pytest.approx(
-        BITE * np.ptp(skin.vertices[end, 2]), rel=0.01
-    )
+    outer = end[end < len(skin.vertices) // 2]
+    assert np.ptp(contact.vertices[outer, 2]) == pytest.approx(2.0 * BITE * RADIUS, rel=0.01)
     assert np.ptp(contact.vertices[end, 1]) > np.ptp(skin.vertices[end, 1])
     assert contact.shade[end].max() < 0.7
     assert contact.shade[np.argmin(np.abs(skin.stations - 0.5 * SPAN))] == pytest.approx(1.0)
@@ -58,10 +58,12 @@ def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
     skin, contact = session.surfaces[0].skin, contact_of(session)
     wire, bend = wire_radius(RADIUS), bend_radius(RADIUS)
     depths = []
+    contact.mark(skin.vertices, None)
+    untouched = contact.vertices.copy()
     for sunk in (0.1, 0.9):
         hook = HookPlace(middle(sunk), np.eye(3), RADIUS)
         contact.mark(skin.vertices, hook)
-        moved = contact.vertices - skin.vertices
+        moved = contact.vertices - untouched
         below = (np.abs(skin.vertices[:, 0] - 0.5 * SPAN) < 0.5) & (skin.vertices[:, 2] < -4.0)
         depths.append(moved[below, 2].max())
         # No vertex of the outer wall is inside the wire, where that runs below the duct.
@@ -106,101 +108,134 @@ def test_wall_of_every_surface_is_its_outer_grid() -> None:
         assert np.all(np.sum(outwards * normals, axis=1) > 0.0)
 
 
-def test_file_of_the_tissue_shows_the_wall_where_the_session_has_it(scene: viser.SceneApi) -> None:
+def tissue_of(scene: viser.SceneApi, session: Session, contact: Contact) -> Tissue:
+    """The picture of a session's only surface."""
+    look = appearance_of(session.dissection.preset)
+    return Tissue(scene, "/organ/skin", contact, look=look, radius=RADIUS)
+
+
+def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_jaws(
+    scene: viser.SceneApi,
+) -> None:
     session = Session(phantom())
     pull(session, 2.0)
     (surface,) = session.surfaces
-    tissue = Tissue(scene, "/organ/skin", surface.skin, length=SPAN, radius=RADIUS)
-    tissue.show(surface.vertices, np.ones(len(surface.vertices), np.float32))
+    contact = contact_of(session)
+    tissue = tissue_of(scene, session, contact)
+    contact.mark(surface.vertices, None)
+    tissue.show(contact.vertices, contact.shade)
     handle = scene.get_handle_by_name("/organ/skin")
-    assert isinstance(handle, viser.GlbHandle)
-    loaded = trimesh.load(io.BytesIO(handle.glb_data), file_type="glb")
-    assert isinstance(loaded, trimesh.Scene)
-    (mesh,) = loaded.geometry.values()
-    assert isinstance(mesh, trimesh.Trimesh)
+    assert isinstance(handle, viser.MeshHandle)
+    places = tissue._surface.places
     wall = Wall.of(surface.skin)
-    relief = np.linalg.norm(mesh.vertices[: wall.count] - surface.vertices[: wall.count], axis=1)
-    assert 0.05 < relief.max() < 0.4  # mm: seen in the gloss, not in the shape
-    assert np.isfinite(tissue._mesh.colors).all()
-    assert tissue._mesh.colors.min() >= 0.0
-    # Vessels lie on the wall.
-    vessels = mesh.vertices[wall.count :]
-    assert len(vessels) > 300
-    apart = vessels[::10, None] - mesh.vertices[None, : wall.count]
-    assert np.linalg.norm(apart, axis=2).min(axis=1).max() < 0.9  # mm: a stretched edge of the wall
-    before = handle.glb_data
-    pull(session, 1.0)
-    tissue.show(surface.vertices, np.full(len(surface.vertices), 0.5, np.float32))
-    assert handle.glb_data != before
+    shown = places[tissue._outer].reshape(-1, 3)
+    np.testing.assert_array_equal(shown, contact.vertices[: wall.count])
+    # Between the clamps the picture departs from the section's two half-curves by their edge only.
+    free = np.abs(surface.skin.stations[: wall.count] - 0.5 * SPAN) < 0.3 * SPAN
+    apart = np.linalg.norm(shown - surface.vertices[: wall.count], axis=1)
+    assert 0.02 < apart[free].max() < 0.7
+    # Nothing but the rings and a shade for each of their points is sent.
+    assert handle.vertices.nbytes < 16.2 * places.size / 3
+    # The stubs go on from the wall's ends without a gap or a step.
+    for stub, end in (
+        (contact.stubs[0][-1], places[tissue._outer][0]),
+        (contact.stubs[1][0], places[tissue._outer][-1]),
+    ):
+        assert np.abs(stub - end)[:, 0] == pytest.approx(0.12 * RADIUS, abs=1e-3)
+        assert np.abs(stub - end)[:, 1:].max() < 0.01 * RADIUS
     tissue.remove()
     assert scene.get_handle_by_name("/organ/skin") is None
 
 
-def test_shadow_lies_on_the_bed_and_follows_the_duct(scene: viser.SceneApi) -> None:
-    floor = (0.5 * SPAN, 0.0, -RADIUS - 3.0)
-    shadow = BedShadow(scene, span=SPAN, radius=RADIUS, floor=floor)
-    middles: list[np.ndarray] = []
-    for height in (0.0, 15.0):
-        x = np.linspace(0.0, SPAN, 60)
-        shadow.show(np.stack([x, 0.0 * x, height * np.sin(math.pi * x / SPAN) ** 2], axis=-1))
-        shown = scene.get_handle_by_name("/stage/bed_shadow")
-        assert isinstance(shown, viser.MeshHandle)
-        bands = np.asarray(shown.vertices, np.float64).reshape(len(BANDS), -1, 3) - floor
-        for band in bands:
-            bed = [height_at(x, y, *bed_surface()) for x, y, _ in band]
-            above = band[:, 2] - bed
-            assert above.min() > 0.2
-            assert above.max() < 0.7
-        # Each lies above the one before it, which is drawn first.
-        assert np.diff(bands[:, 0, 2]).min() > 0.0
-        middles.append(bands[-1, bands.shape[1] // 2])
-    # The lamp is up to the left and in front: what rises throws its shadow to the right, behind.
-    assert middles[1][0] > middles[0][0] + 1.0
-    assert middles[1][1] > middles[0][1] + 1.0
+def test_jaws_touch_what_they_hold() -> None:
+    session = Session(phantom())
+    contact = contact_of(session)
+    skin = session.surfaces[0].skin
+    wall = Wall.of(skin)
+    contact.mark(skin.vertices, None)
+    ring = contact.vertices[: wall.sides]
+    clamp = trimesh.load(
+        io.BytesIO(clamp_glb("first", radius=RADIUS, bite=BITE, tissue=(1, 1, 1))), file_type="glb"
+    )
+    assert isinstance(clamp, trimesh.Scene)
+    steel = clamp.geometry["0"].vertices
+    over = steel[(np.abs(steel[:, 0]) < 0.35 * RADIUS) & (np.abs(steel[:, 1]) < 0.5 * RADIUS)]
+    for side in (1.0, -1.0):
+        jaw = (side * over[:, 2])[side * over[:, 2] > 0.0].min()
+        held = (side * ring[np.abs(ring[:, 1]) < 0.5 * RADIUS, 2]).max()
+        assert -0.12 * RADIUS < jaw - held < 0.03 * RADIUS
 
 
-DRAWN = """() => new Promise(done => {
-    const scene = window.__viserMutable.scene;
-    const renderer = (scene.__r3f.root || scene.__r3f.store).getState().gl;
-    const mesh = name => {
-        let found = null;
-        const node = window.__viserMutable.nodeRefFromName[name];
-        if (node) node.traverse(part => { if (!found && part.isMesh) found = part; });
-        return found;
+def test_rings_are_smooth_where_the_half_curves_meet() -> None:
+    session = Session(phantom())
+    contact, skin = contact_of(session), session.surfaces[0].skin
+    wall = Wall.of(skin)
+    contact.mark(skin.vertices, None)
+    turns = []
+    for vertices in (skin.vertices, contact.vertices):
+        ring = vertices[: wall.count].reshape(wall.rings, wall.sides, 3)[wall.rings // 2, :, 1:]
+        edges = np.roll(ring, -1, axis=0) - ring
+        angles = np.unwrap(np.arctan2(edges[:, 1], edges[:, 0]))
+        turns.append(np.abs(np.angle(np.exp(1j * np.diff(angles)))).max())
+    even = 2.0 * math.pi / wall.sides
+    assert turns[0] > 1.8 * even  # an edge
+    assert turns[1] < 1.4 * even
+
+
+FINE = """() => {
+    const { mesh, columns, grids, source, position } =
+        window.bluntdissectSurfaces.surfaces.get('/organ/skin');
+    const { map, normalMap, clearcoat } = mesh.material;
+    return {
+        columns, rows: grids[0].rows, position: Array.from(position),
+        normal: Array.from(mesh.geometry.attributes.normal.array),
+        streamed: Array.from(source.geometry.attributes.position.array.subarray(0, 3000)),
+        seen: mesh.visible && mesh.parent === source.parent, coarse: source.visible,
+        pictures: [map.image.width, normalMap.image.width], clearcoat,
     };
-    const render = renderer.render, pictures = new Set();
-    let frames = 0, missing = 0, bare = 0;
-    renderer.render = (drawn, camera) => {
-        if (drawn === scene) {
-            const wet = mesh('/organ/skin');
-            frames++;
-            if (wet) pictures.add(wet.uuid); else missing++;
-            if (!mesh('/organ/skin_underlay')) bare++;
-        }
-        return render.call(renderer, drawn, camera);
-    };
-    setTimeout(() => { renderer.render = render; done([frames, missing, bare, pictures.size]); },
-        5000);
-})"""
+}"""
 
 
-def test_streamed_duct_moves_without_a_frame_that_has_none(browser: Browser) -> None:
-    """What a page draws while GLBs come: seldom a frame without one, and none without either."""
+def fine_surface(tab: TrainerPage) -> dict[str, Any]:
+    """The duct as the page draws it, when its finish is there."""
+    tab.page.wait_for_function("() => window.bluntdissectSurfaces?.surfaces.get('/organ/skin')")
+    return tab.page.evaluate(FINE)
+
+
+def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: Browser) -> None:
     trainer = Trainer(phantom(), port=0)
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
-            tab.page.wait_for_timeout(3000)  # shaders
             (session,) = trainer.sessions.values()
-            totals = np.zeros(4, int)
-            # A busy machine without a graphics card draws one or two frames a second.
-            for force in (3.0, 0.5) * 4:
-                session.set_force(force)
-                totals += tab.page.evaluate(DRAWN)
-                if totals[0] >= 20 and totals[3] > 4:
-                    break
-            frames, missing, bare, pictures = totals.tolist()
-            assert bare == 0
-            assert missing <= max(2.0, 0.05 * frames)
-            assert pictures > 2
+            at_rest = fine_surface(tab)
+            session.set_force(2.5)
+            tab.wait_for_force(2.5)
+            pulled = fine_surface(tab)
+            moved = np.array(pulled["position"]) - np.array(at_rest["position"])
+            assert np.abs(moved).max() > 5.0
+            for fine in (at_rest, pulled):
+                assert fine["seen"]
+                assert not fine["coarse"]
+                assert min(fine["pictures"]) >= 1024
+                assert fine["clearcoat"] > 0.5
+                rows, columns = fine["rows"], fine["columns"]
+                shape = (rows, columns, 3)
+                places = np.reshape(fine["position"][: rows * columns * 3], shape)
+                normals = np.reshape(fine["normal"][: rows * columns * 3], shape)
+                # Each second point of each second row is one that was streamed.
+                streamed = np.reshape(fine["streamed"], (-1, 3))
+                sides = (columns - 1) // 2
+                np.testing.assert_allclose(places[2, :-1:2], streamed[sides : 2 * sides])
+                # Both columns at the texture's seam are one: no ridge, no gap.
+                np.testing.assert_allclose(places[:, 0], places[:, -1], atol=1e-5)
+                np.testing.assert_allclose(normals[:, 0], normals[:, -1], atol=1e-4)
+                np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-4)
+                # From one point to the next they turn no more than a smooth tube's do: about the
+                # ring by its step, along the duct little outside the clamps and the hook's groove.
+                around = np.sum(normals[:, 1:] * normals[:, :-1], axis=2)
+                free = slice(rows // 4, rows // 3)
+                assert np.arccos(np.clip(around[free], -1, 1)).max() < 2.2 * 2.0 * math.pi / columns
+                along = np.sum(normals[1:] * normals[:-1], axis=2)[free]
+                assert np.arccos(np.clip(along, -1, 1)).max() < 0.15
     finally:
         trainer.stop()

@@ -27,10 +27,17 @@ JAW_LENGTH = 2.7
 _SHAFT_LEAN = np.array([-0.93, 0.30, 0.20])
 _SHAFT_LENGTH = 60.0
 _RIBS = 5
-_CUFF_FACE = -0.02
+STUB = (
+    (0.12, 1.0, 1.0),
+    (0.45, 1.03, 0.96),
+    (0.85, 1.06, 0.62),
+    (1.25, 1.0, 0.36),
+    (1.6, 0.8, 0.2),
+)
+"""Rings of the tissue in a clamp's mouth: how far behind the wall's end each is, in radii, and its
+width and height in parts of the end's."""
+_CUFF_FACE = -0.05
 """Where the cuff meets the duct, radii."""
-_RAW = (138, 48, 40)
-"""sRGB of torn tissue."""
 _IN_SHADE = 0.86
 _ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
 
@@ -64,12 +71,11 @@ def clamp_glb(
     bytes
         The file, mm; its origin is the axis point where the duct is clamped.
     """
-    corners = max(10, round(20 * detail))
+    corners = max(10, round(16 * detail))
     parts = [
         Part(_steel_solid(bite, corners), steel(detail)),
         Part(_shaft_solid(corners), INSULATION),
         Part(_cuff_solid(bite, corners), _cuff_finish(tissue, detail)),
-        Part(_face_solid(bite, corners), Finish(color=_RAW, roughness=1.0)),
     ]
     mirrored = end == "second"
     return binary_gltf(
@@ -118,7 +124,7 @@ def _steel_solid(bite: float, corners: int) -> Solid:
         solids.append(
             swept_solid(
                 jaw,
-                np.interp(along, [0.0, 0.15, 0.45, 1.0], [1.06, 1.16, 1.14, 0.5]),
+                np.interp(along, [0.0, 0.15, 0.45, 1.0], [0.80, 0.90, 0.90, 0.5]),
                 np.interp(along, [0.0, 0.2, 0.6, 1.0], [0.24, 0.30, 0.36, 0.34]),
                 squareness=0.5,
                 corners=corners,
@@ -126,7 +132,7 @@ def _steel_solid(bite: float, corners: int) -> Solid:
         )
         solids.extend(
             swept_solid(
-                [[x, -1.0, up * (bite + 0.02)], [x, 0.0, up * (bite + 0.02)], [x, 1.0, up * bite]],
+                [[x, -0.8, up * (bite + 0.02)], [x, 0.0, up * (bite + 0.02)], [x, 0.8, up * bite]],
                 0.075,
                 side=(1.0, 0.0, 0.0),
                 corners=8,
@@ -160,25 +166,19 @@ def _shaft_solid(corners: int) -> Solid:
 
 
 def _cuff_solid(bite: float, corners: int) -> Solid:
-    """Return the tissue between the jaws: as wide as the duct at its end, flat at the back."""
+    """Return the tissue between the jaws, just inside that which a wall is carried on with."""
+    reach = [0.0, *(behind for behind, _, _ in STUB)]
+    wide, high = [1.0, *(width for _, width, _ in STUB)], [1.0, *(height for *_, height in STUB)]
     x = np.linspace(_CUFF_FACE, -1.6, 12)
     path = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=-1)
-    flat, spread = min(bite, 0.97), 0.99 + 0.7 * max(0.0, _ROUND_BITE - bite)
-    knots = [-1.6, -1.1, -0.35, _CUFF_FACE]
+    spread = 0.95 * (0.99 + 0.7 * max(0.0, _ROUND_BITE - bite))
     cuff = swept_solid(
         path,
-        np.interp(x, knots, [0.9, 1.08, spread + 0.04, spread]),
-        np.interp(x, knots, [0.12, 0.24, 0.95 * flat, 0.98 * flat]),
+        spread * np.interp(-x, reach, wide),
+        0.9 * min(bite, 0.97) * np.interp(-x, reach, high),
         corners=corners,
     )
     return _blunted(cuff, _CUFF_FACE)
-
-
-def _face_solid(bite: float, corners: int) -> Solid:
-    """Return the raw face that the cuff shows when the duct has torn off in front of it."""
-    path = np.array([[0.02, 0.0, 0.0], [_CUFF_FACE, 0.0, 0.0]])
-    face = swept_solid(path, 0.97, min(bite, 0.97), corners=corners)
-    return _blunted(face, 0.02)
 
 
 def _blunted(solid: Solid, x: float) -> Solid:

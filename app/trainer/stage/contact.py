@@ -5,26 +5,35 @@ as the wire has sunk in, with the wall raised a little on both sides.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
+from app.trainer.stage.wall import Wall
 from organ_geometry.mesh.skin import Skin
 
 __all__ = ["BITE", "Contact", "HookPlace"]
 
 BITE = 0.62
-"""Height of the section between the jaws, in parts of its height at rest."""
+"""Height of a duct's section between the jaws, in parts of its height at rest."""
 SPREAD = 0.13
 """How much wider the section gets there."""
+JAW_REACH = 0.4
+"""Over how much of the axis the jaws reach, in radii."""
 JAW_FADE = 0.85
 """Over how much of the axis the flattening fades, in radii."""
 SINK_AT_REST, SINK_AT_BREAK = 0.02, 0.20
 """How far the wire sinks into the wall, in radii."""
 JAW_SHADE = 0.62
 """How dark the wall is in the angle below a jaw."""
+STUB_SLACK = 0.3
+"""How far from a clamp a wall may end and still be carried on into it, in radii."""
+SMOOTHED_ORDERS = 5.0
+"""Over how many orders of waves around a ring its edges are smoothed out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +74,7 @@ def sink(share: float, radius: float) -> float:
 
 
 class Contact:
-    """The marks of clamps and hook on one skin.
+    """A skin as it is drawn: smooth, as thick as what is solved, and marked by clamps and hook.
 
     Parameters
     ----------
@@ -78,14 +87,25 @@ class Contact:
     clamps
         Stations of the two clamps, mm.
     radius
-        Of the duct, mm.
+        Of the duct that is drawn, mm.
+    thickness
+        Its thickness in parts of the skin's.
+    bite
+        Height of its section between the jaws, in parts of its height at rest.
 
     Attributes
     ----------
+    skin, frame
+        As given.
     vertices
         (V, 3) the marked vertices, mm; overwritten by each `mark`.
     shade
         (V,) how much light reaches each vertex past the instruments, 0 to 1.
+    stubs
+        (S, sides, 3) rings, mm, that carry the outer wall on into the first and the last clamp,
+        from the first station to the last; none where it does not end at one.
+    stub_shade
+        How much light reaches them.
     """
 
     def __init__(
@@ -95,18 +115,70 @@ class Contact:
         frame: NDArray[np.float64],
         clamps: tuple[float, float],
         radius: float,
+        *,
+        thickness: float = 1.0,
+        bite: float = BITE,
     ) -> None:
-        inside = np.minimum(skin.stations - clamps[0], clamps[1] - skin.stations)
-        bitten = np.exp(-((np.maximum(inside, 0.0) / (JAW_FADE * radius)) ** 2))
-        offsets = skin.vertices - axis
-        lateral, up = frame[:, 1], frame[:, 2]
-        flat = (BITE - 1.0) * (bitten * (offsets @ up))[:, None] * up
-        wide = SPREAD * (bitten * (offsets @ lateral))[:, None] * lateral
-        self._pinch = (flat + wide).astype(np.float32)
-        covered = np.exp(-((np.maximum(inside - 0.45 * radius, 0.0) / (0.7 * radius)) ** 2))
-        self._jaw_shade = (1.0 - (1.0 - JAW_SHADE) * covered).astype(np.float32)
+        self.skin, self.frame, self._radius = skin, frame, radius
+        self._wall = wall = Wall.of(skin)
+        self._smoothing = _ring_smoothing(wall.sides, thickness)
         self.vertices = skin.vertices.copy()
         self.shade = np.ones(len(skin.vertices), np.float32)
+        self._smooth(skin.vertices)
+
+        inside = np.minimum(skin.stations - clamps[0], clamps[1] - skin.stations)
+        held = np.maximum(inside - JAW_REACH * radius, 0.0) / (JAW_FADE * radius)
+        bitten = np.exp(-(held**2))
+        offsets = self.vertices - axis
+        lateral, up = frame[:, 1], frame[:, 2]
+        height = offsets @ up
+        # Each side of each ring by its own height, so that it lies against its jaw.
+        top, bottom = _ring_reach(height, wall)
+        own = np.maximum(np.where(height > 0.0, top, bottom), 1e-9)
+        part = np.clip(np.abs(height) / own, 0.0, 1.0)
+        flat = np.sign(height) * bite * radius * (1.0 - (1.0 - part) ** 3.5)
+        squeezed = (bitten * (flat - height))[:, None] * up
+        wide = (
+            SPREAD * (1.0 - bite) / (1.0 - BITE) * (bitten * (offsets @ lateral))[:, None] * lateral
+        )
+        self._pinch = (squeezed + wide).astype(np.float32)
+        covered = np.exp(-((np.maximum(inside - 0.45 * radius, 0.0) / (0.7 * radius)) ** 2))
+        self._jaw_shade = (1.0 - (1.0 - JAW_SHADE) * covered).astype(np.float32)
+        self.stub_shade = JAW_SHADE
+        self.mark(skin.vertices, None)
+        self.stubs = (
+            self._stub(0, 1, clamps[0] - float(wall.stations[0].mean())),
+            self._stub(-1, -2, float(wall.stations[-1].mean()) - clamps[1])[::-1],
+        )
+
+    def _stub(self, end: int, inner: int, beyond: float) -> NDArray[np.float32]:
+        """Return the rings of the tissue in a clamp, from its far end to the wall."""
+        wall = self._wall
+        rings = self.vertices[: wall.count].reshape(wall.rings, wall.sides, 3)
+        if abs(beyond) > STUB_SLACK * self._radius:
+            return np.empty((0, wall.sides, 3), np.float32)
+        middle = rings[end].mean(axis=0)
+        away = middle - rings[inner].mean(axis=0)
+        away /= np.linalg.norm(away)
+        offsets = rings[end] - middle
+        lateral, up = self.frame[:, 1], self.frame[:, 2]
+        stub = [
+            middle
+            + reach * self._radius * away
+            + (wide * (offsets @ lateral))[:, None] * lateral
+            + (high * (offsets @ up))[:, None] * up
+            for reach, wide, high in STUB[::-1]
+        ]
+        return np.array(stub, np.float32)
+
+    def _smooth(self, vertices: NDArray[np.float32]) -> None:
+        """Write `vertices` from a deformed skin's."""
+        wall = self._wall
+        walls = len(vertices) // wall.count
+        count = walls * wall.count
+        rings = vertices[:count].reshape(walls * wall.rings, wall.sides, 3)
+        np.matmul(self._smoothing, rings, out=self.vertices[:count].reshape(rings.shape))
+        self.vertices[count:] = vertices[count:]
 
     def mark(self, vertices: NDArray[np.float32], hook: HookPlace | None) -> None:
         """Write `vertices` and `shade` for a deformed skin.
@@ -118,7 +190,8 @@ class Contact:
         hook
             Where the hook holds it; None where it does not.
         """
-        np.add(vertices, self._pinch, out=self.vertices)
+        self._smooth(vertices)
+        self.vertices += self._pinch
         self.shade[:] = self._jaw_shade
         if hook is not None:
             _press(
@@ -129,6 +202,33 @@ class Contact:
                 bend_radius(hook.radius),
                 wire_radius(hook.radius),
             )
+
+
+@lru_cache(maxsize=16)
+def _ring_smoothing(sides: int, thickness: float) -> NDArray[np.float32]:
+    """Return what takes a ring's points to a smooth ring of another thickness, (sides, sides)."""
+    # A section is stored as two half-curves, which meet at an edge that tissue has not. Waves
+    # around the ring are kept where they are long, and fade out towards the short ones.
+    orders = np.minimum(np.arange(sides), sides - np.arange(sides))
+    kept = thickness * np.exp(-((np.maximum(orders - 2, 0) / SMOOTHED_ORDERS) ** 2))
+    kept[0] = 1.0
+    row = np.fft.ifft(kept).real
+    steps = np.arange(sides)
+    return row[(steps[:, None] - steps) % sides].astype(np.float32)
+
+
+def _ring_reach(
+    height: NDArray[np.float64], wall: Wall
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how far the outer wall's ring at each vertex reaches up and down, mm."""
+    rings = height[: wall.count].reshape(wall.rings, wall.sides)
+    repeats = len(height) // wall.count
+    rest = len(height) - repeats * wall.count  # a solid skin's two end points
+
+    def spread(reach: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([np.tile(np.repeat(reach, wall.sides), repeats), np.ones(rest)])
+
+    return spread(rings.max(axis=1)), spread(-rings.min(axis=1))
 
 
 @numba.njit(cache=True)

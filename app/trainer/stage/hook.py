@@ -11,7 +11,8 @@ from app.trainer.stage.solids import Solid, swept_solid
 
 TIP_ANGLE = -0.45
 """Where the wire ends on the viewer's side, rad; half pi is straight below the duct."""
-_LEAN = np.array([0.40, 0.14, 0.90])
+LEAN = np.array([0.40, 0.14, 0.90])
+"""The way that the shaft leads, not of unit length."""
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15
@@ -74,7 +75,7 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     corners = max(8, round(20 * detail))
     wire, count = wire_radius(radius), max(14, round(30 * detail))
     path = _wire_path(radius, count)
-    lean = _LEAN / np.linalg.norm(_LEAN)
+    lean = LEAN / np.linalg.norm(LEAN)
     radii = np.interp(np.arange(len(path)), [0, 5], [0.82 * wire, wire])
 
     root = path[-1]
@@ -112,7 +113,7 @@ def grip_solid(radius: float) -> Solid:
         In the coordinates of `hook_glb`, mm.
     """
     wire, path = wire_radius(radius), _wire_path(radius, 14)
-    lean = _LEAN / np.linalg.norm(_LEAN)
+    lean = LEAN / np.linalg.norm(LEAN)
     above = path[-1] + np.array([[4.0], [40.0]]) * lean
     return swept_solid(np.concatenate([path, above]), 1.5 * wire, corners=6, cap_rings=1)
 
@@ -122,7 +123,7 @@ def _wire_path(radius: float, count: int) -> NDArray[np.float64]:
     bend = bend_radius(radius)
     angles = np.linspace(TIP_ANGLE, np.pi, count, dtype=np.float64)
     arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
-    lean = _LEAN / np.linalg.norm(_LEAN)
+    lean = LEAN / np.linalg.norm(LEAN)
     turns = np.linspace(0.0, 1.0, 16)[1:, None]
     directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * lean
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

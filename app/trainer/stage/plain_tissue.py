@@ -23,15 +23,19 @@ class PlainTissue:
         The scene node; the inside's is the same with `_inside`.
     skin
         The surface.
+    color
+        sRGB of its wall, 0 to 255.
     """
 
-    def __init__(self, scene: viser.SceneApi, name: str, skin: Skin) -> None:
+    def __init__(
+        self, scene: viser.SceneApi, name: str, skin: Skin, color: tuple[int, int, int] = TISSUE
+    ) -> None:
         outer = skin.outer_faces
         # A mesh of its own for the inside: another colour, and a sharp edge along the torn rim.
         self._parts = [
-            _drawn(scene, part_name, skin, faces, color)
-            for part_name, faces, color in (
-                (name, skin.faces[:outer], TISSUE),
+            _drawn(scene, part_name, skin, faces, part_color)
+            for part_name, faces, part_color in (
+                (name, skin.faces[:outer], color),
                 (f"{name}_inside", skin.faces[outer:], INSIDE),
             )
         ]

@@ -1,17 +1,19 @@
 """The stage: everything still around the duct, on one client's scene."""
 
 import time
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from app.trainer.stage.bed_shadow import BedShadow
+from app.trainer.stage.appearance import Surroundings
+from app.trainer.stage.bench import bench_glb
 from app.trainer.stage.camera import Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
+from app.trainer.stage.dressed_surface import light_surfaces
 from app.trainer.stage.hook import hook_glb, hook_wxyz
-from app.trainer.stage.lighting import Look, clear_light, fill_air, light_stage
+from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_position, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.viser_bridge import keep_in_sight
@@ -27,13 +29,18 @@ _NEAREST, _LOWEST = 6.0, 2.0
 
 
 def stage_files(
-    *, radius: float, look: Look, bite: float, tissue: tuple[int, int, int]
+    *,
+    radius: float,
+    look: Look,
+    bite: float,
+    tissue: tuple[int, int, int],
+    surroundings: Surroundings = "liver",
 ) -> dict[str, bytes]:
     """Return what stands still, drawn once for all clients with the same duct.
 
     Parameters
     ----------
-    radius, look, bite, tissue
+    radius, look, bite, tissue, surroundings
         As those of the stage.
 
     Returns
@@ -47,11 +54,18 @@ def stage_files(
     def clamp(end: Literal["first", "second"]) -> bytes:
         return clamp_glb(end, radius=radius, bite=bite, tissue=tissue, detail=detail)
 
+    if surroundings == "bench":
+        around = {"tissue_bed": bench_glb()}
+    else:
+        around = {
+            "tissue_bed": (
+                tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
+            )
+        }
+    if surroundings == "liver":
+        around["neighbours"] = neighbours_glb() if full else neighbours_glb(corners=16, pixels=96)
     return {
-        "tissue_bed": (
-            tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
-        ),
-        "neighbours": neighbours_glb() if full else neighbours_glb(corners=16, pixels=96),
+        **around,
         "clamps/first": clamp("first"),
         "clamps/second": clamp("second"),
         "hook": hook_glb(radius, detail=detail),
@@ -76,6 +90,8 @@ class Stage:
         smaller suits one whose ends are drawn flattened to this share of their height.
     tissue
         sRGB colour of the tissue pinched in the clamps, 0 to 255.
+    surroundings
+        Where the duct lies.
 
     Raises
     ------
@@ -92,10 +108,12 @@ class Stage:
         look: Look = "full",
         bite: float = 0.8,
         tissue: tuple[int, int, int] = (205, 140, 92),
+        surroundings: Surroundings = "liver",
     ) -> None:
         if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
         self.span, self.radius, self.look = float(span), float(radius), look
+        self.surroundings: Surroundings = surroundings
         self._scene = scene
         self._removed = False
         self._framed_aspect = 0.0
@@ -104,12 +122,14 @@ class Stage:
         self._arrived = False
         self._looked_around = False
         full = look == "full"
-        files = stage_files(radius=self.radius, look=look, bite=bite, tissue=tissue)
+        files = stage_files(
+            radius=self.radius, look=look, bite=bite, tissue=tissue, surroundings=surroundings
+        )
         scale = self.span / REFERENCE_SPAN
         floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
 
         light_stage(scene, span=self.span, look=look)
-        for name in ("tissue_bed", "neighbours"):
+        for name in files.keys() & {"tissue_bed", "neighbours"}:
             scene.add_glb(
                 f"/stage/{name}", files[name], scale=scale, position=floor, cast_shadow=False
             )
@@ -121,9 +141,14 @@ class Stage:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        self._shadow = (
-            BedShadow(scene, span=self.span, radius=self.radius, floor=floor) if full else None
-        )
+        if full:
+            light_surfaces(
+                scene,
+                lamp=lamp_position(self.span),
+                aim=np.array([0.5 * self.span, 0.0, 0.0]),
+                floor=np.array(floor),
+                radius=self.radius,
+            )
         self._hook = scene.add_frame("/stage/hook", show_axes=False)
         scene.add_glb(
             "/stage/hook/instrument",
@@ -169,17 +194,6 @@ class Stage:
         if turn is not None:
             self._hook.wxyz = turn
             self._hook_direction = np.array(direction, np.float64)
-
-    def cast_shadow(self, axis: NDArray[np.floating[Any]]) -> None:
-        """Lay the duct's shadow on the bed; the plain look has none.
-
-        Parameters
-        ----------
-        axis
-            (N, 3) points of the duct's axis in order, mm in stage coordinates.
-        """
-        if self._shadow is not None:
-            self._shadow.show(axis)
 
     def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
         """Keep a duct in the picture that is lifted this high.

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,25 +24,14 @@ from app.trainer.stage.textures import (
 )
 
 REFERENCE_SPAN = 50.8
-_ROWS, _COLUMNS, _PIXELS = 64, 70, 896  # of the full look
+_ROWS, _COLUMNS, _PIXELS = 64, 70, 1152  # of the full look
 
 _HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
-_FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (86, 26, 23), (52, 14, 15), (120, 62, 54)
-_FAT, _FAT_DEEP = (158, 116, 66), (92, 44, 28)
-_VEIN = (44, 12, 22)
+_FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (122, 52, 44), (84, 28, 26), (170, 106, 90)
+_FAT, _FAT_DEEP, _FAT_PALE = (164, 118, 72), (128, 76, 48), (190, 150, 104)
+_VEIN, _CAPILLARY = (62, 16, 26), (112, 22, 22)
+_LOBULE = 3.4  # mm, the size of a lobule of fat
 
-# Clusters of fat lobules, kept clear of the duct: middle x, y, reach x, y (mm), lobules.
-_CLUSTERS = (
-    (-33.0, 22.0, 13.0, 6.0, 70),
-    (-50.0, -6.0, 8.0, 8.0, 36),
-    (-33.0, -26.0, 9.0, 4.0, 30),
-    (15.0, 25.0, 13.0, 5.0, 64),
-    (40.0, 15.0, 8.0, 6.0, 40),
-    (39.0, -22.0, 9.0, 5.0, 40),
-    (60.0, -2.0, 8.0, 10.0, 36),
-    (-76.0, 30.0, 16.0, 14.0, 50),
-    (70.0, 44.0, 16.0, 12.0, 50),
-)
 # Veins: knots x, y (mm) and width (mm).
 _VEINS = (
     (((-60, 2), (-36, 8), (-16, 5), (4, 12), (24, 9), (46, 26), (70, 30)), 1.5),
@@ -80,61 +68,14 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
 
     color = _bed_color(ground)
     finish = Finish(
-        roughness=0.46,
-        specular=0.5,
-        base_jpeg=jpeg_file(np.flipud(color), quality=78),
+        roughness=0.58,
+        specular=0.45,
+        clearcoat=0.22,
+        clearcoat_roughness=0.3,
+        base_jpeg=jpeg_file(np.flipud(color), quality=74),
         normal_jpeg=_normal_jpeg(ground) if pixels >= 512 else b"",
     )
     return binary_gltf([Part(solid, finish)])
-
-
-@cache
-def bed_surface() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-    """Return the full bed as a grid.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]
-        (columns,) x, (rows,) y and (rows, columns) height, mm at a span of 50.8 mm; x and y grow.
-    """
-    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
-    return (
-        surface_x[0].astype(np.float64),
-        surface_y[:, 0].astype(np.float64),
-        np.ascontiguousarray(height),
-    )
-
-
-@numba.njit(cache=True)
-def height_at(
-    x: float,
-    y: float,
-    bed_x: NDArray[np.float64],
-    bed_y: NDArray[np.float64],
-    bed_z: NDArray[np.float32],
-) -> float:
-    """Return the height of the full bed at a place, linear between the points of its grid.
-
-    Parameters
-    ----------
-    x, y
-        The place, mm at a span of 50.8 mm; one beyond the bed counts as on its edge.
-    bed_x, bed_y, bed_z
-        As `bed_surface` gives them.
-
-    Returns
-    -------
-    float
-        The height, mm.
-    """
-    left = min(max(np.searchsorted(bed_x, x, side="right") - 1, 0), len(bed_x) - 2)
-    near = min(max(np.searchsorted(bed_y, y, side="right") - 1, 0), len(bed_y) - 2)
-    u = min(max((x - bed_x[left]) / (bed_x[left + 1] - bed_x[left]), 0.0), 1.0)
-    v = min(max((y - bed_y[near]) / (bed_y[near + 1] - bed_y[near]), 0.0), 1.0)
-    return (
-        (1.0 - v) * ((1.0 - u) * bed_z[near, left] + u * bed_z[near, left + 1])
-        + v * ((1.0 - u) * bed_z[near + 1, left] + u * bed_z[near + 1, left + 1])
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,12 +84,14 @@ class _Ground:
 
     x: Image
     y: Image
-    lobules: Image
-    grain: Image
+    fat: Image
+    dome: Image
+    tint: Image
     veins: Image
+    capillaries: Image
     coarse: Image
     fine: Image
-    folds: Image
+    fibres: Image
     relief: Image
 
 
@@ -156,17 +99,27 @@ class _Ground:
 def _drawn_ground(pixels: int) -> _Ground:
     shape = (round(pixels * 0.85), pixels)
     x, y = _ground(shape)
-    lobules, grain = _lobules(x, y)
-    veins = _veins(x, y)
     coarse = noise_at(x, y, length=130.0, cells=3.0, fall=2.0, seed=11)
-    fine = noise_at(x, y, length=90.0, cells=7.0, fall=1.4, seed=12)
-    # Folds of fascia: ridges where a smooth field passes its middle.
-    folds = 1.0 - np.abs(2.0 * noise_at(x, y, length=120.0, cells=4.0, fall=2.4, seed=13) - 1.0)
-    folds = smooth_step(folds.astype(np.float32), 0.72, 1.0)
+    fine = noise_at(x, y, length=60.0, cells=6.0, fall=1.7, seed=12)
+    # Lobules of fat lie in clusters, and few of them in the groove below the duct.
+    bent = 2.4 * (noise_at(x, y, length=40.0, cells=5.0, fall=2.2, seed=18) - 0.5)
+    slant = 2.4 * (noise_at(x, y, length=40.0, cells=5.0, fall=2.2, seed=19) - 0.5)
+    dome, tint = _lobules(_shifted(x, bent), _shifted(y, slant), _LOBULE, seed=5)
+    small, small_tint = _lobules(_shifted(x, slant), _shifted(y, bent), 0.5 * _LOBULE, seed=6)
+    wanted = noise_at(x, y, length=120.0, cells=3.0, fall=2.2, seed=17)
+    wanted = wanted + 0.10 * smooth_step(np.abs(y), 5.0, 16.0) + 0.05 * (tint - 0.5)
+    fat = smooth_step((wanted + 0.07 * (dome - 0.5)).astype(np.float32), 0.55, 0.67)
+    dome = (0.7 * dome + 0.3 * small).astype(np.float32)
+    tint = (0.6 * tint + 0.4 * small_tint).astype(np.float32)
+    veins = _veins(x, y)
+    capillaries = _capillaries(x, y)
+    # Sheets of fascia are drawn out into fibres across the groove.
+    fibres = noise_at(x, 0.3 * y, length=26.0, cells=4.0, fall=1.7, seed=13)
     relief = (
-        3.0 * (coarse - 0.5) + 1.1 * (fine - 0.5) + 1.0 * folds + 1.9 * lobules + 0.8 * veins
-    ).astype(np.float32)
-    return _Ground(x, y, lobules, grain, veins, coarse, fine, folds, relief)
+        2.6 * (coarse - 0.5) + 0.5 * (fine - 0.5) + 1.5 * fat * (0.3 + dome)
+        + 0.16 * (1.0 - fat) * (fibres - 0.5) + 0.7 * veins + 0.10 * capillaries
+    ).astype(np.float32)  # fmt: skip
+    return _Ground(x, y, fat, dome, tint, veins, capillaries, coarse, fine, fibres, relief)
 
 
 @cache
@@ -201,30 +154,47 @@ def _basin(x: Image, y: Image) -> Image:
     return (groove + back + front + sides).astype(np.float32)
 
 
-def _lobules(x: Image, y: Image) -> tuple[Image, Image]:
-    """Return how thick the fat is, 0 to 1, and a shade of its own for each lobule."""
-    random = np.random.default_rng(5)
-    thickness, shade = np.zeros_like(x), np.full_like(x, 0.5)
-    for middle_x, middle_y, reach_x, reach_y, count in _CLUSTERS:
-        for _ in range(count):
-            offset = random.normal(0.0, 0.5, 2)
-            size = random.uniform(1.3, 3.2) * (1.0 - 0.25 * min(1.0, float(np.hypot(*offset))))
-            stretch = random.uniform(0.75, 1.3)
-            tint = random.uniform(0.0, 1.0)
-            place = (middle_x + reach_x * offset[0], middle_y + reach_y * offset[1])
-            columns = np.flatnonzero(np.abs(x[0] - place[0]) < size * stretch)
-            rows = np.flatnonzero(np.abs(y[:, 0] - place[1]) < size)
-            if not len(rows) or not len(columns):
-                continue
-            window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-            squared = ((x[window] - place[0]) / (size * stretch)) ** 2 + (
-                (y[window] - place[1]) / size
-            ) ** 2
-            dome = np.sqrt(np.clip(1.0 - squared, 0.0, 1.0)) * (0.5 + 0.14 * size)
-            higher = dome > thickness[window]
-            thickness[window] = np.where(higher, dome, thickness[window])
-            shade[window] = np.where(higher, tint, shade[window])
-    return np.clip(thickness, 0.0, 1.0).astype(np.float32), shade
+def _shifted(place: Image, shift: NDArray[np.floating]) -> Image:
+    return (place + shift).astype(np.float32)
+
+
+def _lobules(x: Image, y: Image, size: float, *, seed: int) -> tuple[Image, Image]:
+    """Return lobules packed side by side: their domes, 0 at their edges, and a shade for each."""
+    # Each place belongs to the nearest of scattered middles [Worley 1996].
+    random = np.random.default_rng(seed)
+    cells = 64
+    offsets, shades = random.random((2, cells, cells)), random.random((cells, cells))
+    column, row = np.floor(x / size).astype(int), np.floor(y / size).astype(int)
+    nearest, second = np.full(x.shape, np.inf), np.full(x.shape, np.inf)
+    shade = np.zeros(x.shape)
+    for step_x in (-1, 0, 1):
+        for step_y in (-1, 0, 1):
+            i, j = (column + step_x) % cells, (row + step_y) % cells
+            apart = np.hypot(
+                x / size - (column + step_x + offsets[0][i, j]),
+                y / size - (row + step_y + offsets[1][i, j]),
+            )
+            closer = apart < nearest
+            second = np.where(closer, nearest, np.minimum(second, apart))
+            shade = np.where(closer, shades[i, j], shade)
+            nearest = np.where(closer, apart, nearest)
+    # Round on top, and without a sharp line where two of them meet.
+    high = np.clip(1.15 * (second - nearest), 0.0, 1.0)
+    return np.sqrt(high * (2.0 - high)).astype(np.float32), shade.astype(np.float32)
+
+
+def _capillaries(x: Image, y: Image) -> Image:
+    """Return a net of fine vessels: lines where smooth fields pass their middles, with gaps."""
+    lines = [
+        smooth_step(
+            np.abs(noise_at(x, y, length=length, cells=5.0, fall=2.4, seed=seed) - 0.5),
+            0.035,
+            0.008,
+        )
+        for length, seed in ((60.0, 61), (36.0, 62))
+    ]
+    shown = smooth_step(noise_at(x, y, length=70.0, cells=4.0, fall=2.0, seed=63), 0.42, 0.62)
+    return (np.maximum(lines[0], 0.7 * lines[1]) * shown).astype(np.float32)
 
 
 def _veins(x: Image, y: Image) -> Image:
@@ -245,28 +215,32 @@ def _veins(x: Image, y: Image) -> Image:
             thickness=max(1, round(width / pixel)),
             lineType=cv2.LINE_AA,
         )
-    return blurred(picture.astype(np.float32) / 255.0, columns / 400.0)
+    return blurred(picture.astype(np.float32) / 255.0, columns / 700.0)
 
 
 def _bed_color(ground: _Ground) -> Image:
     """Return the bed's colours, darker in the groove and softer away from the duct."""
-    x, y, lobules, veins = ground.x, ground.y, ground.lobules, ground.veins
-    grain, coarse, fine, folds = ground.grain, ground.coarse, ground.fine, ground.folds
-    color = mixed_color(_FASCIA, _FASCIA_DEEP, smooth_step(coarse, 0.35, 0.75))
-    color = mixed_color(color, _FASCIA_PALE, 0.35 * smooth_step(fine, 0.5, 0.85))
-    color = mixed_color(color, _FASCIA_PALE, 0.45 * folds)
-    color = mixed_color(color, _VEIN, 0.7 * veins)
-    fat = mixed_color(_FAT_DEEP, _FAT, smooth_step(lobules, 0.25, 0.85))
-    fat = mixed_color(fat, _FASCIA, 0.10 + 0.35 * grain)
-    color = mixed_color(color, fat, smooth_step(lobules, 0.06, 0.38))
-    shade = 1.0 - 0.25 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
-    shade = shade * (1.0 - 0.75 * smooth_step(y, -36.0, -130.0))
+    x, y, fat, dome = ground.x, ground.y, ground.fat, ground.dome
+    color = mixed_color(_FASCIA, _FASCIA_DEEP, smooth_step(ground.coarse, 0.35, 0.75))
+    color = mixed_color(color, _FASCIA_PALE, 0.55 * smooth_step(ground.fine, 0.45, 0.8))
+    color = mixed_color(color, _FASCIA_PALE, 0.25 * smooth_step(ground.fibres, 0.5, 0.8))
+    color = mixed_color(color, _CAPILLARY, 0.6 * ground.capillaries)
+    lobes = mixed_color(_FAT_DEEP, _FAT, smooth_step(dome, 0.05, 0.85))
+    lobes = mixed_color(lobes, _FAT_PALE, 0.6 * ground.tint * smooth_step(dome, 0.3, 1.0))
+    lobes = mixed_color(lobes, _FASCIA, 0.4 * smooth_step(ground.fine, 0.45, 0.8))
+    lobes = mixed_color(lobes, _FASCIA_DEEP, 0.35 * smooth_step(ground.coarse, 0.45, 0.8))
+    lobes = mixed_color(lobes, _CAPILLARY, 0.35 * ground.capillaries)
+    color = mixed_color(color, lobes, fat)
+    color = mixed_color(color, _VEIN, 0.75 * ground.veins)
+    shade = 1.0 - 0.3 * np.exp(-((y / 9.0) ** 2) - (x / 34.0) ** 4)
+    shade = shade * (1.0 - 0.72 * smooth_step(y, -34.0, -120.0))
+    shade = shade * (1.0 - 0.45 * smooth_step(np.abs(x), 40.0, 120.0))
     color = color * shade[..., None].astype(np.float32)
-    # Out of focus: the farther from the duct's plane, the softer.
+    # Out of focus only far from the duct's plane, as to a camera that is stopped down.
     pixels = x.shape[1]
-    soft, softer = blurred(color, pixels / 420.0), blurred(color, pixels / 130.0)
+    softer = blurred(color, pixels / 240.0)
     away = np.hypot(y / 1.0, x / 2.2)
-    return mixed_color(soft, softer, smooth_step(away.astype(np.float32), 14.0, 48.0))
+    return mixed_color(color, softer, smooth_step(away.astype(np.float32), 26.0, 80.0))
 
 
 def _normal_jpeg(ground: _Ground) -> bytes:
@@ -275,8 +249,8 @@ def _normal_jpeg(ground: _Ground) -> bytes:
     # A pixel far away covers more ground, so the same height is a gentler slope there.
     covered = np.hypot(np.gradient(x, axis=1), np.gradient(y, axis=0))
     relief = (ground.relief * (covered.min() / covered)).astype(np.float32)
-    detail = blurred(relief, pixels / 420.0) - blurred(relief, pixels / 110.0)
+    detail = blurred(relief, pixels / 900.0) - blurred(relief, pixels / 90.0)
     detail = detail * (1.0 - 0.6 * smooth_step(np.abs(y), 15.0, 55.0))
-    picture = normal_map(np.flipud(detail).astype(np.float32), 5.0)
+    picture = normal_map(np.flipud(detail).astype(np.float32), 4.0)
     half = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return jpeg_file(half.astype(np.float32), quality=80)

@@ -1,0 +1,172 @@
+"""What a duct is made of to the eye: the colours, vessels and gloss of its kind.
+
+Drawn, not computed: no model of ours says what tissue looks like.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from app.simulation.dissection import Dissection
+from app.simulation.preset import Preset, RoundBeam
+
+__all__ = [
+    "Appearance",
+    "Color",
+    "Kind",
+    "Surroundings",
+    "appearance_of",
+    "drawn_lumen",
+    "drawn_radius",
+]
+
+Kind = Literal["bile duct", "gallbladder", "ureter", "rubber"]
+
+Surroundings = Literal["liver", "fat", "bench"]
+"""Below the liver, on fat alone, or on a bench."""
+
+_NO_LUMEN = 0.02
+
+Color = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Appearance:
+    """How one kind of duct looks; colours are sRGB, 0 to 255.
+
+    Attributes
+    ----------
+    kind
+        The kind.
+    base, deep, flushed, pale
+        Its ground, and what mottles it: deeper, flushed with blood, and paler fibres.
+    vessel
+        Of the vessels in its wall.
+    vessels, vessel_width
+        How many trunks run along it, and how wide the widest is, mm.
+    capillaries
+        Strength of the fine network between them, 0 to 1.
+    fibres
+        Strength of the fibres along it, 0 to 1.
+    roughness, clearcoat
+        Gloss, as in glTF's metallic-roughness model: the wet film is the clearcoat.
+    inside, raw
+        Of the lumen and of torn wall.
+    blood
+        What soaks a torn end; None where nothing bleeds.
+    spilt
+        What runs out of a torn lumen; None for nothing.
+    surroundings
+        Where it lies.
+    bite
+        Height of its section between the jaws of a clamp, in parts of its height at rest.
+    """
+
+    kind: Kind
+    base: Color
+    deep: Color
+    flushed: Color
+    pale: Color
+    vessel: Color
+    vessels: int
+    vessel_width: float
+    capillaries: float
+    fibres: float
+    roughness: float
+    clearcoat: float
+    inside: Color
+    raw: Color
+    blood: Color | None
+    spilt: Color | None
+    surroundings: Surroundings
+    bite: float
+
+
+_KINDS: dict[Kind, Appearance] = {
+    look.kind: look
+    for look in (
+        Appearance(
+            kind="bile duct",
+            base=(206, 158, 118), deep=(176, 122, 88), flushed=(190, 100, 84), pale=(226, 194, 156),
+            vessel=(116, 24, 26), vessels=6, vessel_width=0.42, capillaries=0.75, fibres=0.8,
+            roughness=0.48, clearcoat=0.65,
+            inside=(92, 56, 30), raw=(164, 70, 58), blood=(88, 8, 10), spilt=(74, 78, 16),
+            surroundings="liver", bite=0.62,
+        ),
+        Appearance(
+            kind="gallbladder",
+            base=(138, 142, 104), deep=(106, 116, 84), flushed=(150, 106, 84), pale=(170, 168, 130),
+            vessel=(104, 36, 32), vessels=8, vessel_width=0.5, capillaries=0.9, fibres=0.4,
+            roughness=0.44, clearcoat=0.75,
+            inside=(84, 80, 34), raw=(140, 74, 58), blood=(88, 8, 10), spilt=(74, 78, 16),
+            surroundings="liver", bite=0.62,
+        ),
+        Appearance(
+            kind="ureter",
+            base=(216, 184, 166), deep=(190, 148, 132), flushed=(204, 128, 118),
+            pale=(234, 212, 196), vessel=(150, 40, 44), vessels=4, vessel_width=0.34,
+            capillaries=0.45, fibres=1.0, roughness=0.46, clearcoat=0.7,
+            inside=(150, 84, 76), raw=(184, 96, 84), blood=(96, 10, 12), spilt=None,
+            surroundings="fat", bite=0.62,
+        ),
+        Appearance(
+            kind="rubber",
+            base=(64, 66, 70), deep=(54, 56, 60), flushed=(64, 66, 70), pale=(82, 84, 88),
+            vessel=(64, 66, 70), vessels=0, vessel_width=0.3, capillaries=0.0, fibres=0.0,
+            roughness=0.72, clearcoat=0.0,
+            inside=(58, 60, 64), raw=(70, 72, 76), blood=None, spilt=None,
+            surroundings="bench", bite=0.9,
+        ),
+    )
+}  # fmt: skip
+
+
+def appearance_of(preset: Preset) -> Appearance:
+    """Return how a duct looks that is solved by a preset.
+
+    Parameters
+    ----------
+    preset
+        The preset.
+
+    Returns
+    -------
+    Appearance
+        That of the kind which it names.
+    """
+    return _KINDS[preset.looks_like]
+
+
+def drawn_radius(dissection: Dissection) -> float:
+    """Return how thick a duct is drawn: as thick as what is solved.
+
+    Parameters
+    ----------
+    dissection
+        The duct between its clamps.
+
+    Returns
+    -------
+    float
+        Radius of the bar, or mean radius of an organ whose own sections are solved, mm.
+    """
+    beam = dissection.preset.beam
+    return 0.5 * beam.diameter_mm if isinstance(beam, RoundBeam) else dissection.organ.mean_radius
+
+
+def drawn_lumen(dissection: Dissection) -> float | None:
+    """Return how wide a torn duct's lumen is drawn.
+
+    Parameters
+    ----------
+    dissection
+        The duct between its clamps.
+
+    Returns
+    -------
+    float or None
+        Its radius in parts of the duct's, next to nothing for a full bar; None for the organ's own.
+    """
+    beam = dissection.preset.beam
+    if beam.wall_mm is not None:
+        return max(_NO_LUMEN, 1.0 - beam.wall_mm / drawn_radius(dissection))
+    return _NO_LUMEN if isinstance(beam, RoundBeam) else None

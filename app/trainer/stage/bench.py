@@ -1,0 +1,51 @@
+"""The bench that a rubber rod is tested on: a cutting mat with a grid of centimetres.
+
+Drawn in the tissue bed's coordinates, for a span of 50.8 mm.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
+from app.trainer.stage.solids import Solid, grid_faces, vertex_normals
+from app.trainer.stage.textures import jpeg_file, mixed_color, smooth_noise
+
+__all__ = ["bench_glb"]
+
+_HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
+_MAT, _LINE = (38, 74, 72), (96, 138, 130)
+_CENTIMETRE = 256  # pixels of the picture, which repeats
+
+
+@cache
+def bench_glb(*, pixels: int = _CENTIMETRE) -> bytes:
+    """Return the bench as a GLB file.
+
+    Parameters
+    ----------
+    pixels
+        Width of its picture.
+
+    Returns
+    -------
+    bytes
+        The file, mm at a span of 50.8 mm; z = 0 is the mat.
+    """
+    x, y = np.meshgrid(np.linspace(-_HALF_WIDTH, _HALF_WIDTH, 9), np.linspace(_NEAR, _FAR, 9))
+    vertices = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
+    faces = grid_faces(9, 9)
+    solid = Solid(vertices, faces, vertex_normals(vertices, faces), vertices[:, :2] / 10.0)
+    # A line each five millimetres, the whole centimetres wider.
+    place = np.linspace(0.0, 1.0, pixels, endpoint=False)
+    thick = np.minimum(place, 1.0 - place) < 0.012
+    thin = np.abs(place - 0.5) < 0.006
+    lines = np.maximum(1.0 * thick, 0.5 * thin)
+    grid = np.maximum(lines[:, None], lines[None]).astype(np.float32)
+    color = mixed_color(_MAT, _LINE, grid)
+    grain = smooth_noise((pixels, pixels), cells=24.0, fall=0.4, seed=71)
+    color = color * (0.92 + 0.16 * grain)[..., None]
+    finish = Finish(
+        roughness=0.75, base_jpeg=jpeg_file(color.astype(np.float32), quality=80), specular=0.4
+    )
+    return binary_gltf([Part(solid, finish)])
