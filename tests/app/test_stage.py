@@ -232,6 +232,7 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
 ) -> None:
     now = [100.0]
     monkeypatch.setattr("app.trainer.stage.stage.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("app.trainer.stage.stage.keep_in_sight", lambda *_, **__: None)
     camera = PretendedCamera(1.6)
     client: Any = SimpleNamespace(camera=camera, atomic=nullcontext)
     stage = Stage(scene, span=50.8, radius=4.45, look="plain")
