@@ -23,6 +23,7 @@ from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
 from benchmarks.exact_beam import exact_engines
 from benchmarks.geometry import measure_geometry
+from benchmarks.haptic_servo import measure_haptics
 from benchmarks.peers import peer_engines
 from benchmarks.session_step import step_figures
 from benchmarks.skinning import export_figures, skinning_figures
@@ -197,6 +198,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "trainer": measure_trainer,
     "geometry": measure_geometry,
     "export": measure_export,
+    "haptics": measure_haptics,
 }
 
 

@@ -166,9 +166,11 @@ class Recorder:
         str
             Base64.
         """
+        table = np.zeros((4, self._hands, self._count), "<i4")
+        if not self._count:
+            return base64.b64encode(zlib.compress(table.tobytes(), 9)).decode()
         places = np.concatenate([chunk[0] for chunk in self._chunks])[: self._count]
         bits = np.concatenate([chunk[1] for chunk in self._chunks])[: self._count]
-        table = np.zeros((4, self._hands, self._count), "<i4")
         rows = places.transpose(2, 1, 0).astype(np.int64)
         for _ in range(2):
             rows = np.diff(rows, axis=2, prepend=0)

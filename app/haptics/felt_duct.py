@@ -30,7 +30,7 @@ __all__ = ["FeltDuct", "FeltModel"]
 
 UP = 2
 """Axis of the pull among right, forward and up."""
-STRESS_STEPS = 4
+STRESS_STEPS = 10
 """Steps between two looks at the stresses of a duct with two hooks."""
 
 

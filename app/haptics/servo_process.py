@@ -111,16 +111,14 @@ class ServoProcess:
         self._generation = 0
         self._ended: str | None = None
         self.unfelt: str | None = None
-        said: object = None
+        said: tuple[str, str] | None = None
         with suppress(EOFError, OSError):
             if self._pipe.poll(OPEN_SECONDS):
                 said = self._pipe.recv()
-        if not isinstance(said, tuple) or said[0] != "open":
+        if said is None or said[0] != "open":
             self.stop()
-            raise DeviceError(
-                str(said[1]) if isinstance(said, tuple) else f"device {device} did not open"
-            )
-        self.device = str(said[1])
+            raise DeviceError(f"device {device} did not open" if said is None else said[1])
+        self.device = said[1]
 
     def feel(self, setting: FeltSetting | None) -> int:
         """Have another duct felt, at rest; where the hand is then is where its hook rests.

@@ -1,0 +1,202 @@
+"""The servo at 1 kHz, in process and through a websocket, beside a loop that does nothing.
+
+``python -m benchmarks haptics`` measures some seconds each; ``python -m benchmarks.haptic_servo
+600`` as many as are wanted.
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from rich.console import Console
+
+from app.haptics.servo import SPIN_SECONDS, real_time
+from app.haptics.servo_report import TimeHistogram
+
+__all__ = ["haptic_figures", "measure_haptics"]
+
+SECONDS = 15.0
+PERIOD = 1e-3
+ENTRY = "import sys; from app.command_line import main; sys.argv[0] = 'bluntdissect'; main()"
+HAND = """
+repeats = true
+[hand]
+stiffness_N_per_m = 700
+damping_N_s_per_m = 8
+tremor_mm = 0.05
+[[path]]
+time_s = 0.5
+offset_mm = [0, 0, 0]
+[[path]]
+time_s = 2.5
+offset_mm = [0, 0, 10]
+[[path]]
+time_s = 4.5
+offset_mm = [0, 0, 0]
+"""
+
+
+def bare_loop(seconds: float) -> dict[str, float]:
+    """Return the periods of a loop that only waits, as the servo does.
+
+    Parameters
+    ----------
+    seconds
+        For how long.
+
+    Returns
+    -------
+    dict[str, float]
+        Percentiles, us, and the part of periods over one and a half, in percent.
+    """
+    clock, histogram = time.perf_counter, TimeHistogram()
+    start = due = last = clock()
+    count = missed = 0
+    while last - start < seconds:
+        while (wait := due - clock()) > SPIN_SECONDS:
+            time.sleep(wait - SPIN_SECONDS)
+        while (now := clock()) < due:
+            pass
+        histogram.add(now - last)
+        missed += now - last > 1.5 * PERIOD
+        count, last, due = count + 1, now, due + PERIOD
+        if clock() - due > 5 * PERIOD:
+            due = clock()
+    times = histogram.percentiles()
+    return {"period_p99_us": times.p99, "period_p99_9_us": times.p99_9,
+            "missed_percent": 100.0 * missed / count}  # fmt: skip
+
+
+@contextmanager
+def virtual_service(hand: Path) -> Iterator[str]:
+    """Serve the virtual device in a process of its own; give its address.
+
+    Parameters
+    ----------
+    hand
+        Its hand.
+
+    Yields
+    ------
+    str
+        The address.
+    """
+    words = ["haptics", "--serve-virtual", "--address", "ws://127.0.0.1:0", "--hand", str(hand)]
+    process = subprocess.Popen([sys.executable, "-c", ENTRY, *words],
+                               stdout=subprocess.PIPE, text=True)  # fmt: skip
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[-1]
+    finally:
+        process.terminate()
+        process.wait(10.0)
+
+
+def servo_report(words: list[str], hand: Path, seconds: float) -> dict[str, Any]:
+    """Return the report of a servo in a process of its own.
+
+    Parameters
+    ----------
+    words
+        Options of ``bluntdissect haptics``.
+    hand
+        The virtual device's hand.
+    seconds
+        For how long.
+
+    Returns
+    -------
+    dict[str, Any]
+        Its report.
+    """
+    options = ["haptics", "--hold", "--json", "--seconds", str(seconds), "--hand", str(hand)]
+    done = subprocess.run([sys.executable, "-c", ENTRY, *options, *words],
+                          capture_output=True, text=True, check=True)  # fmt: skip
+    return msgspec.json.decode(done.stdout)
+
+
+def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
+    """Return the figures of the bare loop and of servos.
+
+    Parameters
+    ----------
+    seconds
+        For how long each.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Figures by what was measured.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        hand = Path(folder) / "hand.toml"
+        hand.write_text(HAND)
+        bare = subprocess.run(
+            [sys.executable, "-m", "benchmarks.haptic_servo", "bare", str(seconds)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        figures: dict[str, dict[str, float]] = {"bare loop": msgspec.json.decode(bare.stdout)}
+        with virtual_service(hand) as address:
+            for name, words in (
+                ("cubic, in process", ["--device", "virtual"]),
+                ("exact, in process", ["--device", "virtual", "--theory", "exact"]),
+                ("cubic, websocket", ["--device", "haply", "--address", address]),
+                ("exact, websocket", ["--device", "haply", "--address", address,
+                                      "--theory", "exact"]),
+            ):  # fmt: skip
+                made = servo_report(words, hand, seconds)
+                figures[name] = {
+                    "period_p99_us": made["period_us"]["p99"],
+                    "period_p99_9_us": made["period_us"]["p99_9"],
+                    "missed_percent": 100.0 * made["missed_part"],
+                    "step_median_us": made["step_us"]["median"],
+                    "step_p99_9_us": made["step_us"]["p99_9"],
+                    "state_to_force_p99_us": made["state_to_force_us"]["p99"],
+                    "books_residual": made["energy_mJ"]["residual_of_peak"],
+                    "force_error": made["force_check"]["largest_error"],
+                }
+    return figures
+
+
+def measure_haptics(console: Console, seconds: float = SECONDS) -> dict[str, dict[str, float]]:
+    """Print and return the figures of the servo.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+    seconds
+        For how long each is measured.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        Those of `haptic_figures`.
+    """
+    with console.status(f"Running servos for {seconds:g} s each ..."):
+        figures = haptic_figures(seconds)
+    console.print(f"\nServo at {1.0 / PERIOD:g} Hz, {seconds:g} s each", highlight=False)
+    for name, found in figures.items():
+        line = (f"{name:<18} period 99 % {found['period_p99_us']:.0f}, 99.9 % "
+                f"{found['period_p99_9_us']:.0f} us; over 1.5 ms "
+                f"{found['missed_percent']:.3f} %")  # fmt: skip
+        if "step_median_us" in found:
+            line += (f"; step median {found['step_median_us']:.0f}, 99.9 % "
+                     f"{found['step_p99_9_us']:.0f} us; state to force 99 % "
+                     f"{found['state_to_force_p99_us']:.0f} us")  # fmt: skip
+        console.print(line, highlight=False, soft_wrap=True)
+    return figures
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "bare":
+        real_time()
+        print(msgspec.json.encode(bare_loop(float(sys.argv[2]))).decode())
+    else:
+        measure_haptics(Console(), float(sys.argv[1]))

@@ -1,0 +1,106 @@
+"""`bluntdissect haptics`, and what its page in the docs says."""
+
+import json
+import re
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from program import command, refused, run
+
+from app.haptics.device import DeviceOptions
+from app.haptics.hand import read_hand
+from app.haptics.servo import Servo
+from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.haptics.servo_process import FeltSetting
+from app.simulation.preset import preset_named
+from physics import Cubic
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "haptics.md").read_text()
+
+
+def block(kind: str, holding: str) -> str:
+    found = re.findall(rf"^```{kind}\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+    return next(each for each in found if holding in each)
+
+
+def test_a_virtual_run_reports_records_and_is_made_again(tmp_path: Path) -> None:
+    hand = tmp_path / "hand.toml"
+    hand.write_text(block("toml", "[hand]"))
+    assert read_hand(hand).repeats
+    report, record = tmp_path / "r.json", tmp_path / "run.json"
+    said = run("haptics", "--device", "virtual", "--hand", str(hand), "--hold", "--seconds", "1.5",
+               "--report", str(report), "--record", str(record)).stdout  # fmt: skip
+    made: dict[str, Any] = json.loads(report.read_text())
+    assert "ended by           its time is over" in said
+    assert made["force_check"]["largest_error"] < 1e-6
+    assert made["energy_mJ"]["residual_of_peak"] < 1e-4
+    assert made["stale_periods"] == 0
+    again = json.loads(run("haptics", "--replay", str(record), "--json").stdout)
+    assert again["as_recorded"] is True
+    assert again["periods"] == made["periods"]
+    assert again["bytes"] == record.stat().st_size
+
+
+def test_the_driver_of_haply_feels_the_virtual_device_until_a_signal() -> None:
+    serve = command("haptics", "--serve-virtual", "--address", "ws://127.0.0.1:0")
+    with subprocess.Popen(serve, stdout=subprocess.PIPE, text=True) as serving:
+        try:
+            assert serving.stdout is not None
+            address = serving.stdout.readline().split()[-1]
+            feel = command("haptics", "--device", "haply", "--address", address, "--hold", "--json")
+            with subprocess.Popen(
+                feel, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+            ) as feeling:
+                assert serving.stdout.readline() == "client 1 has come\n"
+                feeling.send_signal(signal.SIGTERM)  # whether it compiles or feels
+                made = json.loads(feeling.communicate(timeout=60.0)[0])
+            assert made["ended_by"] == "signal SIGTERM"
+            assert made["device"] == "Haply inverse3 049D, messages of 3.5"
+            assert serving.stdout.readline() == "client 1 has gone\n"
+        finally:
+            serving.terminate()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "one of --serve-virtual, --device and --replay"),
+        (["--device", "spoon"], "there are: "),
+        (["--device", "virtual", "--theory", "fem"], "cannot be felt"),
+        (["--device", "virtual", "--second-at", "3"], "give --second"),
+        (["--device", "haply", "--address", "http://a"], "ws://127.0.0.1:10001"),
+        (["--replay", "none.json"], "cannot read none.json"),
+        (["--device", "virtual", "--report", "no/folder/r.json"], "no folder"),
+    ],
+)
+def test_what_is_wrong_is_said(words: list[str], says: str) -> None:
+    assert says in refused(["haptics", *words])
+
+
+def test_a_driver_is_written_in_forty_lines() -> None:
+    source = block("python", "class SpringBox")
+    assert len(source.splitlines()) <= 40
+    names: dict[str, Any] = {}
+    exec(source, names)
+    device = names["open_box"](DeviceOptions("", 0.001))
+    setting = FeltSetting(Cubic(), preset_named("thesis-bile-duct").round_beam(), 25.4, 0.2115)
+    from app.haptics.servo_process import _duct  # pyright: ignore[reportPrivateUsage]
+
+    loop = ServoLoop(_duct(setting, device, LoopSettings()), LoopSettings(), device.limits)
+    periods = iter(range(2000))
+    report = Servo([device], loop).run(
+        None, lambda: None if next(periods, None) is not None else "enough"
+    )
+    assert report.ended_by == "enough"
+    assert loop.model.forces[0, 2] == pytest.approx(2.0, rel=0.05)  # it pulls with 2 N
+
+
+def test_the_published_commands_have_our_options() -> None:
+    said = run("haptics", "--help").stdout
+    commands = block("sh", "--serve-virtual")
+    for option in set(re.findall(r"--[a-z-]+", commands)) - {"--haptics"}:
+        assert option in said
