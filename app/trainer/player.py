@@ -156,10 +156,11 @@ def order_page(order: Order) -> str:
         motion,
         _captions(order, motion, force),
         _hooks(dissection, motion, grasp),
-        preset.title,
+        preset.label,
         [
             f"{dissection.beam.span:.1f} mm between the clamps, pulled {grasp:.1f} mm from the "
             f"first, {theory.name} beam{broke}",
+            f"Solved as {dissection.section(theory)}.",
             "Forces in N, lengths in mm." + (f" {DRAWN_NOT_COMPUTED}" if tears else ""),
         ],
     )

@@ -45,6 +45,7 @@ def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
         about.wait_for()
         assert "Not clinically validated, not a medical device." in about.inner_text()
         assert wanted.dissection.preset.title in about.inner_text()
+        assert "a full round bar, 50.8 mm between the clamps" in about.inner_text()
         assert "Forces in N, lengths in mm." in about.inner_text()
         page.set_viewport_size({"width": 480, "height": 300})  # a small picture is drawn sooner
         assert "Forces in N" not in about.inner_text()

@@ -125,7 +125,8 @@ class ModelTab:
     def _title(self) -> str:
         """Return the title of the preset that is solved."""
         now = self._workplace.session.dissection.preset
-        return next(title for title, preset in self._titles.items() if preset == now)
+        titles = (title for title, preset in self._titles.items() if preset == now)
+        return next(titles, now.label)
 
     def _set_threshold(self, threshold: float) -> None:
         if not self._workplace.in_exercise:
