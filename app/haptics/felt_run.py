@@ -83,7 +83,9 @@ def felt_run(
         for name, options in opened:
             devices.append(open_device(name, options))
         limits = least_limits(devices)
-        stiffness = coupling or passive_coupling(limits.damping, settings.rate)
+        stiffness = coupling
+        if stiffness is None:
+            stiffness = passive_coupling(limits.damping, settings.rate)
         loop = ServoLoop(choice.felt(stiffness), settings, limits, len(devices))
     except BaseException:
         for device in devices:
