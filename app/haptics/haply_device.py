@@ -245,14 +245,14 @@ class HaplyDevice:
             self._trouble = f"a state without {self._id}"
             return False
         if now - asked > STALE_SECONDS:
-            self._trouble = f"a state {1e3 * (now - asked):.0f} ms late"
+            self._trouble = f"a state over {1e3 * STALE_SECONDS:g} ms late"
             return False
         place, speed = found[0].state.cursor_position, found[0].state.cursor_velocity
         if self._last is not None:
             way = max(abs(place.x - self._last.x), abs(place.y - self._last.y),
                       abs(place.z - self._last.z))  # fmt: skip
             if way > SLACK + self.limits.speed * (now - self._last_time):
-                self._trouble = f"a jump of {1e3 * way:.0f} mm"
+                self._trouble = "a jump"
                 self._last, self._last_time = place, now
                 return False
         self._last, self._last_time = place, now
