@@ -33,7 +33,8 @@ def compress(
         list[Path],
         typer.Argument(
             metavar="STACK...",
-            help="Folders of images or of a DICOM series; TIFF, NIfTI, NRRD or MetaImage files.",
+            help="Folders of images or of a DICOM series; TIFF, NIfTI, NRRD or MetaImage files; "
+            "zips of these.",
         ),
     ],
     output: Annotated[

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.traced_organ import TracedSection
+from organ_geometry.images.image_region import Region
 from organ_geometry.images.image_stack import GreyImage
 
 __all__ = ["LUMEN_COLOR", "OUTER_COLOR", "edge_picture"]
@@ -19,11 +20,23 @@ WIDTH = 480
 """Width of a picture, px, about: a panel's, on a screen with two pixels a point."""
 HIGHEST = 720
 LINE = 2
+SEED_COLOR = (240, 228, 66)
+"""RGB, yellow of the same palette."""
+CROSS = 22
+BEYOND = 3
+"""By how much what is beyond the region is darker."""
 _FINE = 4
 """Bits of a pixel's part that are drawn."""
 
 
-def edge_picture(image: GreyImage, section: TracedSection | None) -> NDArray[np.uint8]:
+def edge_picture(
+    image: GreyImage,
+    section: TracedSection | None,
+    *,
+    region: Region | None = None,
+    inside: bool = True,
+    seed: tuple[float, float] | None = None,
+) -> NDArray[np.uint8]:
     """Return a picture of a section.
 
     Parameters
@@ -32,6 +45,12 @@ def edge_picture(image: GreyImage, section: TracedSection | None) -> NDArray[np.
         (H, W) grey levels, stretched to what a screen shows.
     section
         The edges, or None where nothing was found.
+    region
+        Columns and rows that are looked at; what is beyond is dark. None for all.
+    inside
+        Whether the image is one of those that are looked at.
+    seed
+        A pixel that is marked by a cross, column and row, or None.
 
     Returns
     -------
@@ -47,11 +66,21 @@ def edge_picture(image: GreyImage, section: TracedSection | None) -> NDArray[np.
     way = cv2.INTER_NEAREST if scale > 1.0 else cv2.INTER_AREA
     grey: Any = cv2.resize(level, size, interpolation=way)
     picture: NDArray[np.uint8] = np.repeat(grey[:, :, None], 3, axis=2)
+    factor = np.array([size[0] / columns, size[1] / rows])
+    if region is not None:
+        left, top = np.floor(np.array(region[:2]) * factor).astype(int)
+        right, bottom = np.ceil((np.array(region[2:4]) + 1) * factor).astype(int)
+        looked_at = np.zeros(picture.shape[:2], np.bool_)
+        looked_at[top:bottom, left:right] = inside
+        picture[~looked_at] = picture[~looked_at] // BEYOND
     if section is not None:
-        factor = np.array([size[0] / columns, size[1] / rows])
         for points, color in ((section.outer, OUTER_COLOR), (section.lumen, LUMEN_COLOR)):
             if points is not None:
                 _draw(picture, points, factor, color)
+    if seed is not None:
+        x, y = np.round((np.array(seed) + 0.5) * factor).astype(int).tolist()
+        for color, width in ((0, 0, 0), LINE + 2), (SEED_COLOR, LINE):
+            cv2.drawMarker(picture, (x, y), color, cv2.MARKER_CROSS, CROSS, width, cv2.LINE_AA)
     return picture
 
 

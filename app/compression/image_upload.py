@@ -1,22 +1,36 @@
-"""Images that somebody sends: a zip or a TIFF, taken apart without trusting a byte of it."""
+"""Images in a zip or in one file that somebody sends, taken apart without trusting a byte of it."""
 
+import gzip
 import io
 import re
 import stat
 import zipfile
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from app.compression.image_extent import UnknownImageError, image_extents
-from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.grey_image import ImageStackError, list_text
 from organ_geometry.images.image_files import IMAGE_SUFFIXES
+from organ_geometry.images.medical_file import DICOM_SUFFIXES, VOLUME_SUFFIXES
 from organ_geometry.images.spacing_file import SPACING_FILE
 
 __all__ = ["UploadBounds", "UploadRefusedError", "unpack_upload"]
 
 MIB = 2**20
+LONGEST_NAME = 255
+"""Bytes of a file's name that file systems take."""
 _PIECE = 2**16
+_TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_GZIP_START = b"\x1f\x8b"
+# Where the header of a MetaImage or an NRRD names the file of its voxels.
+_VOXELS = re.compile(rb"(?:ElementDataFile\s*[=:]?|data ?file\s*:)[ \t]*([^\r\n]*)", re.I)
+_DICOM_BYTES, _NIFTI_BYTES = 132, 348
+_WANTED = (
+    "a zip of PNG, JPEG, TIFF or BMP images or of a DICOM series, a TIFF, or a DICOM, NIfTI, NRRD "
+    "or MetaImage file"
+)
 
 
 class UploadRefusedError(ImageStackError):
@@ -37,6 +51,10 @@ class UploadBounds:
         Their size together, unpacked.
     image_pixels, all_pixels
         Pixels of one image, and of all.
+    voxels
+        Voxels of a volume, which is read whole.
+    otherwise
+        What to do about more.
     """
 
     file_bytes: int = 64 * MIB
@@ -44,6 +62,11 @@ class UploadBounds:
     unpacked_bytes: int = 256 * MIB
     image_pixels: int = 2**24
     all_pixels: int = 300 * 10**6
+    voxels: int = 2**26
+    otherwise: str = (
+        "build its organ with bluntdissect compress FILE -o duct.organ, and practise on it with "
+        "bluntdissect trainer --organ duct.organ"
+    )
 
 
 def unpack_upload(name: str, content: bytes, folder: Path, bounds: UploadBounds) -> Path:
@@ -54,7 +77,8 @@ def unpack_upload(name: str, content: bytes, folder: Path, bounds: UploadBounds)
     name
         What the file is called; the organ is called like it.
     content
-        The file: a zip of images, with or without a ``spacing.json``, or a TIFF.
+        The file: a zip of images, with or without a ``spacing.json``, of a DICOM series or of a
+        volume; a TIFF; or a DICOM, NIfTI, NRRD or MetaImage file.
     folder
         An empty folder; nothing is written elsewhere, whatever the file says.
     bounds
@@ -63,76 +87,187 @@ def unpack_upload(name: str, content: bytes, folder: Path, bounds: UploadBounds)
     Returns
     -------
     Path
-        The folder of the images, or the TIFF, for `read_image_stack`.
+        The folder of the images, or the file, for `read_image_stack`. How many voxels a medical
+        file has is not known yet.
 
     Raises
     ------
     UploadRefusedError
-        If it is neither, is too large, or a zip that has links, encrypted or damaged files, names
-        that lead elsewhere, or images in several folders.
+        If it is none of these, is too large, or a zip that has links, encrypted or damaged files,
+        names that lead elsewhere, or images of several organs; or if a header names voxels that
+        were not sent.
     """
     if len(content) > bounds.file_bytes:
         raise UploadRefusedError(
-            f"the file has {_mib(len(content))} and the most is {_mib(bounds.file_bytes)}"
+            f"the file has {_mib(len(content))} and the most is {_mib(bounds.file_bytes)}: "
+            f"{bounds.otherwise}"
         )
     called = _plain_name(name)
-    if content[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        _check_pixels({called: content}, bounds)
-        path = folder / f"{called}.tif"
-        path.write_bytes(content)
-        return path
+    suffix = _suffix(name, content)
+    if suffix is not None:
+        if suffix == ".tif":
+            _check_pixels({called: content}, bounds)
+        else:
+            _check_voxel_files(name, content, ())
+        return _written(folder, {f"{called}{suffix}": content}) / f"{called}{suffix}"
     try:
         files = _zip_files(content, bounds)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise UploadRefusedError(
-            "this is neither a TIFF nor a zip that can be read: send a zip of PNG, JPEG, TIFF or "
-            "BMP images"
-        ) from error
-    _check_pixels({each: data for each, data in files.items() if each != SPACING_FILE}, bounds)
+        raise UploadRefusedError(f"this cannot be read: send {_WANTED}") from error
     place = folder / called
     place.mkdir()
+    _written(place, files)
+    volumes = [each for each in files if _is_volume(each)]
+    return place / volumes[0] if volumes else place
+
+
+def _suffix(name: str, content: bytes) -> str | None:
+    """Return the suffix of a file that is a stack by itself, by what is in it; None of others."""
+    if content.startswith(_TIFF_STARTS):
+        return ".tif"
+    if _is_dicom(content):
+        return ".dcm"
+    if content.startswith(b"NRRD"):
+        return ".nrrd"
+    if _is_nifti(content):
+        return ".nii"
+    if content.startswith(_GZIP_START):
+        try:
+            with gzip.open(io.BytesIO(content)) as packed:
+                start = packed.read(_NIFTI_BYTES)
+        except (OSError, EOFError, zlib.error) as error:
+            raise UploadRefusedError(f"{_shown(name)} is damaged or cut short") from error
+        return ".nii.gz" if _is_nifti(start) else None
+    # A zip has its names as they are: those of MetaImages in it may stand in its first bytes.
+    return ".mha" if not content.startswith(b"PK") and b"ElementDataFile" in content else None
+
+
+def _is_dicom(content: bytes) -> bool:
+    return content[128:_DICOM_BYTES] == b"DICM"
+
+
+def _is_nifti(content: bytes) -> bool:
+    return content[344:_NIFTI_BYTES] in (b"n+1\0", b"ni1\0")
+
+
+def _is_volume(name: str) -> bool:
+    return name.lower().endswith(VOLUME_SUFFIXES)
+
+
+def _check_voxel_files(name: str, content: bytes, there: Iterable[str]) -> None:
+    """Refuse a header whose voxels are in a file that was not sent: it could be any."""
+    for named in _VOXELS.findall(content):
+        voxels = named.strip().decode(errors="replace")
+        if voxels != "LOCAL" and voxels not in there:
+            raise UploadRefusedError(
+                f"{_shown(name)} has its voxels in {_shown(voxels)}, which is not with it: send "
+                f"both in one zip"
+            )
+
+
+def _written(folder: Path, files: dict[str, bytes]) -> Path:
+    """Write files into a folder, and return it."""
     for each, data in files.items():
-        (place / each).write_bytes(data)
-    return place
+        try:
+            (folder / each).write_bytes(data)
+        except OSError as error:
+            raise UploadRefusedError(f"{_shown(each)} cannot be kept: {error.strerror}") from error
+    return folder
 
 
 def _zip_files(content: bytes, bounds: UploadBounds) -> dict[str, bytes]:
-    """Return a zip's images and spacing.json by their names without folders."""
+    """Return what is needed of a zip, by names without folders."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         entries = archive.infolist()
         if len(entries) > bounds.entries:
             raise UploadRefusedError(
-                f"the zip has {len(entries):,} entries and the most is {bounds.entries:,}"
+                f"the zip has {len(entries):,} entries and the most is {bounds.entries:,}: "
+                f"{bounds.otherwise}"
             )
         if sum(entry.file_size for entry in entries) > bounds.unpacked_bytes:
             raise _too_large(bounds)
         for entry in entries:
             _check_entry(entry)
-        images = [entry for entry in entries if _is_image(entry)]
-        folders = {PurePosixPath(entry.filename).parent for entry in images}
-        if not images:
-            raise UploadRefusedError("the zip has no PNG, JPEG, TIFF or BMP image in it")
-        if len(folders) > 1:
-            first, second, *_ = sorted(str(each) for each in folders)
+        used = [entry for entry in entries if not entry.is_dir() and not _is_hidden(entry)]
+        volumes = [entry for entry in used if _is_volume(entry.filename)]
+        if volumes:
+            return _volume_files(archive, used, volumes, bounds)
+        images = [
+            entry
+            for entry in used
+            if PurePosixPath(entry.filename).suffix.lower() in IMAGE_SUFFIXES
+        ]
+        dicom = [entry for entry in used if entry not in images and _is_dicom_entry(archive, entry)]
+        if images and dicom:
             raise UploadRefusedError(
-                f"the zip has images in several folders, as {_shown(first)} and {_shown(second)}: "
-                f"send those of one organ"
+                f"the zip has {len(dicom)} DICOM files and {len(images)} other images: send those "
+                f"of one organ"
             )
-        home = folders.pop()
+        if not images and not dicom:
+            raise UploadRefusedError(
+                "the zip has no PNG, JPEG, TIFF or BMP image in it, and no DICOM, NIfTI, NRRD or "
+                "MetaImage file"
+            )
+        home = _one_folder(images or dicom)
         spacing = [
             entry
             for place in (home, home.parent)
             for entry in entries
-            if PurePosixPath(entry.filename) == place / SPACING_FILE
+            if images and PurePosixPath(entry.filename) == place / SPACING_FILE
         ]
-        files: dict[str, bytes] = {}
-        left = bounds.unpacked_bytes
-        for entry in [*images, *spacing[:1]]:
-            base = PurePosixPath(entry.filename).name
-            if base in files:
-                raise UploadRefusedError(f"the zip has {_shown(base)} twice")
-            files[base] = _read(archive, entry, left, bounds)
-            left -= len(files[base])
+        files = _contents(archive, [*images, *spacing[:1]] if images else dicom, bounds)
+    if images:
+        _check_pixels({each: data for each, data in files.items() if each != SPACING_FILE}, bounds)
+    return files
+
+
+def _volume_files(
+    archive: zipfile.ZipFile,
+    used: list[zipfile.ZipInfo],
+    volumes: list[zipfile.ZipInfo],
+    bounds: UploadBounds,
+) -> dict[str, bytes]:
+    """Return a volume in a zip, and the files beside it that it may name."""
+    if len(volumes) > 1:
+        names = list_text(_shown(PurePosixPath(entry.filename).name) for entry in volumes)
+        raise UploadRefusedError(f"the zip has {len(volumes)} volumes, {names}: send one of them")
+    (volume,) = volumes
+    home = PurePosixPath(volume.filename).parent
+    beside = [
+        entry
+        for entry in used
+        if entry is not volume and PurePosixPath(entry.filename).parent == home
+    ]
+    files = _contents(archive, [volume, *beside], bounds)
+    name = PurePosixPath(volume.filename).name
+    _check_voxel_files(name, files[name], [each for each in files if each != name])
+    return files
+
+
+def _one_folder(entries: list[zipfile.ZipInfo]) -> PurePosixPath:
+    """Return the folder of all images."""
+    folders = {PurePosixPath(entry.filename).parent for entry in entries}
+    if len(folders) > 1:
+        first, second, *_ = sorted(str(each) for each in folders)
+        raise UploadRefusedError(
+            f"the zip has images in several folders, as {_shown(first)} and {_shown(second)}: "
+            f"send those of one organ"
+        )
+    return folders.pop()
+
+
+def _contents(
+    archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], bounds: UploadBounds
+) -> dict[str, bytes]:
+    """Return entries' contents by their names without folders."""
+    files: dict[str, bytes] = {}
+    left = bounds.unpacked_bytes
+    for entry in entries:
+        base = PurePosixPath(entry.filename).name
+        if base in files:
+            raise UploadRefusedError(f"the zip has {_shown(base)} twice")
+        files[base] = _read(archive, entry, left, bounds)
+        left -= len(files[base])
     return files
 
 
@@ -142,16 +277,32 @@ def _check_entry(entry: zipfile.ZipInfo) -> None:
     parts = PurePosixPath(name.replace("\\", "/")).parts
     if not parts or ".." in parts or parts[0] == "/" or "\\" in name or ":" in name or "\0" in name:
         raise UploadRefusedError(f"the zip has a file name that leads out of it: {_shown(name)}")
+    longest = max(parts, key=lambda part: len(part.encode()))
+    if len(longest.encode()) > LONGEST_NAME:
+        raise UploadRefusedError(
+            f"the zip has a name of {len(longest.encode())} bytes and files take {LONGEST_NAME}: "
+            f"{_shown(longest)}"
+        )
     if stat.S_ISLNK(entry.external_attr >> 16):
         raise UploadRefusedError(f"the zip has a link in it: {_shown(name)}")
     if entry.flag_bits & 1:
         raise UploadRefusedError(f"the zip is encrypted: {_shown(name)}")
 
 
-def _is_image(entry: zipfile.ZipInfo) -> bool:
+def _is_hidden(entry: zipfile.ZipInfo) -> bool:
+    parts = PurePosixPath(entry.filename).parts
+    return any(part.startswith(".") or part == "__MACOSX" for part in parts)
+
+
+def _is_dicom_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bool:
+    """Return whether an entry is DICOM, by its name or by its mark; a DICOMDIR is not an image."""
     path = PurePosixPath(entry.filename)
-    hidden = any(part.startswith(".") or part == "__MACOSX" for part in path.parts)
-    return not entry.is_dir() and not hidden and path.suffix.lower() in IMAGE_SUFFIXES
+    if path.name.upper() == "DICOMDIR":
+        return False
+    if path.suffix.lower() in DICOM_SUFFIXES:
+        return True
+    with archive.open(entry) as source:
+        return _is_dicom(source.read(_DICOM_BYTES))
 
 
 def _read(
@@ -194,7 +345,8 @@ def _check_pixels(images: dict[str, bytes], bounds: UploadBounds) -> None:
 
 def _too_large(bounds: UploadBounds) -> UploadRefusedError:
     return UploadRefusedError(
-        f"the zip is larger than {_mib(bounds.unpacked_bytes)} unpacked, which is the most"
+        f"the zip is larger than {_mib(bounds.unpacked_bytes)} unpacked, which is the most: "
+        f"{bounds.otherwise}"
     )
 
 

@@ -1,8 +1,9 @@
 """A workbench on which an organ is built step by step: images, their edges, a threshold."""
 
+import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -16,12 +17,20 @@ from app.compression.image_upload import UploadBounds, unpack_upload
 from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.images.image_region import Region
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
-from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.recut.recut_stack import recut_where_needed
+from organ_geometry.images.medical_file import is_dicom_file, is_volume_file, read_header
+from organ_geometry.images.stack_reader import read_image_stack, stack_labels
+from organ_geometry.organ_builder import BuiltOrgan, organ_of_edges
+from organ_geometry.recut.recut_stack import RecutSlices, recut_where_needed
 
-__all__ = ["Abandoned", "OpenedStack", "OrganWorkbench", "PromiseRefusedError"]
+__all__ = [
+    "Abandoned",
+    "OpenedStack",
+    "OrganChoice",
+    "OrganWorkbench",
+    "PromiseRefusedError",
+]
 
 Made = TypeVar("Made")
 
@@ -43,6 +52,28 @@ class PromiseRefusedError(ValueError):
         self.smallest_px = smallest_px
 
 
+@dataclass(frozen=True, slots=True)
+class OrganChoice:
+    """Which organ is meant, as the options of `compress` say it.
+
+    Attributes
+    ----------
+    seed
+        Column, row and image of a pixel of the organ, from 0 in the whole images, or None.
+    region
+        The part of the images in which it is, or None for all.
+    label
+        Its label, where the images hold labels, or None.
+    recut
+        Whether images of a curved organ may be cut again across it.
+    """
+
+    seed: tuple[int, int, int] | None = None
+    region: tuple[int, int, int, int, int, int] | None = None
+    label: int | None = None
+    recut: bool = True
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenedStack:
     """Images and the edges that were found in them.
@@ -51,33 +82,81 @@ class OpenedStack:
     ----------
     source
         Where the images are.
+    whole
+        All images, before a region is taken or they are cut again.
+    labels
+        The labels in them, where they look like labels.
+    choice
+        Which organ is meant.
     stack
-        The images, cut again across a curved organ where it needs that.
+        The images that are looked at: the region's, and cut again across a curved organ.
     traced
-        The edges.
-    sections
-        The edges by the image's number.
+        The edges; None where a label is to be chosen first.
+    sizes_mm
+        The pixel's side and the distance of the images that were given, mm, or None.
     """
 
     source: Path
+    whole: ImageStack
+    labels: tuple[int, ...]
+    choice: OrganChoice
     stack: ImageStack
-    traced: TracedOrgan
-    sections: dict[int, TracedSection]
+    traced: TracedOrgan | None
+    sizes_mm: tuple[float | None, float | None]
+
+    @property
+    def recut(self) -> bool:
+        """Whether the images were cut again, so that no place in them is one of the whole ones."""
+        return isinstance(self.stack.slices, RecutSlices)
+
+    @property
+    def shown(self) -> ImageStack:
+        """The images to show: all of them, or those that were cut again."""
+        return self.stack if self.recut else self.whole
 
     def picture(self, index: int) -> NDArray[np.uint8]:
-        """Return an image with its edges drawn over it.
+        """Return an image with its edges, the region and the seed drawn over it.
 
         Parameters
         ----------
         index
-            Number of the image, from 0.
+            Number of the shown image, from 0.
 
         Returns
         -------
         NDArray[np.uint8]
             (h, w, 3) RGB, see `edge_picture`.
         """
-        return edge_picture(self.stack.image(index), self.sections.get(index))
+        image, section = self.shown.image(index), self.section(index)
+        if self.recut:
+            return edge_picture(image, section)
+        region, seed = self.choice.region, self.choice.seed
+        if region is not None and section is not None:
+            section = section.moved(region[0], region[1])
+        return edge_picture(
+            image,
+            section,
+            region=region,
+            inside=region is None or region[4] <= index <= region[5],
+            seed=seed[:2] if seed is not None and seed[2] == index else None,
+        )
+
+    def section(self, index: int) -> TracedSection | None:
+        """Return the edges in an image, in pixels of the region.
+
+        Parameters
+        ----------
+        index
+            Number of the shown image, from 0.
+
+        Returns
+        -------
+        TracedSection | None
+            The edges, or None if there are none.
+        """
+        wanted = index - self._first
+        found = () if self.traced is None else self.traced.sections
+        return next((section for section in found if section.index == wanted), None)
 
     def problem(self, index: int) -> str | None:
         """Return why nothing was found in an image.
@@ -85,14 +164,24 @@ class OpenedStack:
         Parameters
         ----------
         index
-            Number of the image, from 0.
+            Number of the shown image, from 0.
 
         Returns
         -------
         str | None
             The reason; None if an edge was found.
         """
-        return self.traced.problems.get(index)
+        if self.traced is None:
+            return "choose the organ's label"
+        if not 0 <= index - self._first < len(self.stack):
+            return "it is left out"
+        return self.traced.problems.get(index - self._first)
+
+    @property
+    def _first(self) -> int:
+        """Number of the first image looked at among those shown."""
+        region = self.choice.region
+        return 0 if self.recut or region is None else region[4]
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +244,45 @@ class OrganWorkbench:
         Abandoned
             If the workbench is closed meanwhile.
         """
-        opened = self._open(source, None, None, progress)
+        opened = self._made(progress, _opened, source, (None, None), OrganChoice(), self._bounds)
         self._take(opened, None)
+        return opened
+
+    def choose(self, choice: OrganChoice, progress: Progress | None = None) -> OpenedStack:
+        """Find another organ in the images. What was found before stays if this cannot be.
+
+        Parameters
+        ----------
+        choice
+            Which is meant. Of labels without one chosen, a seed takes the label that it is on.
+        progress
+            Called after each image with the number done and the number of images.
+
+        Returns
+        -------
+        OpenedStack
+            The images and their edges.
+
+        Raises
+        ------
+        ValueError
+            If there are no images, or the choice does not fit them.
+        Abandoned
+            If the workbench is closed meanwhile.
+        """
+        before = self.opened
+        if before is None:
+            raise ValueError(_NO_IMAGES)
+        try:
+            opened = self._made(
+                progress, _opened, before.source, before.sizes_mm, choice, self._bounds
+            )
+        except ValueError as error:
+            raise ValueError(_without(before.source.parent, error)) from error
+        with self._lock:
+            if self._closed or self.opened is not before:
+                raise Abandoned
+            self.opened, self.built = opened, None
         return opened
 
     def open_upload(
@@ -196,7 +322,9 @@ class OrganWorkbench:
             place = Path(folder.name)
             source = unpack_upload(name, content, place, self._bounds)
             try:
-                opened = self._open(source, pixel_mm, slice_mm, progress)
+                opened = self._made(
+                    progress, _opened, source, (pixel_mm, slice_mm), OrganChoice(), self._bounds
+                )
             except ValueError as error:
                 raise ImageStackError(_without(place, error)) from error
             self._take(opened, folder)
@@ -235,9 +363,11 @@ class OrganWorkbench:
         self.built = None
         opened = self.opened
         if opened is None:
-            raise ValueError("there are no images: choose the phantom or send some")
+            raise ValueError(_NO_IMAGES)
+        if opened.traced is None:
+            raise ValueError("the images hold labels: choose the organ's")
         try:
-            built = self._made(progress, _built, opened.stack, tolerance_px)
+            built = self._made(progress, _built, opened.stack, opened.traced, tolerance_px)
         except ValueError as error:
             raise ValueError(_without(opened.source.parent, error)) from error
         if isinstance(built, _TooSmall):
@@ -256,15 +386,6 @@ class OrganWorkbench:
         self.opened = self.built = None
         if folder is not None:
             folder.cleanup()
-
-    def _open(
-        self,
-        source: Path,
-        pixel_mm: float | None,
-        slice_mm: float | None,
-        progress: Progress | None,
-    ) -> OpenedStack:
-        return self._made(progress, _opened, source, pixel_mm, slice_mm)
 
     def _take(self, opened: OpenedStack, folder: TemporaryDirectory[str] | None) -> None:
         with self._lock:
@@ -290,25 +411,99 @@ class OrganWorkbench:
 
 
 def _opened(
-    source: Path, pixel_mm: float | None, slice_mm: float | None, progress: Progress
+    source: Path,
+    sizes_mm: tuple[float | None, float | None],
+    choice: OrganChoice,
+    bounds: UploadBounds,
+    progress: Progress,
 ) -> OpenedStack:
-    """Read images and find their edges."""
+    """Read images and find the edges of the organ that is meant."""
+    pixel_mm, slice_mm = sizes_mm
     pixel = None if pixel_mm is None else (pixel_mm, pixel_mm)
-    stack = read_image_stack(source, pixel_size=pixel, slice_spacing=slice_mm)
-    stack = recut_where_needed(stack, "auto")
-    traced = trace_organ(stack, progress=progress)
-    sections = {section.index: section for section in traced.sections}
-    return OpenedStack(source, stack, traced, sections)
+
+    def read(label: int | None, region: Region | None = None) -> ImageStack:
+        return read_image_stack(
+            source, pixel_size=pixel, slice_spacing=slice_mm, label=label, roi=region
+        )
+
+    _check_voxels(source, bounds)
+    whole = read(None)
+    _check_extent(whole, bounds)
+    labels = stack_labels(whole)
+    if labels and choice.label is None and choice.seed is not None:
+        choice = replace(choice, label=_label_at(whole, choice.seed))
+    if choice.label is not None:
+        whole = read(choice.label)
+    elif labels:
+        return OpenedStack(source, whole, labels, choice, whole, None, sizes_mm)
+    region, seed = choice.region, choice.seed
+    stack = whole if region is None else read(choice.label, region)
+    if seed is not None and region is not None:
+        low, high = (region[0], region[1], region[4]), (region[2], region[3], region[5])
+        if not all(a <= at <= b for a, at, b in zip(low, seed, high, strict=True)):
+            raise ImageStackError("the point is outside of the part that is looked at")
+        seed = seed[0] - region[0], seed[1] - region[1], seed[2] - region[4]
+    suited = recut_where_needed(stack, "auto" if choice.recut else "never", seed=seed)
+    traced = trace_organ(suited, seed=seed if suited is stack else None, progress=progress)
+    return OpenedStack(source, whole, labels, choice, suited, traced, sizes_mm)
 
 
 def _built(
-    stack: ImageStack, tolerance_px: float | None, progress: Progress
+    stack: ImageStack, traced: TracedOrgan, tolerance_px: float | None, _: Progress
 ) -> BuiltOrgan | _TooSmall:
-    """Build an organ, or return what can be kept instead."""
+    """Build an organ of its edges, or return what can be kept instead."""
     try:
-        return build_organ(stack, tolerance_px=tolerance_px, progress=progress)
+        return organ_of_edges(stack, traced, tolerance_px=tolerance_px)
     except ToleranceTooSmall as error:
         return _TooSmall(error.smallest_mm)
+
+
+def _label_at(stack: ImageStack, seed: tuple[int, int, int]) -> int:
+    """Return the label that a seed is on."""
+    x, y, index = seed
+    rows, columns = stack.shape
+    if not (0 <= x < columns and 0 <= y < rows and 0 <= index < len(stack)):
+        raise ImageStackError(f"there is no pixel {x}, {y} in an image {index}")
+    value = round(stack.level_offset + stack.level_step * int(stack.image(index)[y, x]))
+    if value == 0:
+        raise ImageStackError(f"there is no label at {x}, {y} of image {index}: point at the organ")
+    return value
+
+
+def _check_voxels(source: Path, bounds: UploadBounds) -> None:
+    """Refuse a volume that is larger in memory than it may be, before it is read."""
+    if source.is_file() and (is_volume_file(source) or is_dicom_file(source)):
+        voxels = math.prod(read_header(source).size)
+        if voxels > bounds.voxels:
+            raise ImageStackError(
+                f"{source.name} has {voxels / 1e6:,.0f} million voxels and the most is "
+                f"{bounds.voxels / 1e6:,.0f} million: {bounds.otherwise}"
+            )
+
+
+def _check_extent(stack: ImageStack, bounds: UploadBounds) -> None:
+    """Refuse images, DICOM's too, that are larger than they may be, before they are read."""
+    pixels = math.prod(stack.shape)
+    if pixels > bounds.image_pixels or pixels * len(stack) > bounds.all_pixels:
+        raise ImageStackError(
+            f"{len(stack)} images of {pixels / 1e6:,.1f} million pixels are more than is taken: "
+            f"{bounds.otherwise}"
+        )
+
+
+_NO_IMAGES = "there are no images: choose the phantom or send some"
+# What a command line calls options and folders, a page calls fields and what was sent.
+_PAGE_WORDS = (
+    (
+        "give --pixel-size and --slice-spacing or a spacing.json in the folder or its parent",
+        "give the pixel size and the slice distance, or put a spacing.json into the zip",
+    ),
+    ("give one file of the one wanted, such as", "send a zip with one of them alone:"),
+    ("give a file of several frames by itself", "send that file by itself"),
+    ("give a multipage TIFF alone", "send it alone"),
+    ("the folder ", ""),
+    ("a folder of", "a zip of"),
+)
 
 
 def _without(folder: Path, error: ValueError) -> str:
@@ -316,8 +511,6 @@ def _without(folder: Path, error: ValueError) -> str:
     text = str(error)
     for place in (folder, folder.resolve()):
         text = text.replace(f"{place}/", "").replace(str(place), "the upload")
-    # A page has fields where a command line has options.
-    text = text.replace("--pixel-size", "the pixel size").replace(
-        "--slice-spacing", "the slice distance"
-    )
+    for ours, on_the_page in _PAGE_WORDS:
+        text = text.replace(ours, on_the_page)
     return " ".join(text.split())

@@ -2,12 +2,15 @@
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from app.compression.image_upload import UploadBounds, unpack_upload
 from app.compression.organ_figure import check_figure_target, draw_organ_figure
 from app.compression.report import Facts, facts
 from organ_geometry.coding.organ_file import write_organ
@@ -19,6 +22,15 @@ from organ_geometry.whole_file import check_target
 __all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
 
 ORGAN_SUFFIX = ".organ"
+ZIP_BOUNDS = UploadBounds(
+    file_bytes=2**30,
+    entries=20_000,
+    unpacked_bytes=2**31,
+    image_pixels=2**28,
+    all_pixels=2**32,
+    otherwise="unpack it, and give its folder or file",
+)
+"""The most of a zip that is one's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +40,7 @@ class StackJob:
     Attributes
     ----------
     stack
-        Where the images are.
+        Where the images are: a folder, a file or a zip.
     output
         The organ file to write.
     figure
@@ -114,18 +126,40 @@ def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = 
         written or would be taken for one of them.
     """
     _check_job(job)
-    images = read_image_stack(job.stack, **job.reading)
-    building = dict(job.building)
-    where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}
-    suited = recut_where_needed(images, job.recut, **where)
-    if suited is not images:
-        building["seed"] = None  # it was of the images as they were
-    built = build_organ(suited, progress=progress, **building)
-    write_organ(built.organ, job.output)
-    if job.figure is not None:
-        edges = [contour.outer for contour in built.contours]
-        draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
-    return facts(built, suited, stack=job.stack, output=job.output)
+    with _unpacked(job.stack) as source:
+        images = read_image_stack(source, **job.reading)
+        building = dict(job.building)
+        where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}
+        suited = recut_where_needed(images, job.recut, **where)
+        if suited is not images:
+            building["seed"] = None  # it was of the images as they were
+        built = build_organ(suited, progress=progress, **building)
+        write_organ(built.organ, job.output)
+        if job.figure is not None:
+            edges = [contour.outer for contour in built.contours]
+            draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
+        return facts(built, suited, stack=job.stack, output=job.output)
+
+
+@contextmanager
+def _unpacked(stack: Path) -> Generator[Path]:
+    """Give where a stack's images are: of a zip, unpacked for as long as they are read."""
+    if not (stack.is_file() and stack.suffix.lower() == ".zip"):
+        yield stack
+        return
+    with TemporaryDirectory(prefix="bluntdissect-", ignore_cleanup_errors=True) as place:
+        folder = Path(place)
+        try:
+            yield unpack_upload(stack.name, _content(stack), folder, ZIP_BOUNDS)
+        except ValueError as error:
+            said = str(error).replace(f"{folder}/", f"{stack}/")
+            raise ValueError(said if str(stack) in said else f"{stack}: {said}") from error
+
+
+def _content(stack: Path) -> bytes:
+    if stack.stat().st_size > ZIP_BOUNDS.file_bytes:
+        raise ValueError(f"it is larger than {ZIP_BOUNDS.file_bytes:,} bytes: unpack it")
+    return stack.read_bytes()
 
 
 def jobs_into(

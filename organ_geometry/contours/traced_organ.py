@@ -1,6 +1,6 @@
 """The edges of an organ in a stack of images, as they are found."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,23 @@ class TracedSection:
     other_part: bool
     threshold: float
     carried: bool = False
+
+    def moved(self, x: float, y: float) -> "TracedSection":
+        """Return the section as it is in an image that begins earlier.
+
+        Parameters
+        ----------
+        x, y
+            Columns and rows before the first of this one, px.
+
+        Returns
+        -------
+        TracedSection
+            The section, further right and down.
+        """
+        shift = np.array([x, y], np.float64)
+        lumen = None if self.lumen is None else self.lumen + shift
+        return replace(self, outer=self.outer + shift, lumen=lumen)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,10 @@ from organ_geometry.images.medical_file import (
     volume_files,
 )
 
-__all__ = ["read_image_stack"]
+__all__ = ["read_image_stack", "stack_labels"]
+
+MOST_LABELS = 64
+"""Images of more values are grey."""
 
 
 def read_image_stack(
@@ -103,6 +106,32 @@ def read_image_stack(
     if axis is not None:
         stack = _across(stack, axis)
     return stack if roi is None else _cropped(stack, roi)
+
+
+def stack_labels(stack: ImageStack) -> tuple[int, ...]:
+    """Return the labels of a stack whose images look like labels: 0 and a few whole numbers.
+
+    Parameters
+    ----------
+    stack
+        The images, read without a label.
+
+    Returns
+    -------
+    tuple[int, ...]
+        The values other than 0, rising; none of grey images, and none of a mask, which has one.
+    """
+    present: set[int] = set()
+    for image in stack.images():
+        levels = np.flatnonzero(np.bincount(image.ravel()))
+        values = stack.level_offset + stack.level_step * levels
+        whole = np.rint(values)
+        if np.abs(values - whole).max() > 0.5 * stack.level_step or stack.level_step > 1.0:
+            return ()
+        present.update(int(value) for value in whole)
+        if len(present) > MOST_LABELS + 1 or min(present) < 0:
+            return ()
+    return tuple(sorted(present - {0})) if 0 in present and len(present) > 2 else ()
 
 
 def _whole_stack(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, Playwright, sync_playwright
 
 from app.trainer.client_view import ClientView
 from app.trainer.player import GRID
@@ -145,26 +145,26 @@ class TrainerPage:
         """Open a tab of the panel."""
         self.page.get_by_role("tab", name=tab, exact=True).click()
 
-    def choose(self, label: str, option: str) -> None:
-        """Choose from a dropdown."""
-        row = self.page.get_by_text(label, exact=True).locator(
+    def row(self, label: str) -> Locator:
+        """A label and its inputs."""
+        return self.page.get_by_text(label, exact=True).locator(
             "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
         )
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose from a dropdown."""
+        row = self.row(label)
         row.locator("input:not([type=hidden])").click()
         self.page.get_by_role("option", name=option, exact=True).click()
 
     def tick(self, label: str) -> None:
         """Tick or untick a checkbox."""
-        row = self.page.get_by_text(label, exact=True).locator(
-            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
-        )
+        row = self.row(label)
         row.locator("input[type=checkbox]").click()
 
     def slider(self, label: str) -> float:
         """What a slider's number field shows."""
-        row = self.page.get_by_text(label, exact=True).locator(
-            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
-        )
+        row = self.row(label)
         return float(row.locator("input:not([type=hidden])").input_value())
 
     def press(self, button: str) -> None:
@@ -202,9 +202,7 @@ class TrainerPage:
 
     def slide(self, label: str, value: float) -> None:
         """Type a value into a slider's number field."""
-        row = self.page.get_by_text(label, exact=True).locator(
-            "xpath=ancestor::*[contains(@class, 'Flex-root')][1]"
-        )
+        row = self.row(label)
         field = row.locator("input:not([type=hidden])")
         field.fill(str(value))
         field.press("Enter")

@@ -6,6 +6,7 @@ import time
 import zipfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from browser import PATIENCE, TrainerPage, newest, trainer_page
@@ -129,6 +130,76 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         tab.slide("Force F (N)", 1.0)
         tab.wait_for_force(1.0)
     wait_until_gone(place)
+
+
+def two_tubes(path: Path) -> Path:
+    """A zip of eight images of a wide tube about (20, 24) and a thin one about (52, 10)."""
+    image = np.zeros((48, 64), np.uint8)
+    cv2.circle(image, (20, 24), 14, 200, -1)
+    cv2.circle(image, (52, 10), 6, 200, -1)
+    content = cv2.imencode(".png", image)[1].tobytes()
+    with zipfile.ZipFile(path, "w") as archive:
+        for number in range(8):
+            archive.writestr(f"scan/{number}.png", content)
+        archive.writestr(
+            "scan/spacing.json", '{"pixel_spacing_mm": 0.5, "slice_spacing_mm": 5, "units": "mm"}'
+        )
+    return path
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which_is_meant(
+    browser: Browser, trainer: Trainer, tmp_path: Path, width: int, height: int
+) -> None:
+    with trainer_page(browser, trainer.address, width=width, height=height) as tab:
+        session = newest(trainer).session
+        shipped = session.dissection.organ
+        tab.open("Build")
+        page = tab.page
+        page.locator("input[type=file]").last.set_input_files(two_tubes(tmp_path / "scan.zip"))
+        result = page.get_by_test_id("build-result")
+        expect(result).to_have_attribute("data-doubts", "1", timeout=PATIENCE)
+        doubts = result.get_by_test_id("build-doubts")
+        expect(doubts).to_contain_text("Probably another organ than the one wanted")
+        expect(doubts).to_contain_text("8 of 8 sections show another part")
+
+        # Its button is not the one that stands out, and nothing is practised on before a yes.
+        def color(name: str) -> str:
+            button = page.get_by_role("button", name=name, exact=True)
+            return button.evaluate("each => getComputedStyle(each).backgroundColor")
+
+        assert color("Practise on it") == color("Download .organ")
+        tab.press("Practise on it")
+        dialog = page.get_by_role("dialog")
+        expect(dialog).to_contain_text("8 of 8 sections show another part")
+        dialog.get_by_role("button", name="Back to the images").click()
+        expect(dialog).to_have_count(0)
+        assert session.dissection.organ is shipped
+        tab.press("Practise on it")
+        dialog.get_by_role("button", name="Practise on it all the same").click()
+        tab.wait_until(lambda: session.dissection.organ.mean_radius == pytest.approx(7.1, abs=0.1))
+
+        image = page.get_by_test_id("build-image")
+        image.scroll_into_view_if_needed()
+        box = image.bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + 52.5 / 64 * box["width"], box["y"] + 10.5 / 48 * box["height"])
+        expect(result).to_have_attribute("data-doubts", "0", timeout=PATIENCE)
+        expect(result).to_contain_text("8 in, 8 found")
+        assert color("Practise on it") != color("Download .organ")
+        expect(tab.row("Point").locator("input")).to_have_value("52,10,4")
+        tab.press("Practise on it")
+        tab.wait_until(lambda: session.dissection.organ.mean_radius == pytest.approx(3.1, abs=0.1))
+
+        # The first image is left out by a key, and all are looked at again by the button.
+        page.get_by_text("Look only here", exact=True).first.click()
+        handle = tab.row("Images").get_by_role("slider").first
+        handle.focus()
+        page.keyboard.press("ArrowRight")
+        expect(result).to_contain_text("7 in, 7 found", timeout=PATIENCE)
+        tab.press("Look everywhere")
+        expect(result).to_have_attribute("data-doubts", "1", timeout=PATIENCE)
+        expect(result).to_contain_text("8 in, 8 found")
 
 
 def wait_until_gone(place: Path) -> None:

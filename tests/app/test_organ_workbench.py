@@ -1,7 +1,9 @@
 """The workbench: what is sent is taken apart safely, and gives the bytes that compress writes."""
 
+import dataclasses
 import io
 import stat
+import sys
 import tempfile
 import zipfile
 from collections.abc import Iterator
@@ -10,11 +12,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from program import refused
 
 from app.compression.edge_picture import LUMEN_COLOR, OUTER_COLOR, edge_picture
 from app.compression.image_extent import UnknownImageError, image_extents
 from app.compression.image_upload import UploadBounds, UploadRefusedError, unpack_upload
-from app.compression.organ_workbench import Abandoned, OrganWorkbench, PromiseRefusedError
+from app.compression.organ_workbench import (
+    Abandoned,
+    OrganChoice,
+    OrganWorkbench,
+    PromiseRefusedError,
+)
 from app.compression.stack_job import StackJob, compress_stack
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.contours.traced_organ import TracedSection
@@ -27,6 +35,10 @@ FEW = 12
 
 def png(width: int = 8, height: int = 6) -> bytes:
     return encoded(np.zeros((height, width), np.uint8), ".png")
+
+
+def dicom_like() -> bytes:
+    return bytes(128) + b"DICM"
 
 
 def encoded(image: np.ndarray, suffix: str) -> bytes:
@@ -115,6 +127,17 @@ def test_a_tiff_whose_pages_go_round_is_refused() -> None:
         ({"a/1.png": png(), "b/1.png": png()}, "several folders"),
         ({"1.png": b"not an image"}, "'1.png' cannot be read"),
         ({"1.png": b"GIF89a"}, "'1.png' cannot be read"),
+        ({f"{'x' * 252}.png": png()}, "a name of 256 bytes and files take 255"),
+        ({f"{'é' * 126}.png": png()}, "a name of 256 bytes and files take 255"),
+        ({f"{'d' * 300}/1.png": png()}, "a name of 300 bytes and files take 255"),
+        ({"1.png": png(), "1.dcm": dicom_like()}, "1 DICOM files and 1 other images"),
+        ({"a/1": dicom_like(), "b/2": dicom_like()}, "several folders"),
+        ({"a.nrrd": b"NRRD0004", "b.mha": b""}, "2 volumes, 'a.nrrd', 'b.mha': send one"),
+        ({"a.mhd": b"ElementDataFile = /etc/passwd"}, "voxels in '/etc/passwd', which is not"),
+        ({"a.mhd": b"ElementDataFile : ../b.raw", "b.raw": b""}, "voxels in '../b.raw'"),
+        ({"a.mha": b"ElementDataFile = LIST"}, "voxels in 'LIST'"),
+        ({"a.nhdr": b"NRRD0004\ndata file: /etc/passwd"}, "voxels in '/etc/passwd'"),
+        ({"a.nrrd": b"NRRD0004\ndatafile: LIST"}, "voxels in 'LIST'"),
         ({"1.png": png(5000, 5000)}, r"5,000 x 5,000 pixels and the most is 16\.8 million"),
         ({f"{n}.png": png(2000, 8000) for n in range(20)}, "320 million"),
     ],
@@ -129,6 +152,17 @@ def test_hostile_zips_are_refused_in_one_line(
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 250
     assert [path for path in tmp_path.rglob("*") if path != place] == []
+
+
+@pytest.mark.parametrize(
+    "content", [b"NRRD0004\ndata file: /etc/passwd", b"NDims = 3\nElementDataFile = /etc/passwd"]
+)
+def test_a_header_that_names_a_file_of_this_machine_is_refused(
+    content: bytes, tmp_path: Path
+) -> None:
+    with pytest.raises(UploadRefusedError, match="'/etc/passwd', which is not with it"):
+        unpack_upload("a.nrrd", content, tmp_path, BOUNDS)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_links_are_refused(tmp_path: Path) -> None:
@@ -179,11 +213,10 @@ def test_bounds_hold_at_the_last_byte_and_entry(tmp_path: Path) -> None:
     )
     found = unpack_upload("scan.zip", content, tmp_path, exact)
     assert sorted(path.name for path in found.iterdir()) == ["1.png", "2.png"]
-    for bound in UploadBounds.__dataclass_fields__:
-        values = {name: getattr(exact, name) for name in UploadBounds.__dataclass_fields__}
-        values[bound] -= 1
+    for bound in ("file_bytes", "entries", "unpacked_bytes", "image_pixels", "all_pixels"):
+        less = dataclasses.replace(exact, **{bound: getattr(exact, bound) - 1})
         with pytest.raises(UploadRefusedError, match="most"):
-            unpack_upload("again.zip", content, tmp_path, UploadBounds(**values))
+            unpack_upload("again.zip", content, tmp_path, less)
     assert [path.name for path in tmp_path.iterdir()] == ["scan"]
 
 
@@ -260,6 +293,146 @@ def test_a_tiff_of_pages_gives_the_organ_of_its_images(bench: OrganWorkbench) ->
     of_pages = bench.build(0.5).organ.encoded
     bench.open_upload("same.zip", zipped(phantom_files()), pixel_mm=0.125, slice_mm=0.4)
     assert bench.build(0.5).organ.encoded == of_pages
+
+
+def scene(count: int = 6) -> np.ndarray:
+    """A bright tube about column 20, row 24, and a thin one about 52, 10."""
+    image = np.zeros((48, 64), np.uint8)
+    cv2.circle(image, (20, 24), 14, 200, -1)
+    cv2.circle(image, (52, 10), 6, 200, -1)
+    return np.repeat(image[None], count, axis=0)
+
+
+def volume(values: np.ndarray, suffix: str, place: Path) -> bytes:
+    """A medical file of voxels with sides of 0.5, 0.5 and 2 mm."""
+    itk = pytest.importorskip("SimpleITK")
+    image = itk.GetImageFromArray(values)
+    image.SetSpacing((0.5, 0.5, 2.0))
+    path = place / f"made{suffix}"
+    itk.WriteImage(image, str(path), True)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".nrrd", ".mha"])
+@pytest.mark.parametrize("in_a_zip", [False, True])
+def test_a_volume_gives_the_bytes_of_compress(
+    bench: OrganWorkbench, tmp_path: Path, suffix: str, in_a_zip: bool
+) -> None:
+    content = volume(scene(), suffix, tmp_path)
+    name = f"scan{suffix}"
+    sent = ("scan.zip", zipped({f"in/{name}": content})) if in_a_zip else (name, content)
+    bench.open_upload(*sent)
+    built = bench.build()
+    assert built.doubts
+    (tmp_path / sent[0]).write_bytes(sent[1])
+    job = StackJob(tmp_path / sent[0], tmp_path / "duct.organ")
+    said = compress_stack(job)
+    assert built.organ.encoded == job.output.read_bytes()
+    assert said.doubts == built.doubts
+
+
+def test_a_header_and_its_voxels_are_read_of_a_zip(bench: OrganWorkbench, tmp_path: Path) -> None:
+    volume(scene(), ".mhd", tmp_path)
+    files = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    assert len(files) == 2
+    opened = bench.open_upload("scan.zip", zipped(files))
+    assert len(opened.whole) == 6
+    with pytest.raises(UploadRefusedError, match="which is not with it: send both in one zip"):
+        bench.open_upload("made.mhd", files["made.mhd"])
+
+
+def test_zipped_dicom_is_read(bench: OrganWorkbench, data_dir: Path) -> None:
+    pytest.importorskip("SimpleITK")
+    files = {
+        f"exam/{path.stem}": path.read_bytes()
+        for path in sorted((data_dir / "dicom_abdomen_ct" / "series").glob("*.dcm"))[:6]
+    }
+    opened = bench.open_upload("ct.zip", zipped(files | {"exam/DICOMDIR": b"not an image"}))
+    assert len(opened.whole) == 6
+    assert opened.whole.slice_spacing == 2.0
+
+
+def test_a_volume_is_refused_before_it_is_read_if_it_is_too_large(
+    own_temp: Path, tmp_path: Path
+) -> None:
+    bench = OrganWorkbench(UploadBounds(voxels=scene().size - 1))
+    with pytest.raises(ValueError, match="million voxels and the most is 0 million: build its"):
+        bench.open_upload("scan.nrrd", volume(scene(), ".nrrd", tmp_path))
+    assert list(own_temp.iterdir()) == []
+
+
+def test_without_simpleitk_the_line_that_installs_it_is_named(
+    bench: OrganWorkbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = volume(scene(), ".nrrd", tmp_path)
+    monkeypatch.setitem(sys.modules, "SimpleITK", None)
+    with pytest.raises(ValueError, match=r"pip install 'bluntdissect\[medical\]'"):
+        bench.open_upload("scan.nrrd", content)
+
+
+def test_labels_are_offered_and_a_point_takes_the_one_it_is_on(
+    bench: OrganWorkbench, tmp_path: Path
+) -> None:
+    values = (scene() > 0).astype(np.int16)
+    values[:, :, 40:] *= 7
+    opened = bench.open_upload("labels.nrrd", volume(values, ".nrrd", tmp_path))
+    assert opened.labels == (1, 7)
+    assert opened.traced is None
+    with pytest.raises(ValueError, match="the images hold labels: choose"):
+        bench.build()
+    with pytest.raises(ValueError, match="no label at 0, 0 of image 3"):
+        bench.choose(OrganChoice(seed=(0, 0, 3)))
+    assert bench.choose(OrganChoice(seed=(52, 10, 3))).choice.label == 7
+    small = bench.build().organ
+    bench.choose(OrganChoice(label=1))
+    large = bench.build().organ
+    assert (small.mean_radius, large.mean_radius) == pytest.approx((3.1, 7.1), abs=0.15)
+
+
+def test_a_point_and_a_region_are_those_of_compress(bench: OrganWorkbench, tmp_path: Path) -> None:
+    content = zipped({f"{n}.png": encoded(image, ".png") for n, image in enumerate(scene())})
+    bench.open_upload("scan.zip", content, pixel_mm=0.5, slice_mm=2.0)
+    assert bench.build().doubts
+    choice = OrganChoice(seed=(52, 10, 3), region=(40, 0, 63, 30, 1, 4))
+    opened = bench.choose(choice)
+    built = bench.build()
+    assert built.sections_found == 4
+    assert built.doubts == ()
+    (tmp_path / "scan.zip").write_bytes(content)
+    job = StackJob(
+        tmp_path / "scan.zip",
+        tmp_path / "duct.organ",
+        reading={"pixel_size": (0.5, 0.5), "slice_spacing": 2.0, "roi": choice.region},
+        building={"seed": (12.0, 10.0, 2)},
+    )
+    compress_stack(job)
+    assert built.organ.encoded == job.output.read_bytes()
+    # The whole image is shown, with the edge where it is in it, and dark beyond the region.
+    picture = opened.picture(3)
+    drawn = np.argwhere((picture == OUTER_COLOR).all(axis=2)).mean(axis=0)
+    assert drawn / 7.5 == pytest.approx((10.5, 52.5), abs=0.3)
+    assert picture[180, 150].tolist() == [85, 85, 85]
+    assert opened.problem(0) == "it is left out"
+    for wrong in (OrganChoice(seed=(20, 24, 3), region=choice.region), OrganChoice((90, 0, 0))):
+        with pytest.raises(ValueError, match=r"the point is outside|seed must be a point"):
+            bench.choose(wrong)
+        assert bench.opened is opened
+
+
+def test_a_threshold_reads_no_image_again(bench: OrganWorkbench, own_temp: Path) -> None:
+    bench.open_upload("few.zip", zipped(phantom_files()), pixel_mm=0.125, slice_mm=0.4)
+    first = bench.build()
+    for path in own_temp.rglob("*.png"):
+        path.unlink()
+    assert len(bench.build(1.6).organ.encoded) < len(first.organ.encoded)
+
+
+def test_a_zip_is_compressed_and_errors_name_it(tmp_path: Path) -> None:
+    bad = tmp_path / "long.zip"
+    bad.write_bytes(zipped({f"{'x' * 300}.png": png()}))
+    line = refused(("compress", bad, "-o", tmp_path / "duct.organ"))
+    assert f"{bad}: the zip has a name of 304 bytes and files take 255" in line
+    assert "Traceback" not in line
 
 
 def test_a_threshold_that_cannot_be_kept_names_the_smallest_that_can(

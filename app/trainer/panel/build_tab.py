@@ -5,17 +5,25 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import cast
 
-import numpy as np
 import viser
 
 from app.compression.edge_picture import LUMEN_COLOR, OUTER_COLOR
 from app.compression.image_upload import UploadRefusedError
-from app.compression.organ_workbench import Abandoned, OpenedStack, OrganWorkbench
+from app.compression.organ_workbench import (
+    Abandoned,
+    OpenedStack,
+    OrganChoice,
+    OrganWorkbench,
+)
+from app.compression.report import DOUBTFUL
 from app.simulation.dissection import default_preset, fits
 from app.simulation.preset import presets
 from app.trainer.panel.controls import figure, note, number, on_click, on_input
+from app.trainer.panel.picked_pixel import let_pixels_be_picked, picked_pixel, picture_html
 from app.trainer.workplace import Workplace
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ import Organ
@@ -34,7 +42,11 @@ SUITABLE = 0.7
 """px: the slider's, until there is an organ."""
 TELLS_EVERY = 0.25
 """Shortest time between two reports of progress, s."""
+PAUSE = 0.6
+"""So long after the last change of what is looked at, s, the organ is looked for."""
 MOST_MM = 1000.0
+_GREY = "none: grey levels"
+_SENT = ".zip,.tif,.tiff,.dcm,.dicom,.ima,.nii,.gz,.nrrd,.mha"
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +65,7 @@ class BuildTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         self._bench = OrganWorkbench(process=workplace.build_process)
+        let_pixels_be_picked(gui)
         self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
@@ -63,7 +76,7 @@ class BuildTab:
             min=0.0,
             max=MOST_MM,
             step=0.001,
-            hint="Side of a pixel of your images; 0 if a spacing.json in the zip says it",
+            hint="Side of a pixel of your images; 0 if they or a spacing.json in the zip say it",
         )
         self._slice = gui.add_number(
             "Slice distance (mm)",
@@ -71,21 +84,45 @@ class BuildTab:
             min=0.0,
             max=MOST_MM,
             step=0.001,
-            hint="From image to image; 0 if a spacing.json in the zip says it",
+            hint="From image to image; 0 if they or a spacing.json in the zip say it",
         )
         self._send = gui.add_upload_button(
             "Open images",
             icon=viser.Icon.UPLOAD,
             color="gray",
-            mime_type=".zip,.tif,.tiff",
-            hint="A zip of PNG, JPEG, TIFF or BMP images, or one TIFF of many pages",
+            mime_type=_SENT,
+            hint="A zip of PNG, JPEG, TIFF, BMP or DICOM images, or one TIFF, DICOM, NIfTI, NRRD "
+            "or MetaImage file",
         )
         self._again = gui.add_button(
             "Read them with these sizes", icon=viser.Icon.REFRESH, color="gray", visible=False
         )
+        labels: Sequence[str] = [_GREY]
+        self._label = gui.add_dropdown(
+            "Label", labels, visible=False, hint="Which of the labels in the images is the organ"
+        )
         self._index = gui.add_slider("Image", min=0, max=1, step=1, initial_value=0, visible=False)
-        self._image = gui.add_image(np.zeros((1, 1, 3), np.uint8), format="png", visible=False)
+        self._image = gui.add_html("", visible=False)
         self._caption = gui.add_html("", visible=False)
+        self._point = gui.add_text(
+            "Point",
+            "",
+            visible=False,
+            hint="A pixel of the organ: click it in the image, or type column,row,image, from 0",
+        )
+        self._folder = gui.add_folder("Look only here", expand_by_default=False, visible=False)
+        with self._folder:
+            self._images = _ends(gui, "Images", "The first and the last image that show the organ")
+            self._columns = _ends(gui, "Columns", "Left and right of the region around the organ")
+            self._rows = _ends(gui, "Rows", "Top and bottom of the region around the organ")
+            self._recut = gui.add_checkbox(
+                "Cut again across a curve",
+                True,
+                hint="Images that do not suit a curved organ are cut again across it",
+            )
+            self._everywhere = gui.add_button(
+                "Look everywhere", icon=viser.Icon.MAXIMIZE, color="gray"
+            )
         self._threshold = gui.add_slider(
             "Threshold (px)",
             min=THRESHOLDS[0],
@@ -105,14 +142,22 @@ class BuildTab:
         self._lock = threading.Lock()
         on_click(self._phantom, self._use_phantom)
         on_click(self._again, self._use_upload)
+        on_click(self._everywhere, self._look_everywhere)
         on_click(self._practise, self._practise_on_it)
         on_click(self._download, self._send_organ)
         on_input(self._index, lambda _: self._look())
         on_input(self._threshold, self._wish)
+        for handle in (self._label, self._point, self._recut, *self._region):
+            on_input(handle, lambda _: self._point_at())
 
         @self._send.on_upload
         def _(_: object) -> None:
             self._use_upload()
+
+    @property
+    def _region(self) -> tuple[viser.GuiMultiSliderHandle[int], ...]:
+        """The ends of what is looked at: columns, rows, images."""
+        return self._columns, self._rows, self._images
 
     def close(self) -> None:
         """Remove what the client has sent."""
@@ -146,16 +191,35 @@ class BuildTab:
             wanted = min(max(wanted, THRESHOLDS[0]), THRESHOLDS[1])
             self._make(lambda: self._build(wanted))
 
-    def _make(self, work: Callable[[], None]) -> None:
-        """Do something that takes seconds, if nothing newer is wished for before it begins."""
+    def _point_at(self) -> None:
+        """Look for another organ, once nothing more is changed for a moment."""
+        opened = self._bench.opened
+        if opened is not None:
+            self._make(lambda: self._choose(opened), after=PAUSE)
+
+    def _look_everywhere(self) -> None:
+        opened = self._bench.opened
+        if opened is not None:
+            self._offer(replace(opened, choice=OrganChoice(label=opened.choice.label)))
+            self._make(lambda: self._choose(opened))
+
+    def _make(self, work: Callable[[], None], *, after: float = 0.0) -> None:
+        """Do something that takes seconds, if nothing newer is wished for before it begins.
+
+        Parameters
+        ----------
+        work
+            What to do.
+        after
+            Wait so long first for something newer, s.
+        """
         with self._lock:
             self._wishes += 1
             wish = self._wishes
         builder, kind = self._workplace.builder, (id(self), "build")
-        before = builder.others_before(kind)
-        self._say(_waiting(before) if before else "One moment.")
 
         def do() -> None:
+            said = ""
             try:
                 self._say("One moment.")
                 work()
@@ -167,24 +231,91 @@ class BuildTab:
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."
-            else:
-                said = ""
             if wish == self._wishes:
                 self._say(said)
             self._show_result()
 
-        builder.do(kind, do)
+        def begin() -> None:
+            if wish == self._wishes:
+                before = builder.others_before(kind)
+                self._say(_waiting(before) if before else "One moment.")
+                builder.do(kind, do)
+
+        if after:
+            pause = threading.Timer(after, begin)
+            pause.daemon = True
+            pause.start()
+        else:
+            begin()
 
     def _open(self, read: Callable[[], OpenedStack]) -> None:
         opened = read()
-        count = len(opened.stack)
+        count = len(opened.shown)
         self._index.visible = False
         self._index.max = max(count - 1, 1)
         self._index.value = count // 2
+        self._label.options = (_GREY, *(str(label) for label in opened.labels))
+        self._offer(opened)
         for handle in (self._index, self._image, self._caption):
             handle.visible = True
+        self._build_first(opened)
+
+    def _choose(self, before: OpenedStack) -> None:
+        """Find the organ that the fields say."""
+        opened = self._bench.choose(self._choice(before), self._tell)
+        last = len(opened.shown) - 1
+        if last != self._index.max:
+            self._index.value = min(self._index.value, last)
+            self._index.max = max(last, 1)
+        self._offer(opened)
+        self._build_first(opened)
+
+    def _choice(self, opened: OpenedStack) -> OrganChoice:
+        """Return what the fields say."""
+        said = str(self._point.value)
+        seed = picked_pixel(said)
+        if seed is None and said.strip():
+            raise ValueError(
+                f"the point must be column,row,image, as 120,95,30, from 0, and not {said!r}"
+            )
+        label = str(self._label.value)
+        rows, columns = opened.whole.shape
+        counts = columns, rows, len(opened.whole)
+        (x0, x1), (y0, y1), (first, last) = (
+            _between(handle.value, count)
+            for handle, count in zip(self._region, counts, strict=True)
+        )
+        whole = (x0, y0, first) == (0, 0, 0) and (x1 + 1, y1 + 1, last + 1) == counts
+        return OrganChoice(
+            seed=seed,
+            region=None if whole else (x0, y0, x1, y1, first, last),
+            label=next((each for each in opened.labels if str(each) == label), None),
+            recut=bool(self._recut.value),
+        )
+
+    def _offer(self, opened: OpenedStack) -> None:
+        """Show which organ is meant in the fields."""
+        choice, (rows, columns) = opened.choice, opened.whole.shape
+        x0, y0, x1, y1, first, last = choice.region or (
+            (0, 0, columns - 1, rows - 1, 0, len(opened.whole) - 1)
+        )
+        ends = ((x0, x1, columns), (y0, y1, rows), (first, last, len(opened.whole)))
+        for handle, (low, high, count) in zip(self._region, ends, strict=True):
+            handle.max = max(count - 1, 1)
+            handle.value = low, max(high, low)
+        self._point.value = "" if choice.seed is None else ",".join(map(str, choice.seed))
+        self._label.value = _GREY if choice.label is None else str(choice.label)
+        self._recut.value = choice.recut
+        self._label.visible = bool(opened.labels)
+        self._point.visible = not opened.recut
+        self._folder.visible = True
+
+    def _build_first(self, opened: OpenedStack) -> None:
+        """Show the images, and build the organ at the threshold that suits it."""
         self._picture()
         self._show_result()
+        if opened.traced is None:
+            return
         self._say("Building the organ.")
         built = self._bench.build(None, self._tell)
         self._threshold.value = min(
@@ -203,7 +334,17 @@ class BuildTab:
             self._say(f"Finding edges: {done} of {total} images.")
 
     def _say(self, content: str) -> None:
-        self._status.content = note(content or _TELLING, "build-status")
+        self._status.content = note(content or self._telling(), "build-status")
+
+    def _telling(self) -> str:
+        """Return what is said when nothing is being done."""
+        opened = self._bench.opened
+        if opened is not None and opened.traced is None:
+            return (
+                f"<b>The images hold {len(opened.labels)} labels.</b> Choose the organ's, or click "
+                f"on it in the image."
+            )
+        return _TELLING
 
     def _look(self) -> None:
         self._workplace.background.do((id(self), "picture"), self._picture)
@@ -213,29 +354,59 @@ class BuildTab:
         if opened is None:
             return
         value = number(self._index.value)
-        last = len(opened.stack) - 1
+        last = len(opened.shown) - 1
         index = min(max(round(value), 0), last) if math.isfinite(value) else 0
         try:
-            self._image.image = opened.picture(index)
+            picture = opened.picture(index)
         except ValueError as error:
             caption = html.escape(str(error))
         else:
             caption = _caption(opened, index)
+            self._image.content = picture_html(
+                picture,
+                f"Image {index}, with the edges that were found",
+                opened.shown.shape,
+                None if opened.recut else index,
+            )
         self._caption.content = note(caption, "build-caption")
 
     def _show_result(self) -> None:
         opened, built = self._bench.opened, self._bench.built
-        self._threshold.visible = opened is not None
+        self._threshold.visible = opened is not None and opened.traced is not None
         for handle in (self._result, self._practise, self._download):
             handle.visible = built is not None
         if opened is not None and built is not None:
             self._result.content = _result_html(built, opened)
+            self._practise.color = "gray" if built.doubts else None
 
     def _practise_on_it(self) -> None:
         built = self._bench.built
-        if built is not None:
-            workplace = self._workplace
-            workplace.attempt("Preparing your duct.", lambda: workplace.practise_on(built.organ))
+        if built is None:
+            return
+        if built.doubts:
+            self._ask_before(built)
+        else:
+            self._practise_on(built)
+
+    def _practise_on(self, built: BuiltOrgan) -> None:
+        workplace = self._workplace
+        workplace.attempt("Preparing your duct.", lambda: workplace.practise_on(built.organ))
+
+    def _ask_before(self, built: BuiltOrgan) -> None:
+        """Ask whether an organ is wanted that is probably another."""
+        gui = self._workplace.client.gui
+        page = gui.add_modal("Is this the organ that you mean?")
+        with page:
+            gui.add_html(_doubts_html(built))
+            no = gui.add_button("Back to the images", icon=viser.Icon.ARROW_LEFT)
+            yes = gui.add_button("Practise on it all the same", color="gray")
+
+        def agree() -> None:
+            page.close()
+            self._practise_on(built)
+
+        on_click(no, page.close)
+        on_click(yes, agree)
 
     def _send_organ(self) -> None:
         built, opened = self._bench.built, self._bench.opened
@@ -243,6 +414,22 @@ class BuildTab:
             self._workplace.client.send_file_download(
                 f"{opened.source.stem}.organ", built.organ.encoded, save_immediately=True
             )
+
+
+def _ends(gui: viser.GuiApi, label: str, hint: str) -> viser.GuiMultiSliderHandle[int]:
+    """Return a slider with two handles; its range is set when there are images."""
+    return gui.add_multi_slider(label, min=0, max=1, step=1, initial_value=(0, 1), hint=hint)
+
+
+def _between(ends: object, count: int) -> tuple[int, int]:
+    """Return the first and the last of so many, as a browser sent them."""
+    sent: list[float] = []
+    if isinstance(ends, tuple | list):
+        sent = [number(end) for end in cast("list[object]", ends)]
+    if len(sent) != 2 or not all(math.isfinite(end) for end in sent):
+        return 0, count - 1
+    low, high = (min(max(round(end), 0), count - 1) for end in sorted(sent))
+    return low, high
 
 
 def _waiting(before: int) -> str:
@@ -259,11 +446,12 @@ def _length(value: object) -> float | None:
 
 def _caption(opened: OpenedStack, index: int) -> str:
     """Return what is seen in an image, as HTML."""
-    name = html.escape(opened.stack.names[index])
-    section = opened.sections.get(index)
+    name = html.escape(opened.shown.names[index])
+    section = opened.section(index)
+    pointing = "" if opened.recut else ". Another organ is meant? Click on it."
     if section is None:
         reason = html.escape(opened.problem(index) or "nothing was found")
-        return f"{name}: <b>no edge</b>, {reason}"
+        return f"{name}: <b>no edge</b>, {reason}{pointing}"
     edges: list[tuple[tuple[int, int, int], str]] = [(OUTER_COLOR, "outer edge")]
     if section.lumen is not None:
         edges.append((LUMEN_COLOR, "lumen"))
@@ -271,7 +459,7 @@ def _caption(opened: OpenedStack, index: int) -> str:
         f"<span style='color:rgb{color};white-space:nowrap'>&#9644; {what}</span>"
         for color, what in edges
     )
-    return f"{name}: {lines}"
+    return f"{name}: {lines}{pointing}"
 
 
 def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
@@ -301,12 +489,27 @@ def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
         f"<td>{value}</td></tr>"
         for name, value in rows
     )
-    remarks = [*stack.notes, *built.warnings, *_unfit(organ)]
+    remarks = [*stack.notes, *(each for each in built.warnings if each not in built.doubts)]
+    remarks += _unfit(organ)
     said = "".join(f"<div style='padding-top:4px'>{html.escape(each)}.</div>" for each in remarks)
+    doubts = _doubts_html(built) if built.doubts else ""
     return (
         f"<div data-testid='build-result' data-kept='{built.sections_kept}' "
         f"data-bytes='{bytes_out}' data-tolerance-mm='{built.tolerance_mm:.9g}' "
-        f"style='padding:4px 12px 8px;font-size:13px'><table>{table}</table>{said}</div>"
+        f"data-doubts='{len(built.doubts)}' style='padding:4px 0 8px;font-size:13px'>{doubts}"
+        f"<div style='padding:0 12px'><table>{table}</table>{said}</div></div>"
+    )
+
+
+def _doubts_html(built: BuiltOrgan) -> str:
+    """Return why an organ is probably another than the one wanted, as HTML."""
+    listed = "".join(f"<li>{html.escape(each)}</li>" for each in built.doubts)
+    return (
+        f"<div data-testid='build-doubts' style='margin:2px 12px 8px;padding:6px 10px;"
+        f"border-left:4px solid rgb{OUTER_COLOR};background:rgba(230,159,0,.14);font-size:13px;"
+        f"line-height:1.4'><b>{DOUBTFUL.capitalize()}:</b>"
+        f"<ul style='margin:4px 0;padding-left:18px'>{listed}</ul>Click on the organ in the image, "
+        f"or set the images and the region under <i>Look only here</i>.</div>"
     )
 
 
