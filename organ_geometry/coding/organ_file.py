@@ -22,9 +22,15 @@ VERSION = 3
 _VERSION_MARK = 0xE0
 LARGEST_FILE_BYTES = 2**20
 LONGEST_UNITS = 15
+LONGEST_MM = 10_000.0
+"""Length of an organ, mm: the gut has seven metres; more is a slip of the unit."""
+WIDEST_MM = 1_000.0
+"""How far its surface is from its axis at most, mm."""
 
 # How files of versions 1 and 2 began.
 _FIRST_MAGICS = (b"\x89organ\r\n", b"\x89o\x02")
+# Places around a section that are measured.
+_ROUND = 32
 _START = bytes([MAGIC, _VERSION_MARK | VERSION])
 _HEADER_BYTES = len(_START) + 2
 
@@ -114,13 +120,31 @@ def organ_from_bytes(data: bytes, name: str = "") -> Organ:
     Raises
     ------
     OrganFileError
-        If the data is foreign, of another version, truncated, damaged or not an organ.
+        If the data is foreign, of another version, truncated, damaged or not an organ, or the
+        organ is longer than ten metres or wider than two.
     """
     code = code_from_bytes(data)
     try:
-        return code.organ(name, data)
+        organ = code.organ(name, data)
     except ValueError as error:
         raise OrganFileError(f"does not hold an organ: {error}") from error
+    _check_size(organ)
+    return organ
+
+
+def _check_size(organ: Organ) -> None:
+    """Refuse an organ of a size that no organ has: meshes of it would fill the memory."""
+    centres = np.repeat(organ.axis_at(organ.key_stations), _ROUND, axis=0)
+    reach = float(np.linalg.norm(organ.key_points(_ROUND) - centres, axis=1).max())
+    for what, size, most in (
+        ("is {:,.0f} mm long", organ.length, LONGEST_MM),
+        ("reaches {:,.0f} mm from its axis", reach, WIDEST_MM),
+    ):
+        if not size <= most:
+            raise OrganFileError(
+                f"the organ {what.format(size)} and the most is {most:,.0f} mm: are the sizes of "
+                f"its images in mm?"
+            )
 
 
 def code_bytes(code: OrganCode) -> bytes:

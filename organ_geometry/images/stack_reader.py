@@ -15,7 +15,13 @@ from organ_geometry.images.grey_levels import (
     check_window,
     grey_levels,
 )
-from organ_geometry.images.image_files import IMAGE_SUFFIXES, TIFF_SUFFIXES, file_slices, files_in
+from organ_geometry.images.image_files import (
+    IMAGE_SUFFIXES,
+    TIFF_SUFFIXES,
+    FileSlices,
+    file_slices,
+    files_in,
+)
 from organ_geometry.images.image_planes import ImagePlanes, check_pixel_size, planes_of_files
 from organ_geometry.images.image_region import CroppedSlices, Region, cropped_planes, image_region
 from organ_geometry.images.image_stack import ImageStack
@@ -130,6 +136,9 @@ def stack_labels(stack: ImageStack) -> tuple[int, ...]:
             return ()
         present.update(int(value) for value in whole)
         if len(present) > MOST_LABELS + 1 or min(present) < 0:
+            return ()
+        # The smooth edge of a mask has few values too, up to white.
+        if isinstance(stack.slices, FileSlices) and max(present) > MOST_LABELS:
             return ()
     return tuple(sorted(present - {0})) if 0 in present and len(present) > 2 else ()
 

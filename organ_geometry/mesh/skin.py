@@ -12,8 +12,8 @@ from organ_geometry.organ import Organ
 
 __all__ = ["BoundSkin", "Skin", "organ_skin", "ring_angles", "sides_of", "tube_skin"]
 
-MOST_VERTICES = 2_000_000
-"""A skin that a screen, a printer or a file has use for; more is a slip of the unit."""
+MOST_VERTICES = 600_000
+"""A skin that a screen, a printer or a file has use for; more takes gigabytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +122,7 @@ def organ_skin(organ: Organ, *, edge_length: float) -> Skin:
     Raises
     ------
     ValueError
-        If the edge length is not above zero or asks for more than two million vertices.
+        If the edge length is not above zero or asks for more than 600,000 vertices.
     """
     rim = np.zeros(1)
     return tube_skin(organ, rim, rim + organ.length, edge_length=edge_length)
@@ -157,7 +157,7 @@ def tube_skin(
     Raises
     ------
     ValueError
-        If the edge length is not above zero or asks for more than two million vertices.
+        If the edge length is not above zero or asks for more than 600,000 vertices.
     """
     sides = sides_of(organ, edge_length)
     low, high = float(start.mean()), float(end.mean())

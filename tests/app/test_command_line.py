@@ -410,7 +410,7 @@ def test_failed_compress_keeps_the_file_that_was_there(tmp_path: Path) -> None:
         (("--edge-length", 0.0), "edge_length must be above 0 mm"),
         (("--edge-length", 50.0), "at most the organ's mean radius"),
         (("--force", "nan", "--torn"), "force must be a finite number of N"),
-        (("--edge-length", 1e-6), "2,000,000"),
+        (("--edge-length", 1e-6), "600,000"),
     ],
 )
 def test_export_refuses(

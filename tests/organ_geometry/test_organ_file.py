@@ -45,7 +45,7 @@ def any_code(seed: int, *, hollow: bool) -> OrganCode:
         units=str(rng.choice(["mm", "relative", "µm"])),
         left_handed=bool(rng.integers(2)),
         tolerance=int(rng.integers(1600, 2200)),
-        axis_scale=int(rng.integers(56, 64)),
+        axis_scale=int(rng.integers(54, 62)),
         tilt_scale=int(rng.integers(4)),
         start_axis=int(rng.integers(3)),
         roll=int(rng.integers(256)),
@@ -53,7 +53,7 @@ def any_code(seed: int, *, hollow: bool) -> OrganCode:
         tilts=rng.integers(-9, 10, (2, 2)),
         ends=np.array([rng.integers(-(10**6), 10**6, 3), [400, 90, -20]]),
         bends=bends,
-        section_scale=int(rng.integers(56, 64)),
+        section_scale=int(rng.integers(48, 56)),
         candidates=2**depth,
         keys=keys,
         outer=outer,
@@ -234,3 +234,24 @@ def test_answers_cost_what_their_odds_say() -> None:
     for answer in rng.random(2000) < 0.1:
         writer.bit("often no", int(answer))
     assert len(writer.as_bytes()) < 1.05 * 2000 * 0.469 / 8
+
+
+@pytest.mark.parametrize(
+    ("radius", "scale", "said"),
+    [
+        (2.5, 174.0, "is 10,... mm long and the most is 10,000 mm"),
+        (60.0, 18.0, r"reaches 1,0.. mm from its axis and the most is 1,000 mm"),
+    ],
+)
+def test_an_organ_of_a_size_that_none_has_is_refused(
+    radius: float, scale: float, said: str
+) -> None:
+    def built(size: float) -> Organ:
+        tube = [
+            dataclasses.replace(each, outer=size * each.outer) for each in cylinder(radius=radius)
+        ]
+        return encoded_organ(tube, 0.02 * size * radius).organ
+
+    with pytest.raises(OrganFileError, match=said):
+        built(scale)
+    assert built(0.9 * scale).length == pytest.approx(0.9 * scale * 60.0, rel=0.02)
