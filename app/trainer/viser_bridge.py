@@ -522,6 +522,24 @@ const tend = () => {
   canvas?.setAttribute("role", "img");
   name(canvas, "The duct between its clamps, and the hook that pulls it");
 };
+
+// viser's images do not say where they were clicked: the pixel goes into the next text field.
+document.addEventListener("click", event => {
+  const image = event.target;
+  if (!(image instanceof HTMLImageElement) || !image.dataset.columns) return;
+  const box = image.getBoundingClientRect();
+  const pixel = (place, start, length, count) =>
+    Math.min(Math.max(Math.floor((place - start) / length * count), 0), count - 1);
+  const x = pixel(event.clientX, box.left, box.width, Number(image.dataset.columns));
+  const y = pixel(event.clientY, box.top, box.height, Number(image.dataset.rows));
+  const field = [...document.querySelectorAll("input.mantine-TextInput-input")].find(
+    each => image.compareDocumentPosition(each) & Node.DOCUMENT_POSITION_FOLLOWING);
+  if (!field) return;
+  const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
+  value.set.call(field, `${x},${y},${image.dataset.image}`);
+  field.dispatchEvent(new Event("input", {bubbles: true}));
+});
+
 let due = false;
 new MutationObserver(() => {
   if (due) return;

@@ -3,11 +3,11 @@
 import html
 import logging
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import cast
 
 import viser
 
@@ -23,7 +23,8 @@ from app.compression.report import DOUBTFUL
 from app.simulation.dissection import default_preset, fits
 from app.simulation.preset import presets
 from app.trainer.panel.controls import figure, note, number, on_click, on_input
-from app.trainer.panel.picked_pixel import let_pixels_be_picked, picked_pixel, picture_html
+from app.trainer.panel.dialog import Dialog
+from app.trainer.panel.picked_pixel import picked_pixel, picture_html
 from app.trainer.workplace import Workplace
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ import Organ
@@ -65,7 +66,6 @@ class BuildTab:
     def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
         self._workplace = workplace
         self._bench = OrganWorkbench(process=workplace.build_process)
-        let_pixels_be_picked(gui)
         self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
@@ -112,9 +112,9 @@ class BuildTab:
         )
         self._folder = gui.add_folder("Look only here", expand_by_default=False, visible=False)
         with self._folder:
-            self._images = _ends(gui, "Images", "The first and the last image that show the organ")
-            self._columns = _ends(gui, "Columns", "Left and right of the region around the organ")
-            self._rows = _ends(gui, "Rows", "Top and bottom of the region around the organ")
+            self._images = gui.add_text("Images", "", hint="The first and the last, from 0")
+            self._columns = gui.add_text("Columns", "", hint="Of the region's left and right side")
+            self._rows = gui.add_text("Rows", "", hint="Of the region's upper and lower side")
             self._recut = gui.add_checkbox(
                 "Cut again across a curve",
                 True,
@@ -155,7 +155,7 @@ class BuildTab:
             self._use_upload()
 
     @property
-    def _region(self) -> tuple[viser.GuiMultiSliderHandle[int], ...]:
+    def _region(self) -> tuple[viser.GuiInputHandle[str], ...]:
         """The ends of what is looked at: columns, rows, images."""
         return self._columns, self._rows, self._images
 
@@ -282,7 +282,7 @@ class BuildTab:
         rows, columns = opened.whole.shape
         counts = columns, rows, len(opened.whole)
         (x0, x1), (y0, y1), (first, last) = (
-            _between(handle.value, count)
+            _between(str(handle.label), str(handle.value), count)
             for handle, count in zip(self._region, counts, strict=True)
         )
         whole = (x0, y0, first) == (0, 0, 0) and (x1 + 1, y1 + 1, last + 1) == counts
@@ -299,10 +299,8 @@ class BuildTab:
         x0, y0, x1, y1, first, last = choice.region or (
             (0, 0, columns - 1, rows - 1, 0, len(opened.whole) - 1)
         )
-        ends = ((x0, x1, columns), (y0, y1, rows), (first, last, len(opened.whole)))
-        for handle, (low, high, count) in zip(self._region, ends, strict=True):
-            handle.max = max(count - 1, 1)
-            handle.value = low, max(high, low)
+        for handle, ends in zip(self._region, ((x0, x1), (y0, y1), (first, last)), strict=True):
+            handle.value = f"{ends[0]}-{ends[1]}"
         self._point.value = "" if choice.seed is None else ",".join(map(str, choice.seed))
         self._label.value = _GREY if choice.label is None else str(choice.label)
         self._recut.value = choice.recut
@@ -395,7 +393,7 @@ class BuildTab:
     def _ask_before(self, built: BuiltOrgan) -> None:
         """Ask whether an organ is wanted that is probably another."""
         gui = self._workplace.client.gui
-        page = gui.add_modal("Is this the organ that you mean?")
+        page = Dialog(gui, "Is this the organ that you mean?")
         with page:
             gui.add_html(_doubts_html(built))
             no = gui.add_button("Back to the images", icon=viser.Icon.ARROW_LEFT)
@@ -416,20 +414,14 @@ class BuildTab:
             )
 
 
-def _ends(gui: viser.GuiApi, label: str, hint: str) -> viser.GuiMultiSliderHandle[int]:
-    """Return a slider with two handles; its range is set when there are images."""
-    return gui.add_multi_slider(label, min=0, max=1, step=1, initial_value=(0, 1), hint=hint)
-
-
-def _between(ends: object, count: int) -> tuple[int, int]:
-    """Return the first and the last of so many, as a browser sent them."""
-    sent: list[float] = []
-    if isinstance(ends, tuple | list):
-        sent = [number(end) for end in cast("list[object]", ends)]
-    if len(sent) != 2 or not all(math.isfinite(end) for end in sent):
+def _between(what: str, text: str, count: int) -> tuple[int, int]:
+    """Return "12-80" as (12, 80); all of so many where nothing is said."""
+    if not text.strip():
         return 0, count - 1
-    low, high = (min(max(round(end), 0), count - 1) for end in sorted(sent))
-    return low, high
+    ends = re.fullmatch(r"\s*(\d{1,6})\s*[-,]\s*(\d{1,6})\s*", text, re.ASCII)
+    if ends is None:
+        raise ValueError(f"{what} must be the first and the last, as 0-{count - 1}, not {text!r}")
+    return int(ends[1]), int(ends[2])
 
 
 def _waiting(before: int) -> str:

@@ -6,52 +6,15 @@ import re
 
 import cv2
 import numpy as np
-import viser
 from numpy.typing import NDArray
-from viser import _messages  # pyright: ignore[reportPrivateUsage]
 
-__all__ = ["let_pixels_be_picked", "picked_pixel", "picture_html"]
-
-# viser's images do not say where they were clicked. The field is the first text field after one.
-_SCRIPT = """
-if (!window.bluntdissectPickedPixel) {
-  window.bluntdissectPickedPixel = true;
-  document.addEventListener("click", event => {
-    const image = event.target;
-    if (!(image instanceof HTMLImageElement) || !image.dataset.columns) return;
-    const box = image.getBoundingClientRect();
-    const pixel = (place, start, length, count) =>
-      Math.min(Math.max(Math.floor((place - start) / length * count), 0), count - 1);
-    const x = pixel(event.clientX, box.left, box.width, Number(image.dataset.columns));
-    const y = pixel(event.clientY, box.top, box.height, Number(image.dataset.rows));
-    const field = [...document.querySelectorAll("input.mantine-TextInput-input")].find(
-      each => image.compareDocumentPosition(each) & Node.DOCUMENT_POSITION_FOLLOWING);
-    if (!field) return;
-    const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
-    value.set.call(field, `${x},${y},${image.dataset.image}`);
-    field.dispatchEvent(new Event("input", {bubbles: true}));
-  });
-}
-"""
-
-
-def let_pixels_be_picked(gui: viser.GuiApi) -> None:
-    """Let a click in a picture write its pixel into the first text field after the picture.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI.
-    """
-    gui._websock_interface.queue_message(  # pyright: ignore[reportPrivateUsage]
-        _messages.RunJavascriptMessage(source=_SCRIPT)
-    )
+__all__ = ["picked_pixel", "picture_html"]
 
 
 def picture_html(
     picture: NDArray[np.uint8], said: str, shape: tuple[int, int], index: int | None
 ) -> str:
-    """Return a picture, as HTML.
+    """Return a picture, as HTML; a click in it writes its pixel into the text field after it.
 
     Parameters
     ----------
