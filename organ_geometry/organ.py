@@ -179,6 +179,13 @@ class Organ:
             object.__setattr__(self, "_mean_radius", found)
         return found
 
+    @property
+    def largest_radius(self) -> float:
+        """Largest distance of the surface from the axis at a key section, mm."""
+        count = 32
+        centres = np.repeat(self.axis_at(self.key_stations), count, axis=0)
+        return float(np.linalg.norm(self.key_points(count) - centres, axis=1).max())
+
     def axis_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the axis, straight between sections.
 

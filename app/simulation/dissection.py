@@ -25,6 +25,9 @@ __all__ = ["PIECES", "Dissection", "default_preset", "fits"]
 
 SECTIONS_ALONG = 64
 """Sections that stand for an organ along a varying beam."""
+MOST_TIMES = 6.0
+"""How many times thicker than a bar of a preset's an organ may be: the heart, 28 times as thick as
+the thesis's bar, is stretched to five times its length where that bar bends."""
 DRIVING_POINTS_PER_SPAN = 60
 """A bend of one span, followed to a hundredth of the duct's radius."""
 
@@ -223,7 +226,7 @@ PIECES = ("first_piece", "second_piece")
 
 
 def fits(organ: Organ, preset: Preset) -> bool:
-    """Return whether an organ is long enough for a preset's beam and reaches its clamps."""
+    """Return whether an organ is long enough for a preset's beam, and not far too thick for it."""
     try:
         _clamps(organ, preset)
     except ValueError:
@@ -232,8 +235,14 @@ def fits(organ: Organ, preset: Preset) -> bool:
 
 
 def _clamps(organ: Organ, preset: Preset) -> tuple[float, float]:
-    """Return the arc lengths of the clamps; a `ValueError` if the organ is not long enough."""
+    """Return the arc lengths of the clamps; a `ValueError` if the organ does not suit the beam."""
     beam = preset.beam
+    if isinstance(beam, RoundBeam) and 2.0 * organ.largest_radius > MOST_TIMES * beam.diameter_mm:
+        raise ValueError(
+            f"preset {preset.name} is a bar {beam.diameter_mm:g} mm thick and this organ is up to "
+            f"{2.0 * organ.largest_radius:.0f} mm thick: its surface cannot follow the bends of a "
+            f"bar so thin; take a preset with the organ's own sections"
+        )
     if isinstance(beam, OrganBeam):
         if beam.clamps_mm is None:
             return 0.0, organ.length

@@ -29,8 +29,6 @@ WIDEST_MM = 1_000.0
 
 # How files of versions 1 and 2 began.
 _FIRST_MAGICS = (b"\x89organ\r\n", b"\x89o\x02")
-# Places around a section that are measured.
-_ROUND = 32
 _START = bytes([MAGIC, _VERSION_MARK | VERSION])
 _HEADER_BYTES = len(_START) + 2
 
@@ -134,11 +132,9 @@ def organ_from_bytes(data: bytes, name: str = "") -> Organ:
 
 def _check_size(organ: Organ) -> None:
     """Refuse an organ of a size that no organ has: meshes of it would fill the memory."""
-    centres = np.repeat(organ.axis_at(organ.key_stations), _ROUND, axis=0)
-    reach = float(np.linalg.norm(organ.key_points(_ROUND) - centres, axis=1).max())
     for what, size, most in (
         ("is {:,.0f} mm long", organ.length, LONGEST_MM),
-        ("reaches {:,.0f} mm from its axis", reach, WIDEST_MM),
+        ("reaches {:,.0f} mm from its axis", organ.largest_radius, WIDEST_MM),
     ):
         if not size <= most:
             raise OrganFileError(

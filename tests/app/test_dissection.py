@@ -8,10 +8,21 @@ import pytest
 from simulated import phantom
 from tubes import LENGTH, RADIUS, tube
 
-from app.simulation.dissection import Dissection, default_preset
+from app.simulation.dissection import Dissection, default_preset, fits
 from app.simulation.preset import OrganBeam, Preset, RoundBeam, preset_named, presets
+from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.organ import Organ
-from physics import Beam, Cubic, Exact, Fem, MassSpring, TautString, Theory, VaryingBeam
+from physics import (
+    Beam,
+    Cubic,
+    Exact,
+    Fem,
+    MassSpring,
+    TautString,
+    Theory,
+    VaryingBeam,
+    break_event,
+)
 
 
 def shortened(organ: Organ, factor: float) -> Organ:
@@ -35,6 +46,29 @@ def test_thesis_preset_solves_its_own_round_bar_whatever_the_organ_looks_like() 
         assert beam.span == 50.8
         assert beam.area == pytest.approx(math.pi * 8.89**2 / 4.0)
         assert beam.second_moment == pytest.approx(math.pi * 8.89**4 / 64.0)
+
+
+def test_an_organ_that_is_far_too_thick_for_a_bar_is_not_drawn_along_it() -> None:
+    heart = tube(radius=42.0)
+    for name in ("thesis-bile-duct", "thesis-rubber", "thesis-thin-rubber"):
+        assert not fits(heart, preset_named(name))
+        with pytest.raises(ValueError, match="up to 85 mm thick: its surface cannot follow"):
+            Dissection.of(heart, preset_named(name))
+    # Its own sections bend so little that no edge of its mesh grows to twice its length.
+    dissection = Dissection.of(heart, default_preset(heart))
+    beam = dissection.beam
+    event = break_event(Cubic(), beam, 25.4, dissection.preset.threshold(Cubic(), beam))
+    assert event is not None
+    skin = organ_skin(heart, edge_length=4.0)
+    pulled = Cubic().under_force(beam, 25.4, event.force, dissection.beam_stations)
+    moved = np.empty_like(skin.vertices)
+    transforms = dissection.move(pulled, dissection.rest_transforms())
+    skin.bound_to(dissection.driving).deform(transforms, moved)
+
+    def lengths(vertices: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(vertices[skin.faces] - vertices[np.roll(skin.faces, 1, 1)], axis=2)
+
+    assert (lengths(moved) / lengths(skin.vertices)).max() < 2.0
 
 
 def test_organ_preset_takes_the_weakest_section_of_the_organ() -> None:

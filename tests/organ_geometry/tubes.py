@@ -12,16 +12,22 @@ RADIUS = 4.445
 SECTIONS = 128
 
 
-def tube(*, wall: float | None = None, left_handed: bool = False, sag: float = 0.0) -> Organ:
+def tube(
+    *,
+    wall: float | None = None,
+    left_handed: bool = False,
+    sag: float = 0.0,
+    radius: float = RADIUS,
+) -> Organ:
     """A round organ along x: solid or with a wall, straight or sagging, either handedness."""
     turn = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     calibre = np.array([1.0, 0.9, 1.0])
-    outer = np.stack([fit_half_curves(RADIUS * part * circle).as_row() for part in calibre])
+    outer = np.stack([fit_half_curves(radius * part * circle).as_row() for part in calibre])
     lumen = None
     if wall is not None:
         lumen = np.stack(
-            [fit_half_curves((RADIUS * part - wall) * circle).as_row() for part in calibre]
+            [fit_half_curves((radius * part - wall) * circle).as_row() for part in calibre]
         )
     axis = np.zeros((SECTIONS, 3))
     axis[:, 0] = np.linspace(0.0, LENGTH, SECTIONS)

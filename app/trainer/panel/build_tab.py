@@ -510,11 +510,11 @@ def _lengths(length: float, pixel: float) -> str:
 
 
 def _unfit(organ: Organ) -> list[str]:
-    """Return what is to be said of the presets that an organ is too short for."""
-    short = [preset.title for preset in presets().values() if not fits(organ, preset)]
-    if not short:
+    """Return what is to be said of the presets that do not suit an organ."""
+    unfit = [preset.title for preset in presets().values() if not fits(organ, preset)]
+    if not unfit:
         return []
     return [
-        f"the organ is too short to be clamped as {', '.join(short)}; practised on, it is "
-        f"{default_preset(organ).title} or another that takes its own sections"
+        f"the organ is too short or too thick to be clamped as {', '.join(unfit)}; practised on, "
+        f"it is {default_preset(organ).title} or another that takes its own sections"
     ]
