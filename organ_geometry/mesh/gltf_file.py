@@ -223,21 +223,31 @@ class GltfFile:
         """
         places = where.astype(_index_type(count))
         nothing = np.zeros((1, 3), np.float32)
+        # Without a view of its own all the rest is zero, but VTK's reader leaves there what was.
+        size = 3 * values.itemsize
+        zeros = self._view(bytes(size * count), "vertices")
+        self._tree["bufferViews"][zeros]["byteStride"] = size  # for it is shared
         bounds = _bounds(values if len(where) == count else np.concatenate([values, nothing]))
         return self.add(
             "accessors",
             {
+                "bufferView": zeros,
                 "componentType": _COMPONENTS["f4"],
                 "count": count,
                 "type": "VEC3",
                 **bounds,
                 "sparse": {
                     "count": len(where),
+                    # An offset of zero may be left out, but VTK's reader wants it.
                     "indices": {
                         "bufferView": self._view(places.tobytes(), None),
+                        "byteOffset": 0,
                         "componentType": _COMPONENTS[places.dtype.str[1:]],
                     },
-                    "values": {"bufferView": self._view(values.tobytes(), None)},
+                    "values": {
+                        "bufferView": self._view(values.tobytes(), None),
+                        "byteOffset": 0,
+                    },
                 },
             },
         )
