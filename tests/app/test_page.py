@@ -699,3 +699,19 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
             context.close()
     finally:
         trainer.stop()
+
+
+def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browser) -> None:
+    first = Trainer(phantom(), port=0, look="plain")
+    port = first.port
+    try:
+        with trainer_page(browser, first.address) as tab:
+            first.stop()
+            first = Trainer(phantom(), port=port, look="plain")
+            told = tab.page.get_by_role("alert").filter(has_text="A new duct")
+            expect(told).to_contain_text("the trainer was started anew", timeout=PATIENCE)
+            tab.page.reload()  # its new session is known: nothing to tell
+            tab.wait_for_node("skin")
+            expect(told).to_have_count(0)
+    finally:
+        first.stop()
