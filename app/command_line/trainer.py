@@ -33,7 +33,9 @@ def trainer(
             show_default="of the shipped duct the first, of any other organ assumed-duct",
         ),
     ] = None,
-    look: Annotated[str, typer.Option(help="full, or plain for slow machines.")] = "full",
+    look: Annotated[
+        str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
+    ] = "auto",
     exercise_inputs: Annotated[
         str,
         typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
@@ -53,8 +55,8 @@ def trainer(
 
     Example: bluntdissect trainer --port 0 --organ duct.organ
     """
-    if look not in ("full", "plain"):
-        raise ValueError(f"--look must be full or plain, not {look}")
+    if look not in ("auto", "full", "plain"):
+        raise ValueError(f"--look must be auto, full or plain, not {look}")
     if exercise_inputs not in ("hand", "any"):
         raise ValueError(f"--exercise-inputs must be hand or any, not {exercise_inputs}")
     if not 0 <= port <= 65535:

@@ -14,15 +14,24 @@ from app.simulation.run import Run
 from app.simulation.session import Session
 from app.trainer.aids import Aids
 from app.trainer.background import Background
+from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
 from app.trainer.scene import Scene
-from app.trainer.stage.lighting import Look
+from app.trainer.stage.dressed_surface import watch_pace
+from app.trainer.stage.lighting import LookChoice
+from app.trainer.viser_bridge import command_number
 from app.trainer.workplace import Workplace
 
 __all__ = ["ClientView"]
 
 PANEL_SECONDS = 0.1
 """Shortest time between two updates of the panel: figures that change faster cannot be read."""
+
+LEAST_PICTURES = 5.0
+"""Pictures a second below which a page gets the simple one."""
+REMEDY = (
+    f"A simpler picture helps: {SIMPLE_PICTURE!r} in the Model tab, or start with --look plain."
+)
 
 
 class ClientView:
@@ -35,7 +44,7 @@ class ClientView:
     session
         The session that is the client's alone.
     look
-        "plain" for slow machines.
+        "plain" for slow machines; "auto" goes over to it where the page draws too slowly.
     background
         Does what nobody waits for.
     builder
@@ -59,7 +68,7 @@ class ClientView:
         self,
         client: viser.ClientHandle,
         session: Session,
-        look: Look,
+        look: LookChoice,
         background: Background,
         builder: Background,
         build_process: BuildProcess | None = None,
@@ -69,11 +78,14 @@ class ClientView:
         self.workplace = Workplace(
             client, session, background, builder, build_process, exercise_inputs
         )
-        self._scene = Scene(client, session, look)
+        self.workplace.plain = look == "plain"
+        self._scene = Scene(client, session, "plain" if look == "plain" else "full")
         # Before the panel is sent: what is seen can be dragged.
         self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
         self._aids = Aids(client)
         self._panel = Panel(self.workplace)
+        if look != "plain":
+            self._watch_pace(may_simplify=look == "auto")
         self._clock = Clock()  # of a replay
         self._notice: viser.NotificationHandle | None = None
         self.frames = 0
@@ -85,6 +97,27 @@ class ClientView:
         self._stress: list[NDArray[np.float32]] = []
         self._stress_shape = -1
         self._stress_of: Session | None = None
+
+    def _watch_pace(self, *, may_simplify: bool) -> None:
+        """Name the simple picture to a page that draws in software; give it to a slow one."""
+        number = ""
+        if may_simplify:
+            command = self.client.gui.add_command(
+                SIMPLE_PICTURE, description="For a page that draws slowly"
+            )
+            number = command_number(command)
+
+            @command.on_trigger
+            async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+                self.workplace.show(plain=True)
+                self.client.add_notification(
+                    "A simpler picture",
+                    f"This page draws fewer than {LEAST_PICTURES:g} pictures a second. The full "
+                    f"one comes back with {SIMPLE_PICTURE!r} in the Model tab.",
+                    color="blue",
+                )
+
+        watch_pace(self.client.scene, least=LEAST_PICTURES, command=number, remedy=REMEDY)
 
     def close(self) -> None:
         """Let go of the duct, and of what was sent: the client has gone."""
@@ -140,6 +173,7 @@ class ClientView:
         heat = workplace.heat and figures
         scene = self._scene
         scene.watch(shown)
+        scene.set_look("plain" if workplace.plain else "full")
         if scene.heat_wanted != heat:
             scene.set_heat(heat)
         scene.draw(reading, self._shares(shown) if heat else None)
@@ -161,7 +195,8 @@ class ClientView:
     def _tell(self, reading: Reading) -> None:
         """Tell of a tear, and show the result of an exercise that has come to its end."""
         workplace, run = self.workplace, self.session.run
-        if run.over and run is not self._told:
+        # Nothing is called torn while the picture shows it tearing.
+        if run.over and run is not self._told and reading.phase is not Phase.TEARING:
             self._told = run
             workplace.keep_run()
             kept = workplace.last_run

@@ -126,6 +126,10 @@ class Scene:
             stage.set_lift(self._lift(stage, reading), self._client)
             if self._session.shape != self._shape:
                 self._rebuild()
+            if reading.phase is Phase.TORN:
+                stage.spill(appearance_of(self._session.dissection.preset), reading.check.station)
+            else:
+                stage.wipe()
             hook = self._place_hook(stage, reading)
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, hook)
@@ -135,6 +139,25 @@ class Scene:
                 self._show_heat(stress)
             else:
                 self._show_tissue()
+
+    def set_look(self, look: Look) -> None:
+        """Draw in another look from the next `draw` on.
+
+        Parameters
+        ----------
+        look
+            "plain" for slow machines.
+        """
+        if look == self._look:
+            return
+        self._look = look
+        self._finish = None
+        self._shape = -1
+        if self._hand is not None:
+            self._hand.let_go()
+        if self._stage is not None:
+            self._stage.remove()
+            self._stage = None
 
     def _show_tissue(self) -> None:
         for drawn in self._drawn:

@@ -25,7 +25,7 @@ from app.trainer.haptic_hand import HapticHand, felt_in
 from app.trainer.metronome import Metronome
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.stage.camera import viewpoint
-from app.trainer.stage.lighting import Look
+from app.trainer.stage.lighting import LookChoice
 from app.trainer.turns import Turns
 from app.trainer.viser_bridge import (
     close_silent,
@@ -73,7 +73,7 @@ class Trainer:
     port
         Port to serve; 0 takes a free one.
     look
-        "plain" for slow machines.
+        "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
     most_clients
         How many can train at once.
     exercise_inputs
@@ -101,14 +101,14 @@ class Trainer:
         *,
         host: str = "127.0.0.1",
         port: int,
-        look: Look = "full",
+        look: LookChoice = "full",
         most_clients: int = MOST_SESSIONS,
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
     ) -> None:
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
-        self._look: Look = look
+        self._look: LookChoice = look
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
@@ -140,7 +140,10 @@ class Trainer:
         self._silent: set[int] = set()
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        self.warming = Warming(Dissection.of(organ, preset or default_preset(organ)), look)
+        self.warming = Warming(
+            Dissection.of(organ, preset or default_preset(organ)),
+            "plain" if look == "plain" else "full",
+        )
 
     @property
     def port(self) -> int:

@@ -20,6 +20,7 @@ __all__ = [
     "announce",
     "close_silent",
     "closer_html",
+    "command_number",
     "keep_in_sight",
     "kept_by_tab",
     "letter_keys_on",
@@ -219,6 +220,11 @@ def run_in_page(scene: viser.SceneApi, source: str) -> None:
         JavaScript.
     """
     _queue(scene, source)
+
+
+def command_number(command: viser.CommandHandle) -> str:
+    """Return what the page knows a command by."""
+    return command._impl.uuid  # pyright: ignore[reportPrivateUsage]
 
 
 def _queue(channel: viser.SceneApi | viser.GuiApi, source: str) -> None:

@@ -48,7 +48,7 @@ class Workplace:
     ----------
     client, session, background, builder, build_process, exercise_inputs
         As given.
-    heat, overlay
+    heat, overlay, plain
         Whether the client wants to see the stress on the surface, and the points of the model.
     device
         What has the hook instead of mouse and sliders, or None.
@@ -71,7 +71,7 @@ class Workplace:
         self.client, self.session = client, session
         self.background, self.builder = background, builder
         self.build_process = build_process
-        self.heat = self.overlay = False
+        self.heat = self.overlay = self.plain = False
         self.pulls = 0
         self.last_run: RunFile | None = None
         self.device: str | None = None
@@ -123,7 +123,13 @@ class Workplace:
         changed, self._changed = self._changed, False
         return changed
 
-    def show(self, *, heat: bool | None = None, overlay: bool | None = None) -> None:
+    def show(
+        self,
+        *,
+        heat: bool | None = None,
+        overlay: bool | None = None,
+        plain: bool | None = None,
+    ) -> None:
         """Choose what is to be seen.
 
         Parameters
@@ -132,9 +138,12 @@ class Workplace:
             Whether stress is drawn on the surface.
         overlay
             Whether the points of the model are drawn.
+        plain
+            Whether the picture is the simple one.
         """
         self.heat = self.heat if heat is None else heat
         self.overlay = self.overlay if overlay is None else overlay
+        self.plain = self.plain if plain is None else plain
         self._changed = True
 
     def set_paused(self, paused: bool) -> None:

@@ -9,10 +9,10 @@ import pytest
 import trimesh
 import viser
 from browser import TrainerPage, trainer_page
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 from simulated import phantom, pull, tear
 
-from app.simulation.session import Session
+from app.simulation.session import Phase, Session
 from app.trainer.server import Trainer
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.clamps import clamp_glb
@@ -239,3 +239,39 @@ def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: B
                 assert np.arccos(np.clip(along, -1, 1)).max() < 0.15
     finally:
         trainer.stop()
+
+
+def test_slow_page_gets_the_simple_picture_and_a_way_back(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.trainer.client_view.LEAST_PICTURES", 1000.0)  # no page draws as many
+    trainer = Trainer(phantom(), port=0, look="auto")
+    try:
+        with trainer_page(browser, trainer.address, width=480, height=360) as tab:
+            expect(tab.page.get_by_text("software mode")).to_contain_text("--look plain")
+            tab.wait_for_node("skin_inside")  # of the plain look
+            expect(tab.page.get_by_text("A simpler picture", exact=True)).to_be_visible()
+            tab.open("Model")
+            box = tab.page.get_by_role("checkbox", name="Simple picture")
+            expect(box).to_be_checked()
+            tab.tick("Simple picture")
+            assert fine_surface(tab)["seen"]
+            assert "skin_inside" not in tab.nodes()
+    finally:
+        trainer.stop()
+
+
+def test_torn_is_said_only_of_pieces_that_are_apart() -> None:
+    session = Session(phantom())
+    session.set_force(session.force_limit)
+    while session.reading().phase is not Phase.TORN:
+        session.step(1.0 / 30.0)
+    rims = []
+    for surface, end in zip(session.surfaces, (-1, 0), strict=True):
+        wall = Wall.of(surface.skin)
+        rims.append(surface.vertices[: wall.count].reshape(wall.rings, wall.sides, 3)[end])
+    # Both rims have the same shape: what was one place has come apart, most where it tore first.
+    gaps = (rims[1] - rims[0])[:, 0]
+    assert gaps.min() > -1e-3
+    assert gaps.max() > 0.3 * RADIUS
+    assert np.mean(gaps > 0.1 * RADIUS) > 0.5

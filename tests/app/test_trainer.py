@@ -373,7 +373,7 @@ def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) ->
     [
         (("--organ", "nowhere.organ"), "nowhere.organ"),
         (("--port", 70000), "--port must be from 0 to 65535"),
-        (("--look", "shiny"), "full or plain"),
+        (("--look", "shiny"), "auto, full or plain"),
         (("--exercise-inputs", "feet"), "hand or any"),
         (("--host", "no.such.host.invalid", "--port", 0), "give --host an address"),
     ],

@@ -14,7 +14,9 @@ from app.trainer.panel.preset_form import PresetForm
 from app.trainer.panel.train_tab import slider_step
 from app.trainer.workplace import Workplace
 
-__all__ = ["ModelTab"]
+__all__ = ["SIMPLE_PICTURE", "ModelTab"]
+
+SIMPLE_PICTURE = "Simple picture"
 
 _POINTS = (
     "<span style='color:#40e0f0'>&#9679;</span> <b>Key points</b> on the sections kept from the "
@@ -60,6 +62,11 @@ class ModelTab:
             initial_value=workplace.overlay,
             hint="Show the key points, the sections kept and the driving points",
         )
+        self._plain = gui.add_checkbox(
+            SIMPLE_PICTURE,
+            initial_value=workplace.plain,
+            hint="Two colours and no gloss, for a page that draws slowly",
+        )
         gui.add_html(note(_POINTS))
         self._thresholds = gui.add_html("")
         self._about = gui.add_html(self._about_html())
@@ -69,6 +76,7 @@ class ModelTab:
         on_input(
             self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA)
         )  # fmt: skip
+        on_input(self._plain, lambda value: workplace.show(plain=value is True))
         on_input(self._points, lambda value: workplace.show(overlay=value is True))
 
     def show(self, reading: Reading) -> None:
@@ -80,6 +88,8 @@ class ModelTab:
             Of the session that is shown.
         """
         workplace = self._workplace
+        if self._plain.value != workplace.plain:
+            self._plain.value = workplace.plain
         free = (
             reading.phase is Phase.INTACT and workplace.player is None and not workplace.in_exercise
         )

@@ -164,9 +164,10 @@ def drawn_lumen(dissection: Dissection) -> float | None:
     Returns
     -------
     float or None
-        Its radius in parts of the duct's, next to nothing for a full bar; None for the organ's own.
+        Its radius in parts of the duct's, next to nothing for a rod of rubber; None for the
+        organ's own.
     """
     beam = dissection.preset.beam
     if beam.wall_mm is not None:
         return max(_NO_LUMEN, 1.0 - beam.wall_mm / drawn_radius(dissection))
-    return _NO_LUMEN if isinstance(beam, RoundBeam) else None
+    return _NO_LUMEN if dissection.preset.looks_like == "rubber" else None

@@ -316,6 +316,7 @@
   };
   // Writes the middles of all rings into the table that the bed's shadow is thrown from.
   const light = () => {
+    if (!surfaces.size) return;
     const nodes = window.__viserMutable.nodeRefFromName;
     const bed = nodes["/stage/tissue_bed"], hook = nodes["/stage/hook"];
     if (!bed || !hook) return;
@@ -355,6 +356,41 @@
       shared.axis.value.set([mixed(0), mixed(1), mixed(2), a[3] === b[3] ? 1 : 0], 4 * n);
     }
   };
+  // Times some pictures, drawn as fast as the page can, and says how many a second it draws.
+  const pace = told => {
+    const viewer = window.__viserMutable, drawn = [];
+    const dressed = viewer.scene && surfaces.size > 0;
+    if (!dressed || document.hidden) { setTimeout(() => pace(told), 1000); return; }
+    const before = viewer.scene.onAfterRender;
+    let going = true;
+    const stop = () => {
+      if (!going) return;
+      going = false;
+      viewer.scene.onAfterRender = before;
+      if (document.hidden) { setTimeout(() => pace(told), 1000); return; }
+      const seconds = (drawn[drawn.length - 1] - drawn[0]) / 1000;
+      told(drawn.length > 1 ? (drawn.length - 1) / seconds : 0);
+    };
+    viewer.scene.onAfterRender = (renderer, ...rest) => {
+      before.call(viewer.scene, renderer, ...rest);
+      const gl = renderer.getContext();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // until it is done
+      drawn.push(performance.now());
+      if (drawn.length > 12) setTimeout(stop);
+    };
+    const ask = () => { if (going) { viewer.requestRender(); requestAnimationFrame(ask); } };
+    ask();
+    setTimeout(stop, 4000);
+  };
+  // Where viser says that the page draws in software, say what helps.
+  const nameRemedy = (remedy, left) => {
+    for (const text of document.querySelectorAll(".mantine-Notification-description"))
+      if (text.textContent.includes("software mode") && !text.textContent.includes(remedy)) {
+        text.append(" " + remedy);
+        return;
+      }
+    if (left) setTimeout(() => nameRemedy(remedy, left - 1), 500);
+  };
   const watch = () => {
     const scene = window.__viserMutable?.scene;
     if (!scene) { setTimeout(watch, 50); return; }
@@ -374,6 +410,15 @@
       shared.hook.value = [bend, wire, tip, 1];
       shared.shaft.value = shaft;
       shared.lampWay.value = lampWay;
+    },
+    watchPace(least, uuid, remedy) {
+      nameRemedy(remedy, 60);
+      if (!uuid) return;
+      setTimeout(() => pace(rate => {
+        this.rate = rate;
+        if (rate < least)
+          window.__viserMutable.sendMessage({ type: "CommandTriggerMessage", uuid });
+      }), 3000);
     },
     undress(name) { wears.delete(name); surfaces.delete(name); },
   };

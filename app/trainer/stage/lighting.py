@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 Look = Literal["full", "plain"]
 """'plain' leaves out environment map and normal map, for slow machines."""
+LookChoice = Literal["full", "plain", "auto"]
+"""'auto' is the full look until a page says that it is too slow for it."""
 
 _BACKGROUND = (10, 3, 4)
 _FOG = (2, 0, 0)  # the client takes fog colours for linear light: this is _BACKGROUND in sRGB

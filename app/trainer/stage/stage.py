@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from app.trainer.stage.appearance import Surroundings
+from app.trainer.stage.appearance import Appearance, Surroundings
 from app.trainer.stage.bench import bench_glb
 from app.trainer.stage.camera import Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
@@ -15,6 +15,7 @@ from app.trainer.stage.dressed_surface import light_surfaces
 from app.trainer.stage.hook import hook_glb, hook_wxyz
 from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_position, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
+from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.viser_bridge import keep_in_sight
 
@@ -126,7 +127,8 @@ class Stage:
             radius=self.radius, look=look, bite=bite, tissue=tissue, surroundings=surroundings
         )
         scale = self.span / REFERENCE_SPAN
-        floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
+        self._spilt = False
+        self._floor = floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
 
         light_stage(scene, span=self.span, look=look)
         for name in files.keys() & {"tissue_bed", "neighbours"}:
@@ -194,6 +196,37 @@ class Stage:
         if turn is not None:
             self._hook.wxyz = turn
             self._hook_direction = np.array(direction, np.float64)
+
+    def spill(self, look: Appearance, x: float) -> None:
+        """Show what has run out of a torn duct; the plain look has nothing of it.
+
+        Parameters
+        ----------
+        look
+            What the duct is made of.
+        x
+            Where it is torn, mm from the first clamp.
+        """
+        if self.look == "plain" or self._spilt:
+            return
+        scale = self.span / REFERENCE_SPAN
+        file = spill_glb(look, round(self.radius / scale, 2), round(x / scale - 25.4, 1))
+        if file:
+            self._scene.add_glb(
+                "/stage/spill",
+                file,
+                scale=scale,
+                position=self._floor,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            self._spilt = True
+
+    def wipe(self) -> None:
+        """Take away what has run out."""
+        if self._spilt:
+            self._spilt = False
+            self._scene.remove_by_name("/stage/spill")
 
     def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
         """Keep a duct in the picture that is lifted this high.

@@ -78,6 +78,26 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
     return binary_gltf([Part(solid, finish)])
 
 
+def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the height of the full bed at places.
+
+    Parameters
+    ----------
+    x, y
+        The places, mm at a span of 50.8 mm; one beyond the bed counts as on its edge.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        The heights, mm.
+    """
+    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
+    columns, rows = np.arange(_COLUMNS, dtype=np.float64), np.arange(_ROWS, dtype=np.float64)
+    column = np.interp(x, surface_x[0].astype(np.float64), columns).astype(np.float32)
+    row = np.interp(y, surface_y[:, 0].astype(np.float64), rows).astype(np.float32)
+    return cv2.remap(height, column, row, cv2.INTER_LINEAR).astype(np.float64)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ground:
     """Pictures of the bed, all (H, W): places, mm, what lies there, 0 to 1, and the relief, mm."""

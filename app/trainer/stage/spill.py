@@ -1,0 +1,73 @@
+"""What runs out of a torn duct: a pool of blood or bile on the tissue bed, and drops beside it."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.trainer.stage.appearance import Appearance, Color
+from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
+from app.trainer.stage.solids import Solid, grid_faces, vertex_normals
+from app.trainer.stage.tissue_bed import bed_height
+
+__all__ = ["spill_glb"]
+
+_RINGS, _CORNERS = 10, 44
+_DROPS = 9
+_FILM = 0.16  # mm, how thick a pool is in its middle for each mm of its reach
+_BELOW = 0.35  # mm that its edge lies below the bed's surface
+
+
+@lru_cache(maxsize=16)
+def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> bytes:
+    """Return what lies on the bed below a tear, as a GLB file.
+
+    Parameters
+    ----------
+    look
+        What the duct is made of.
+    radius
+        Of the duct, mm at a span of 50.8 mm.
+    place
+        Where it is torn along the bed, mm from the bed's middle at that span.
+    seed
+        Chooses the pools' outlines.
+
+    Returns
+    -------
+    bytes
+        The file, in the bed's coordinates; empty where nothing runs out.
+    """
+    random = np.random.default_rng(seed)
+    parts: list[Part] = []
+    pools: list[tuple[Color, float, float]] = []  # colour, reach, aside
+    if look.spilt is not None:
+        pools.append((look.spilt, 1.5 * radius, 0.6 * radius))
+    if look.blood is not None:
+        pools.append((look.blood, 0.9 * radius, -1.3 * radius))
+    for color, reach, aside in pools:
+        finish = Finish(color=color, roughness=0.25, clearcoat=1.0, clearcoat_roughness=0.08)
+        middle = np.array([place + aside, -0.5 * radius])
+        parts.append(Part(_pool(middle, reach, random), finish))
+        for _ in range(_DROPS):
+            way = random.normal(0.0, 1.2 * radius, 2)
+            drop = random.uniform(0.05, 0.16) * radius
+            parts.append(Part(_pool(middle + way, drop, random), finish))
+    return binary_gltf(parts) if parts else b""
+
+
+def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator) -> Solid:
+    """Return a film of liquid on the bed, thick in its middle and below it at its edge."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    orders = np.arange(2, 7)
+    sizes = random.normal(0.0, 0.22, orders.size) / np.sqrt(orders)
+    phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
+    outline = 1.0 + np.cos(np.outer(angles, orders) + phases) @ sizes
+    part = np.linspace(0.02, 1.0, _RINGS)[:, None]
+    x = middle[0] + reach * part * outline * np.cos(angles)
+    y = middle[1] + 0.7 * reach * part * outline * np.sin(angles)
+    thick = (_FILM * min(reach, 3.0) + _BELOW) * (1.0 - part**4) - _BELOW
+    z = bed_height(x, y) + thick
+    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    faces = grid_faces(_RINGS, _CORNERS, closed=True)[:, ::-1]
+    return Solid(vertices, faces, vertex_normals(vertices, faces))
