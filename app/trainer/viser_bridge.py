@@ -115,7 +115,7 @@ def set_arrow_step(
         A hundredth of the scale, in the slider's unit.
     """
     uuid = slider._impl.uuid  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
-    _call(client, "setArrowStep", uuid, percent)
+    _call(client, "setArrowStep", uuid, percent, slider.precision)
 
 
 def keep_in_sight(
@@ -242,6 +242,14 @@ _STYLE = f"""
 .mantine-Notifications-root{{z-index:90!important}}
 /* A number field beside a disabled slider is disabled too. */
 :has(>.mantine-Slider-root [data-disabled]) {_FIELD}{{pointer-events:none;opacity:.5}}
+/* Words that can be read, and what can be hit: 24 px at least. */
+:root[data-mantine-color-scheme=dark]{{--mantine-color-dimmed:#b8babf}}
+.mantine-Slider-thumb::after{{content:"";position:absolute;inset:-8px -9px}}
+.mantine-NumberInput-input{{min-height:24px!important;height:24px!important}}
+.mantine-Checkbox-root{{--checkbox-size:24px!important}}
+.mantine-ActionIcon-root,.mantine-CloseButton-root,[data-dock-region-collapse]
+{{min-width:24px;min-height:24px}}
+summary{{min-height:24px;align-items:center}}
 /* What scrolls leaves room for the scroll bar. */
 .mantine-ScrollArea-content{_PANEL}{{padding-right:8px}}
 /* viser's own settings and scene tree are no trainee's. */
@@ -463,7 +471,7 @@ inFields("focusout", field => {
 
 // Arrows on a slider and in its field: a percent of its own scale, a tenth of one with Shift.
 const percents = {};
-page.setArrowStep = (uuid, percent) => { percents[uuid] = percent; };
+page.setArrowStep = (uuid, percent, digits) => { percents[uuid] = [percent, digits]; };
 const WAYS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1};
 document.addEventListener("keydown", event => {
   const from = event.target, way = WAYS[event.key];
@@ -472,7 +480,8 @@ document.addEventListener("keydown", event => {
   if (inField ? !event.key.match(/Up|Down/) : from.getAttribute?.("role") !== "slider") return;
   const row = from.closest(".mantine-Flex-root");
   const slider = row?.querySelector(".mantine-Slider-root");
-  const percent = percents[slider?.id], thumb = slider?.querySelector("[role=slider]");
+  const [percent, digits] = percents[slider?.id] ?? [];
+  const thumb = slider?.querySelector("[role=slider]");
   if (!percent || thumb.getAttribute("aria-disabled") === "true") return;
   event.preventDefault();
   event.stopPropagation();
@@ -480,7 +489,7 @@ document.addEventListener("keydown", event => {
   const wanted = (Math.round(10 * now) / 10 + way * (event.shiftKey ? 0.1 : 1)) * percent;
   const [low, high] = ["min", "max"].map(end => Number(thumb.getAttribute("aria-value" + end)));
   const field = row.querySelector(".mantine-NumberInput-input");
-  write(field, String(Math.min(Math.max(wanted, low), high)));
+  write(field, Math.min(Math.max(wanted, low), high).toFixed(digits));
   from.focus();
 }, true);
 
@@ -510,8 +519,11 @@ const tend = () => {
   for (const label of document.querySelectorAll("label[for]")) {
     const widget = document.getElementById(label.htmlFor), words = label.textContent;
     if (!widget?.matches(".mantine-Slider-root")) continue;
-    name(widget.querySelector("[role=slider]"), words);
-    name(widget.parentElement.querySelector(".mantine-NumberInput-input"), words);
+    const thumb = widget.querySelector("[role=slider]");
+    const field = widget.parentElement.querySelector(".mantine-NumberInput-input");
+    name(thumb, words);
+    name(field, words);
+    field?.setAttribute("aria-disabled", thumb.getAttribute("aria-disabled"));
   }
   for (const [icon, words] of Object.entries(NAMED))
     for (const svg of document.querySelectorAll(".tabler-icon-" + icon))
@@ -551,7 +563,7 @@ new MutationObserver(() => {
   if (due) return;
   due = true;
   setTimeout(() => { due = false; tend(); }, 100);
-}).observe(document.body, {childList: true, subtree: true});
+}).observe(document.body, {childList: true, subtree: true, attributeFilter: ["aria-disabled"]});
 tend();
 }
 """.replace("@style", json.dumps(_STYLE))
