@@ -66,11 +66,11 @@ $(VENV)/.tests: pyproject.toml constraints.txt $(VENV)/.runs
 	@$(PIP_INSTALL) -e '.[test]'
 	@touch $@
 
-# What reads our exports: without npm their tests are skipped.
+# What reads our exports, and axe for the page: without npm their tests are skipped.
 $(VENV)/.readers: tests/export/package.json | $(BIN)/python
 	@if command -v npm >/dev/null; then \
 		npm install --prefix tests/export --no-package-lock --ignore-scripts --no-audit --no-fund --silent \
-			&& touch $@ || echo "Going on without three.js and the glTF validator." >&2; \
+			&& touch $@ || echo "Going on without three.js, the glTF validator and axe." >&2; \
 	fi
 
 $(BLENDER)/.bpy: tests/export/blender-requirements.txt

@@ -20,7 +20,7 @@ from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
 from program import ENTRY, command, refused
 from simulated import phantom
-from viser import ClientHandle, _messages
+from viser import ClientHandle
 
 from app.simulation.session import Phase, Session
 from app.trainer import server
@@ -380,13 +380,6 @@ def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) ->
 )
 def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
     assert words in refused(("trainer", *arguments))
-
-
-def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
-    handlers = trainer._server._websock_server._incoming_handlers
-    assert _messages.ViewerCameraMessage not in handlers  # it is the clients' own
-    assert _messages.ShareUrlRequest not in handlers
-    assert _messages.ShareUrlDisconnect not in handlers
 
 
 def test_a_tab_that_closes_while_it_connects_leaves_nothing(

@@ -7,8 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 import pytest
 import viser
+from browser import newest, trainer_page
+from playwright.sync_api import Browser
+from viser import _messages
+from viser._icons import svg_from_icon
 
-from app.trainer.viser_bridge import close_silent
+from app.trainer.server import Trainer
+from app.trainer.viser_bridge import close_silent, kept_by_tab, prepare_page, tab_keeps
+from app.trainer.warming import ICONS
 from benchmarks.page_protocol import CAMERA, connected
 
 
@@ -42,3 +48,81 @@ def test_who_says_nothing_is_closed_the_second_time_and_who_speaks_is_not(
     # In a thread of its own: playwright's loop may be running in this one.
     with ThreadPoolExecutor(1) as pool:
         pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), 60.0))).result()
+
+
+def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
+    handlers = trainer._server._websock_server._incoming_handlers
+    assert _messages.ViewerCameraMessage not in handlers  # it is the clients' own
+    assert _messages.ShareUrlRequest not in handlers
+    assert _messages.ShareUrlDisconnect not in handlers
+
+
+def test_icons_are_read_where_viser_reads_them() -> None:
+    assert all("<svg" in svg_from_icon(icon) for icon in ICONS)
+
+
+def test_commands_and_sliders_have_the_numbers_by_which_the_page_knows_them(
+    server: viser.ViserServer,
+) -> None:
+    command = server.gui.add_command("command")
+    slider = server.gui.add_slider("slider", min=0.0, max=1.0, step=0.1, initial_value=0.0)
+    slider.step, slider.precision = 0.01, 2
+    assert isinstance(command._impl.uuid, str)
+    assert isinstance(slider._impl.uuid, str)
+
+
+@pytest.mark.parametrize("phone", [False, True])
+def test_page_has_what_its_style_and_script_lean_on(
+    browser: Browser, trainer: Trainer, phone: bool
+) -> None:
+    width, height = (390, 844) if phone else (1280, 800)
+    with trainer_page(browser, trainer.address, width=width, height=height) as tab:
+        tab.press("Help")
+        tab.page.get_by_role("dialog").wait_for()
+        missing = tab.page.evaluate(
+            """wanted => {
+                const viewer = window.__viserMutable, camera = viewer.cameraControl;
+                const there = {
+                    "viser runs scripts": window.bluntdissect,
+                    "scene and root": viewer.scene && viewer.nodeRefFromName[""]?.matrixWorld,
+                    "canvases": viewer.canvas && viewer.canvas2d?.parentElement,
+                    "messages": viewer.sendMessage,
+                    "camera": camera?.setBoundary && camera.rotatePolarTo && camera.getTarget
+                        && camera.addEventListener && camera.camera.up && camera.polarAngle,
+                    "line to a hand": viewer.scene.children.some(each => each.line && each.cone),
+                    "plots": Object.values(window.__viserTestpoints.uplots)
+                        .every(plot => plot.chart.root && plot.chart.axes),
+                };
+                for (const selector of wanted)
+                    there[selector] = document.querySelector(selector);
+                return Object.keys(there).filter(name => !there[name]);
+            }""",
+            [
+                ".mantine-Notifications-root",
+                ".mantine-Flex-root > .mantine-Slider-root[id] [role=slider][aria-valuenow]",
+                ".mantine-Flex-root > .mantine-NumberInput-root .mantine-NumberInput-input",
+                "label[for]",
+                "[role=tablist] > [role=tab]",
+                ".tabler-icon-list-search",
+                ".mantine-ActionIcon-root .tabler-icon-adjustments",
+                ".mantine-Modal-root .mantine-Modal-content[role=dialog] .mantine-Modal-body",
+                ":has(> .bd-closer) + * button .mantine-Button-section",
+                ".mantine-Checkbox-root",
+                *(
+                    [".mantine-Paper-root [style*='width: 20em']"]
+                    if phone
+                    else ["[data-dock-tab]", "[data-dock-region-collapse]"]
+                ),
+            ],
+        )
+        assert missing == []
+
+
+def test_a_tab_keeps_a_text_of_its_own(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, width=640, height=480):
+        client = newest(trainer).client
+        # In a thread of its own: playwright's page answers while this one waits.
+        with ThreadPoolExecutor(1) as pool:
+            tab_keeps(client, "a text")
+            prepare_page(client)  # again, as after a connection that was lost
+            assert pool.submit(kept_by_tab, client).result() == "a text"

@@ -1,0 +1,350 @@
+"""A view that nobody can lose, a duct that a tab keeps, dialogs that close, a page for everyone."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
+from other_programs import package
+from playwright.sync_api import Browser, Page, expect
+
+from app.simulation.session import Session
+from app.trainer.server import Trainer
+
+CAMERA = """() => {
+    const camera = window.__viserMutable.cameraControl, at = camera.camera.position.clone();
+    const world = window.__viserMutable.nodeRefFromName[''].matrixWorld.clone().invert();
+    const place = camera.camera.position.clone().applyMatrix4(world).toArray();
+    return [...place, ...camera.getTarget(at).applyMatrix4(world).toArray()];
+}"""
+"""Where the camera is and what it looks at, mm on the stage."""
+
+
+def camera(tab: TrainerPage) -> np.ndarray:
+    return np.array(tab.page.evaluate(CAMERA)).reshape(2, 3)
+
+
+def settled(tab: TrainerPage) -> np.ndarray:
+    """The camera's place when it has come to rest: the machine may draw slowly."""
+    before = camera(tab)
+    while True:
+        tab.page.wait_for_timeout(700)
+        if np.array_equal(now := camera(tab), before):
+            return now
+        before = now
+
+
+def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    page.mouse.move(*start)
+    page.wait_for_timeout(300)
+    for step in np.linspace(0.1, 1.0, 8):
+        page.mouse.move(*(np.array(start) + step * np.subtract(end, start)))
+        page.wait_for_timeout(50)
+
+
+@pytest.mark.parametrize("home", ["the button", "the key", "Reset"])
+def test_view_stays_above_the_bed_and_comes_home(
+    browser: Browser, trainer: Trainer, home: str
+) -> None:
+    with trainer_page(browser, trainer.address, width=900, height=600) as tab:
+        page, mouse = tab.page, tab.page.mouse
+        page.wait_for_timeout(3500)  # until the trainer leaves the camera to its trainee
+        at_home = settled(tab)
+        page.keyboard.down("a")  # viser walks by letters
+        page.wait_for_timeout(400)
+        page.keyboard.up("a")
+        np.testing.assert_allclose(settled(tab), at_home, atol=1e-3)
+        for button in ("left", "right"):
+            mouse.move(60, 500)
+            mouse.down(button=button)
+            drag(page, (60, 500), (480, 80))
+            mouse.up(button=button)
+        for _ in range(25):
+            mouse.wheel(0, -400)
+        place, target = settled(tab)
+        assert np.linalg.norm(place - at_home[0]) > 10.0
+        assert place[2] >= 2.0 * RADIUS - 0.01
+        assert np.linalg.norm(place - target) >= 6.0 * RADIUS - 0.01
+        assert np.all(target >= (-5.2, -5.2, -RADIUS - 0.1))
+        assert np.all(target <= (56.0, 5.2, 25.5))
+        if home == "the key":
+            page.keyboard.press("v")
+        else:
+            tab.press("View home (V)" if home == "the button" else "Reset (R)")
+        tab.wait_until(lambda: np.allclose(camera(tab), at_home, atol=0.01))
+
+
+def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=900, height=600) as tab:
+        page, session = tab.page, newest(trainer).session
+        tab.wait_for_node("grip")
+        page.wait_for_timeout(3500)
+        x, middle = stage_pixel(tab, (15.0, 0.0, 0.0))
+        edge = stage_pixel(tab, (15.0, 0.6 * RADIUS, 0.8 * RADIUS))[1]  # as the duct is seen
+        reach = {
+            kind: page.evaluate(
+                """([x, y, pointerType]) => {
+                    const canvas = window.__viserMutable.canvas;
+                    let far = 0;
+                    for (let away = 0; away < 90; away++) {
+                        canvas.dispatchEvent(new PointerEvent("pointermove", {
+                            clientX: x, clientY: y - away, bubbles: true, pointerType}));
+                        if (getComputedStyle(canvas).cursor === "pointer") far = away;
+                    }
+                    return far;
+                }""",
+                [x, edge, kind],
+            )
+            for kind in ("mouse", "touch")
+        }
+        assert 4 <= reach["mouse"] <= 20
+        assert 16 <= reach["touch"] <= 34  # and as much on the other side: a finger's width
+        at_home = settled(tab)
+        drag(page, (x, edge - 4.0), (x, edge - 4.0))
+        page.mouse.down()
+        drag(page, (x, edge - 4.0), (x, edge - 40.0))
+        tab.wait_until(lambda: session.reading().by_hand)
+        line = page.evaluate(
+            "() => { const found = window.__viserMutable.scene.children"
+            ".find(child => child.line && child.cone);"
+            " return [found.visible, found.line.visible, found.cone.visible]; }"
+        )
+        page.mouse.up()
+        assert line == [True, False, False]  # viser's line is drawn to every hand
+        np.testing.assert_allclose(settled(tab), at_home, atol=1e-3)
+
+        page.keyboard.press("t")
+        tab.wait_for_phase("torn")
+        page.wait_for_timeout(2500)
+        stump = stage_pixel(tab, (42.0, 0.0, 0.0))
+        drag(page, stump, stump)
+        page.mouse.down()
+        drag(page, stump, (stump[0], middle - 60.0))
+        page.mouse.up()
+        expect(page.get_by_text("A torn duct holds no pull")).to_have_count(1)
+        np.testing.assert_allclose(settled(tab), at_home, atol=1e-3)
+
+
+def test_a_second_tab_leaves_the_first_its_duct(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
+        tab.slide("Force F (N)", 1.5)
+        tab.wait_for_force(1.5)
+        first = newest(trainer)
+        second = tab.page.context.new_page()
+        second.goto(f"{trainer.address}/?fixedDpr=1")
+        tab.wait_until(lambda: newest(trainer) is not first)
+        assert newest(trainer).session is not first.session
+        second.close()
+        tab.wait_until(lambda: len(trainer.sessions) == 1)
+        tab.page.reload()
+        tab.wait_for_force(1.5)
+        tab.wait_until(lambda: newest(trainer) is not first)
+        assert newest(trainer).session is first.session
+
+
+def test_a_page_whose_duct_is_gone_is_told_so(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
+        tab.page.evaluate("() => window.bluntdissect.keep('of a trainer that was stopped')")
+        tab.page.reload()
+        expect(tab.page.get_by_text("The one that this page had is gone")).to_be_visible()
+
+
+@pytest.mark.parametrize("size", [(1024, 560), (390, 844)])
+def test_dialogs_close_in_every_way_and_nothing_covers_them(
+    browser: Browser, trainer: Trainer, size: tuple[int, int]
+) -> None:
+    width, height = size
+    with trainer_page(
+        browser, trainer.address, width=width, height=height, first_minute=True
+    ) as tab:
+        page, dialog = tab.page, tab.page.get_by_role("dialog")
+        dialog.wait_for()
+        page.keyboard.press("Escape")
+        expect(dialog).to_have_count(0)
+        newest(trainer).workplace.refuse("A notice that lies over the picture, and over no dialog.")
+        tab.press("Help")
+        dialog.wait_for()
+        page.wait_for_timeout(500)
+        dialog.evaluate("dialog => { dialog.scrollTop = dialog.scrollHeight; }")
+        cross = dialog.get_by_role("button", name="Close", exact=True)
+        place, frame = cross.bounding_box(), dialog.bounding_box()
+        assert place is not None
+        assert frame is not None
+        assert place["width"] >= 24.0
+        assert place["height"] >= 24.0
+        assert place["y"] >= 0.0
+        assert place["x"] + place["width"] <= width
+        assert frame["y"] + frame["height"] <= height
+        on_top = page.evaluate(
+            """frame => {
+                const inside = [];
+                for (const right of [0.05, 0.5, 0.95]) for (const down of [0.02, 0.5, 0.98])
+                    inside.push(document.elementFromPoint(
+                        frame.x + right * frame.width, frame.y + down * frame.height));
+                return inside.every(element => element?.closest("[role=dialog]"));
+            }""",
+            frame,
+        )
+        assert on_top
+        cross.click()
+        expect(dialog).to_have_count(0)
+        tab.press("Help")
+        dialog.wait_for()
+        page.wait_for_timeout(300)
+        page.mouse.click(4, height // 2)
+        expect(dialog).to_have_count(0)
+
+
+@pytest.mark.parametrize("width", [320, 390, 1280])
+def test_tabs_stand_in_one_row_with_any_font(
+    browser: Browser, trainer: Trainer, width: int
+) -> None:
+    with trainer_page(browser, trainer.address, width=width, height=700) as tab:
+        for font in ("inherit", "DejaVu Sans Mono"):
+            tab.page.add_style_tag(content=f"[role=tab] * {{font-family:{font!r}!important}}")
+            tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
+            boxes = [each for each in tabs if each is not None]
+            assert len(boxes) == 6
+            assert len({each["y"] for each in boxes}) == 1
+            for left, right in pairwise(boxes):
+                assert left["x"] + left["width"] <= right["x"] + 0.5
+            tab.open("Model")  # brought into view where the row scrolls
+            expect(tab.page.get_by_role("tab", name="Model")).to_have_attribute(
+                "aria-selected", "true"
+            )
+        expect(tab.page.locator(".tabler-icon-adjustments")).to_be_hidden()  # viser's settings
+
+
+JUDGED = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
+
+
+def faults(page: Page, where: str) -> list[str]:
+    """What axe-core finds serious or critical."""
+    if not page.evaluate("() => !!window.axe"):
+        page.evaluate((package("axe-core") / "axe.min.js").read_text())
+    found = page.evaluate(
+        "tags => axe.run(document, {runOnly: tags, resultTypes: ['violations']})", JUDGED
+    )
+    return [
+        f"{where}: {fault['id']} at {node['html'][:120]}"
+        for fault in found["violations"]
+        if fault["impact"] in ("serious", "critical")
+        for node in fault["nodes"]
+    ]
+
+
+def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, trainer: Trainer) -> None:
+    with trainer_page(browser, trainer.address, first_minute=True) as tab:
+        page, dialog = tab.page, tab.page.get_by_role("dialog")
+        dialog.wait_for()
+        page.wait_for_timeout(1000)
+        found = faults(page, "first minute")
+        page.keyboard.press("Escape")
+        expect(dialog).to_have_count(0)
+        for name in ("Learn", "Compare", "Replay", "Build", "Model", "Train"):
+            tab.open(name)
+            page.wait_for_timeout(700)
+            found += faults(page, name)
+        tab.press("Help")
+        dialog.wait_for()
+        page.wait_for_timeout(700)
+        found += faults(page, "Help")
+        page.keyboard.press("Escape")
+        page.keyboard.press("h")
+        page.keyboard.press("t")
+        tab.wait_for_phase("torn")
+        page.wait_for_timeout(700)
+        found += faults(page, "torn, in the colours of its stress")
+        tab.open("Learn")
+        tab.press("Result of the last run")
+        dialog.wait_for()
+        page.wait_for_timeout(700)
+        found += faults(page, "Result")
+        page.keyboard.press("Escape")
+        expect(dialog).to_have_count(0)
+        assert found == []
+
+
+def said(tab: TrainerPage) -> str:
+    return tab.page.locator("#bd-said").text_content() or ""
+
+
+def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        page, session = tab.page, newest(trainer).session
+        event = session.reading().breaks_at
+        assert event is not None
+        expect(tab.readout).not_to_have_attribute("role", re.compile("status|alert"))
+        expect(page.locator("[aria-live], [role=status], [role=log]")).to_have_count(1)
+        slider = page.get_by_role("slider", name="Force F (N)")
+        slider.focus()
+        still = settled(tab)
+        for keys, percent in (
+            (["ArrowRight"] * 3, 3.0),
+            (["Shift+ArrowUp"] * 4, 3.4),
+            (["ArrowLeft", "Shift+ArrowDown"], 2.3),
+        ):
+            for key in keys:
+                page.keyboard.press(key)
+            wanted = 0.01 * percent * event.force
+            tab.wait_until(lambda force=wanted: _wished(session) == pytest.approx(force, abs=6e-4))
+        np.testing.assert_array_equal(settled(tab), still)  # the arrows are the slider's own
+        assert said(tab) == "Safe"
+        tab.slide("Force F (N)", round(0.8 * event.force, 3))
+        tab.wait_until(lambda: said(tab) == "Careful")
+
+        tab.press("Help")
+        tab.tick("Letter keys")
+        page.keyboard.press("Escape")
+        expect(page.get_by_role("dialog")).to_have_count(0)
+        page.keyboard.press("r")
+        page.wait_for_timeout(1000)
+        assert _wished(session) > 2.0
+        tab.press("Help")
+        expect(page.get_by_role("checkbox", name="Letter keys")).not_to_be_checked()
+        tab.tick("Letter keys")
+        page.keyboard.press("Escape")
+        expect(page.get_by_role("dialog")).to_have_count(0)
+        page.keyboard.press("r")
+        tab.wait_until(lambda: said(tab) == "Safe")
+
+
+def _wished(session: Session) -> float:
+    return session.force_wanted
+
+
+def test_targets_are_large_enough_and_motion_is_reduced_where_that_is_wanted(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        page = tab.page
+        page.emulate_media(reduced_motion="reduce")
+        for name in ("Train", "Learn", "Compare", "Replay", "Build", "Model"):
+            tab.open(name)
+            page.wait_for_timeout(300)
+            small = page.evaluate(
+                """() => [...document.querySelectorAll(
+                    "button, input:not([type=hidden]):not([type=file]), [role=slider], [role=tab],"
+                    + " summary")]
+                .filter(element => element.checkVisibility({visibilityProperty: true})
+                    && !element.closest("[inert]") && element.offsetWidth)
+                .filter(element => {
+                    const box = element.getBoundingClientRect();
+                    const more = getComputedStyle(element, "::after");
+                    const wide = box.width - 2 * (parseFloat(more.left) || 0);
+                    const high = box.height - 2 * (parseFloat(more.top) || 0);
+                    return Math.min(wide, high) < 23.9;
+                }).map(element => element.outerHTML.slice(0, 160))"""
+            )
+            assert small == [], name
+        moving = page.evaluate(
+            """() => [...document.querySelectorAll("*")].filter(element =>
+                getComputedStyle(element).transitionDuration.split(",")
+                    .some(each => parseFloat(each) > 0.001)).length"""
+        )
+        assert moving == 0
