@@ -121,17 +121,24 @@ def set_arrow_step(
 def keep_in_sight(
     client: viser.ClientHandle,
     *,
+    place: tuple[float, float, float],
+    target: tuple[float, float, float],
     low: tuple[float, float, float],
     high: tuple[float, float, float],
     nearest: float,
     lowest: float,
 ) -> None:
-    """Bound where a client's camera can be taken.
+    """Put a client's camera where it belongs, and bound where it can be taken from there.
+
+    viser sets a camera's place and what it looks at one after the other, and each is clamped to
+    the bounds with what the other was before.
 
     Parameters
     ----------
     client
         The client.
+    place, target
+        Where the camera is and what it looks at, mm.
     low, high
         Corners of the box that the point stays in which is looked at, mm.
     nearest
@@ -139,7 +146,7 @@ def keep_in_sight(
     lowest
         Height below which the camera does not sink, mm.
     """
-    _call(client, "keepInSight", low, high, nearest, lowest)
+    _call(client, "keepInSight", place, target, low, high, nearest, lowest)
 
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
@@ -250,6 +257,7 @@ _STYLE = f"""
 .mantine-ActionIcon-root,.mantine-CloseButton-root,[data-dock-region-collapse]
 {{min-width:24px;min-height:24px}}
 summary{{min-height:24px;align-items:center}}
+.mantine-NumberInput-controls{{display:none}}
 /* What scrolls leaves room for the scroll bar. */
 .mantine-ScrollArea-content{_PANEL}{{padding-right:8px}}
 /* viser's own settings and scene tree are no trainee's. */
@@ -345,18 +353,20 @@ page.openTab = (label, until = performance.now() + 5000) => {
 // The camera: neither lost nor below the floor, and without the line that viser draws to a hand.
 const STEEPEST = 1.35, FLATTEST = 0.15;
 let bounds = null, guarded = null;
-page.keepInSight = (low, high, nearest, lowest) => {
-  bounds = {low, high, nearest, lowest};
+page.keepInSight = (place, target, low, high, nearest, lowest) => {
+  bounds = {place, target, low, high, nearest, lowest};
   later(() => viewer()?.cameraControl && viewer().scene && viewer().nodeRefFromName[""], bound);
 };
 const bound = () => {
   const {cameraControl: camera, scene, nodeRefFromName} = viewer();
   const world = nodeRefFromName[""].matrixWorld, point = camera.camera.position.clone();
-  const corners = [bounds.low, bounds.high].map(at => point.clone().set(...at).applyMatrix4(world));
+  const inWorld = at => point.clone().set(...at).applyMatrix4(world);
+  const corners = [bounds.low, bounds.high].map(inWorld);
   camera.setBoundary({min: corners[0].clone().min(corners[1]), max: corners[0].max(corners[1])});
   camera.minDistance = bounds.nearest;
   camera.minPolarAngle = FLATTEST;
   if (matchMedia("(prefers-reduced-motion: reduce)").matches) camera.smoothTime = 0;
+  camera.setLookAt(...inWorld(bounds.place), ...inWorld(bounds.target), false);
   for (const child of scene.children)
     if (child.line && child.cone) child.line.visible = child.cone.visible = false;
   if (guarded === camera.camera) return;

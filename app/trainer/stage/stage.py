@@ -324,6 +324,8 @@ class Stage:
         high = np.maximum(target, (self.span + beside, beside, 0.5 * self.span))
         keep_in_sight(
             client,
+            place=tuple(view.position.tolist()),
+            target=tuple(target.tolist()),
             low=tuple(low.tolist()),
             high=tuple(high.tolist()),
             nearest=_NEAREST * self.radius,
