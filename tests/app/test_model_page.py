@@ -1,6 +1,7 @@
 """Which organ is solved and how, and figures of one's own, in a real browser."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from own_organ import said
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
+from app.simulation.preset import OrganBeam
 from app.simulation.preset_file import read_preset
 from app.trainer.server import Trainer
 from organ_geometry.coding.organ_file import read_organ
@@ -17,7 +19,7 @@ from physics import THEORIES
 
 
 @pytest.fixture(scope="module")
-def own_trainer(tube_file: Path) -> Trainer:
+def own_trainer(tube_file: Path) -> Iterator[Trainer]:
     running = Trainer(read_organ(tube_file), port=0, look="plain")
     yield running
     running.stop()
@@ -136,6 +138,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         file = saved(tab)
         preset = read_preset(file.read_bytes(), "mine")
         assert preset.modulus_MPa == pytest.approx(0.620528)
+        assert isinstance(preset.beam, OrganBeam)
         assert preset.beam.wall_mm == 0.8
         assert preset.beam.clamps_mm == (4.0, 54.5)
         assert preset.source.startswith("Yours: modulus, Poisson's ratio, strength, wall, clamps.")
