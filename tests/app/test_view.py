@@ -162,13 +162,6 @@ def test_a_second_tab_leaves_the_first_its_duct(browser: Browser, trainer: Train
         assert newest(trainer).session is first.session
 
 
-def test_a_page_whose_duct_is_gone_is_told_so(browser: Browser, trainer: Trainer) -> None:
-    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
-        tab.page.evaluate("() => window.bluntdissect.keep('of a trainer that was stopped')")
-        tab.page.reload()
-        expect(tab.page.get_by_text("The one that this page had is gone")).to_be_visible()
-
-
 @pytest.mark.parametrize("size", [(1024, 560), (390, 844)])
 def test_dialogs_close_in_every_way_and_nothing_covers_them(
     browser: Browser, trainer: Trainer, size: tuple[int, int]
