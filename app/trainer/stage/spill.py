@@ -12,9 +12,9 @@ from app.trainer.stage.tissue_bed import bed_height
 
 __all__ = ["spill_glb"]
 
-_RINGS, _CORNERS = 10, 44
+_RINGS, _CORNERS = 16, 56
 _DROPS = 9
-_FILM = 0.16  # mm, how thick a pool is in its middle for each mm of its reach
+_FILM = 0.08  # mm, how thick it is where it only wets the bed
 _BELOW = 0.35  # mm that its edge lies below the bed's surface
 
 
@@ -42,32 +42,34 @@ def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> b
     parts: list[Part] = []
     pools: list[tuple[Color, float, float]] = []  # colour, reach, aside
     if look.spilt is not None:
-        pools.append((look.spilt, 1.5 * radius, 0.6 * radius))
+        pools.append((look.spilt, 1.25 * radius, 0.5 * radius))
     if look.blood is not None:
-        pools.append((look.blood, 0.9 * radius, -1.3 * radius))
+        pools.append((look.blood, 0.75 * radius, -1.1 * radius))
     for color, reach, aside in pools:
         finish = Finish(color=color, roughness=0.25, clearcoat=1.0, clearcoat_roughness=0.08)
         middle = np.array([place + aside, -0.5 * radius])
         parts.append(Part(_pool(middle, reach, random), finish))
         for _ in range(_DROPS):
-            way = random.normal(0.0, 1.2 * radius, 2)
-            drop = random.uniform(0.05, 0.16) * radius
+            way = random.normal(0.0, 0.9 * radius, 2)
+            drop = random.uniform(0.04, 0.11) * radius
             parts.append(Part(_pool(middle + way, drop, random), finish))
     return binary_gltf(parts) if parts else b""
 
 
 def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator) -> Solid:
-    """Return a film of liquid on the bed, thick in its middle and below it at its edge."""
+    """Return a liquid that stands in the bed's hollows: level, with the bed for its shore."""
     angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     orders = np.arange(2, 7)
-    sizes = random.normal(0.0, 0.22, orders.size) / np.sqrt(orders)
+    sizes = random.normal(0.0, 0.07, orders.size)
     phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
     outline = 1.0 + np.cos(np.outer(angles, orders) + phases) @ sizes
     part = np.linspace(0.02, 1.0, _RINGS)[:, None]
     x = middle[0] + reach * part * outline * np.cos(angles)
-    y = middle[1] + 0.7 * reach * part * outline * np.sin(angles)
-    thick = (_FILM * min(reach, 3.0) + _BELOW) * (1.0 - part**4) - _BELOW
-    z = bed_height(x, y) + thick
+    y = middle[1] + 0.75 * reach * part * outline * np.sin(angles)
+    bed = bed_height(x, y)
+    # A film wets what stands out of it, and thins out towards its edge.
+    level = np.quantile(bed, 0.5) + _FILM
+    z = np.maximum(level, bed + _FILM) * (1.0 - part**6) + (bed - _BELOW) * part**6
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     faces = grid_faces(_RINGS, _CORNERS, closed=True)[:, ::-1]
     return Solid(vertices, faces, vertex_normals(vertices, faces))
