@@ -32,8 +32,8 @@ class Takings(msgspec.Struct, frozen=True):
         Processor time, s.
     resident_bytes
         Memory of the process.
-    objects
-        Python's containers.
+    blocks
+        Blocks of memory that Python's own allocator has given, one or more for each small object.
     traced_bytes
         Memory that Python's allocator has given, without what is counting it; 0 if not traced.
     log_inputs
@@ -45,7 +45,7 @@ class Takings(msgspec.Struct, frozen=True):
     frames: dict[int, int]
     processor_s: float
     resident_bytes: int
-    objects: int
+    blocks: int
     traced_bytes: int
     log_inputs: int
 
@@ -126,7 +126,8 @@ def _takings(trainer: "Trainer") -> Takings:
         frames=trainer.frames,
         processor_s=times.user + times.system,
         resident_bytes=memory.rss,
-        objects=len(gc.get_objects()),
+        # Never a list of all objects: it would hold what other threads are still making.
+        blocks=sys.getallocatedblocks(),
         traced_bytes=tracemalloc.get_traced_memory()[0] if traced else 0,
         log_inputs=sum(session.run.inputs for session in trainer.sessions.values()),
     )

@@ -22,7 +22,7 @@ __all__ = ["slopes"]
 SAMPLE_SECONDS = 60.0
 SETTLING_SAMPLES = 5
 """Left out of the slopes: what is made once, and the caches."""
-FIGURES = ("resident_bytes", "traced_bytes", "objects", "log_inputs")
+FIGURES = ("resident_bytes", "traced_bytes", "blocks", "log_inputs")
 SLIDER_SECONDS = 0.1
 TEARS_EVERY, TEARING_FORCE, TORN_SECONDS = 60.0, 4.0, 4.0
 """s; N, past the duct's break; s."""
@@ -89,7 +89,7 @@ async def _samples(served: Served, seconds: float, every: float, console: Consol
         samples.append(takings)
         console.print(
             f"{(loop.time() - began) / 60.0:6.1f} min  {takings.resident_bytes / 1e6:7.1f} MB, "
-            f"Python {takings.traced_bytes / 1e6:6.2f} MB, {takings.objects:,} objects, "
+            f"Python {takings.traced_bytes / 1e6:6.2f} MB, {takings.blocks:,} blocks, "
             f"{takings.log_inputs:,} inputs, {sum(takings.frames.values()):,} frames, "
             f"{takings.missed:,} of {takings.beats + takings.missed:,} ticks missed",
             highlight=False,
@@ -116,8 +116,8 @@ def main() -> None:
     grown = slopes(samples[SETTLING_SAMPLES:], chosen.every)
     console.print(
         f"A minute: memory {grown['resident_bytes_a_minute'] / 1e3:+.1f} kB, Python "
-        f"{grown['traced_bytes_a_minute'] / 1e3:+.2f} kB, objects "
-        f"{grown['objects_a_minute']:+.1f}, inputs {grown['log_inputs_a_minute']:+.0f} "
+        f"{grown['traced_bytes_a_minute'] / 1e3:+.2f} kB, blocks "
+        f"{grown['blocks_a_minute']:+.1f}, inputs {grown['log_inputs_a_minute']:+.0f} "
         f"of {BYTES_AN_INPUT} bytes each",
         highlight=False,
     )

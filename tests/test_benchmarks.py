@@ -82,14 +82,14 @@ def test_slopes_are_those_of_straight_lines() -> None:
     samples = [
         Takings(
             beats=0, missed=0, frames={}, processor_s=0.0, resident_bytes=1000 + 30 * index,
-            objects=500 - index, traced_bytes=7, log_inputs=600 * index,
+            blocks=500 - index, traced_bytes=7, log_inputs=600 * index,
         )
         for index in range(10)
     ]  # fmt: skip
     assert slopes(samples, 30.0) == pytest.approx(
         {
             "resident_bytes_a_minute": 60.0,
-            "objects_a_minute": -2.0,
+            "blocks_a_minute": -2.0,
             "traced_bytes_a_minute": 0.0,
             "log_inputs_a_minute": 1200.0,
         },

@@ -12,11 +12,13 @@ _OVERLAY = """
   font: 0.85rem/1.45 system-ui, sans-serif; text-shadow: 0 0 4px #000, 0 0 8px #000; }
 #about h1 { margin: 0 0 0.25rem; font-size: 1.25rem; font-weight: 600; }
 #about p { margin: 0; opacity: 0.85; }
+#about #caption { font-size: 1.05rem; opacity: 1; white-space: pre-wrap; min-height: 1.45em; }
 #about p.warning { margin-top: 0.35rem; color: #ffd166; opacity: 1; }
-@media (max-height: 32rem) { #about p:not(.warning) { display: none; } }
+@media (max-height: 32rem) { #about p.note { display: none; } }
 </style>
 <div id="about">
 <h1>@title</h1>
+<p id="caption"></p>
 @notes
 <p class="warning">Not clinically validated, not a medical device.</p>
 </div>
@@ -38,10 +40,11 @@ def titled_page(page: str, title: str, notes: Sequence[str]) -> str:
     Returns
     -------
     str
-        The page, which also says that it is not clinically validated and not a medical device.
+        The page, with an empty line of the name `caption`; it also says that it is not clinically
+        validated and not a medical device.
     """
     shown = html.escape(title)
-    lines = "\n".join(f"<p>{html.escape(note)}</p>" for note in notes)
+    lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
     overlay = _OVERLAY.replace("@title", shown).replace("@notes", lines)
     # The page's own script holds such tags as text: its head's is the first, its body's the last.
     before, after = page.split("<title>", 1)

@@ -15,11 +15,15 @@ from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
 from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
 from app.trainer.page_text import titled_page
-from app.trainer.scene import LIFT_AFTER_TEAR
+from app.trainer.scene import LIFT_AFTER_TEAR, TORN_ENDS
+from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.contact import Contact, HookPlace, sink
 from app.trainer.stage.lighting import fill_air
-from app.trainer.stage.plain_tissue import INSIDE, TISSUE
 from app.trainer.stage.stage import Stage
+from app.trainer.stage.tissue import Tissue, send_finish
+from app.trainer.stage.wall_texture import mean_color
+from app.trainer.viser_bridge import steady_light, write_caption
 from organ_geometry.mesh.skin import BoundSkin, organ_skin
 from organ_geometry.mesh.tear import TornPiece
 from organ_geometry.organ import Organ
@@ -44,7 +48,7 @@ DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41
 """Twenty a second."""
 GRID = 1.0 / 256.0
-"""What vertices are rounded to, mm: the page packs to half the size and nobody sees it."""
+"""What vertices are rounded to, mm, and light: the page packs to half the size, unseen."""
 REST_SECONDS, END_SECONDS = 0.6, 1.2
 """How long the organ lies still before and after the motion."""
 ASPECT = 16.0 / 9.0
@@ -63,6 +67,8 @@ class Scenes:
     hooks
         (T, 3) where the hook holds the axis at each key, mm from the first clamp along the clamps,
         sideways and along the pull.
+    shares
+        (T,) highest stress by the threshold at each key: how deep the hook sinks in.
     title, notes
         What stands over the picture all the time.
     """
@@ -70,37 +76,35 @@ class Scenes:
     motion: Motion
     captions: Sequence[str]
     hooks: NDArray[np.float64]
+    shares: NDArray[np.float64]
     title: str
     notes: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """A mesh in the page, and the vertices of the surface that it shows."""
-
-    mesh: viser.MeshHandle
-    used: NDArray[np.int32]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Body:
-    """A surface that moves: the whole organ or a piece."""
+    """A surface that moves, the whole organ or a piece, and its picture."""
 
     bound: BoundSkin
     piece: TornPiece | None
-    parts: list[_Part]
+    contact: Contact
+    tissue: Tissue
     vertices: NDArray[np.float32]
 
-    def move(self, pose: NDArray[np.float64], front: float) -> None:
+    def show(
+        self,
+        pose: NDArray[np.float64],
+        front: float,
+        hook: HookPlace | None = None,
+        *,
+        visible: bool = True,
+    ) -> None:
         self.bound.deform(pose, self.vertices)
         if self.piece is not None:
             self.piece.open(front, self.vertices)
-        for part in self.parts:
-            part.mesh.vertices = _rounded(self.vertices[part.used])
-
-    def show(self, shown: bool) -> None:
-        for part in self.parts:
-            part.mesh.visible = shown
+        self.contact.mark(self.vertices, hook)
+        self.tissue.show(_rounded(self.contact.vertices), _rounded(self.contact.shade))
+        self.tissue.visible = visible
 
 
 def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
@@ -151,11 +155,13 @@ def order_page(order: Order) -> str:
     else:
         motion = pull_motion(dissection, theory, grasp=grasp, force=force, frames=PULL_KEYS)
     preset = dissection.preset
+    captions, shares = _instruments(order, motion, force)
     broke = "" if event is None else f", breaks at {event.force:.3g} N"
     scenes = Scenes(
         motion,
-        _captions(order, motion, force),
+        captions,
         _hooks(dissection, motion, grasp),
+        shares,
         preset.label,
         [
             f"{dissection.beam.span:.1f} mm between the clamps, pulled {grasp:.1f} mm from the "
@@ -232,11 +238,14 @@ def _recorded(
     motion, scene = scenes.motion, server.scene
     first, last = dissection.organ.axis_at(np.array(dissection.clamps))
     hooks = scenes.hooks
+    look = appearance_of(dissection.preset)
     stage = Stage(
         scene,
         span=float(np.linalg.norm(last - first)),
-        radius=dissection.organ.mean_radius,
-        tissue=TISSUE,
+        radius=drawn_radius(dissection),
+        tissue=mean_color(look),
+        bite=look.bite,
+        surroundings=look.surroundings,
         # The environment map would be unpacked again whenever the page starts over.
         look="plain",
     )
@@ -248,71 +257,92 @@ def _recorded(
     camera.fov, camera.near, camera.far = view.fov, 1.0, 20.0 * view.distance
     turn = transforms.SO3.from_matrix(dissection.frame.T)
     scene.add_frame("/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first))
-    whole = _body(scene, "organ", bound, None)
+    scene.add_frame("/finish", show_axes=False, position=(0.5 * stage.span, 0.0, 0.0))
+    send_finish(scene, look, stage.radius)
+    whole = _body(scene, dissection, "organ", bound, None)
     torn = [
-        _body(scene, name, piece.skin.bound_to(dissection.driving), piece)
+        _body(scene, dissection, name, piece.skin.bound_to(dissection.driving), piece)
         for name, piece in zip(PIECES, pieces or (), strict=False)
     ]
-    for body in torn:
-        body.show(False)
-    label = scene.add_label(
-        "/caption",
-        scenes.captions[0],
-        position=(0.5 * stage.span, 0.0, -2.6 * stage.radius),
-        anchor="top-center",
-        font_screen_scale=1.6,
-    )
+    written = ""
 
-    record = server.get_scene_serializer()
-    record.insert_sleep(REST_SECONDS)
-    shown_whole = True
-    now = float(motion.times[0])
-    for key, time in enumerate(motion.times.tolist()):
-        record.insert_sleep(time - now)
-        now = time
+    # At which keys what is hidden from then on is made ready, and for which key.
+    comes_apart = int(motion.whole.sum())
+    turns = {0: comes_apart, comes_apart: 0} if torn else {}
+
+    def show(key: int) -> None:
+        nonlocal written
         is_whole = bool(motion.whole[key])
+        center = hooks[key]
+        place: HookPlace | None = None
+        if is_whole:
+            center = np.add(center, (0.0, 0.0, sink(float(scenes.shares[key]), stage.radius)))
+            place = HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
+        elif motion.fronts[key] >= 1.0:
+            center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
+        stage.place_hook(center, (0.0, 0.0, 1.0))
+        # What is not seen is ready for when it will be: a page takes a moment to read a surface.
+        for body in torn if is_whole else [whole]:
+            if key in turns:
+                at = turns[key]
+                body.show(motion.transforms[at], float(motion.fronts[at]), visible=False)
         for body in [whole] if is_whole else torn:
-            body.move(motion.transforms[key], float(motion.fronts[key]))
-        if is_whole != shown_whole:
-            shown_whole = is_whole
-            whole.show(is_whole)
-            for body in torn:
-                body.show(not is_whole)
-        free = LIFT_AFTER_TEAR * stage.radius if motion.fronts[key] >= 1.0 else 0.0
-        stage.place_hook(hooks[key] + (0.0, 0.0, free), (0.0, 0.0, 1.0))
-        if label.text != scenes.captions[key]:
-            label.text = scenes.captions[key]
+            body.show(motion.transforms[key], float(motion.fronts[key]), place)
+        if written != scenes.captions[key]:
+            written = scenes.captions[key]
+            write_caption(server, written)
+
+    # A page that starts over keeps what it is not told anew. So the record begins with all that is
+    # not the same at the end as at the start.
+    times = motion.times.tolist()
+    if torn:
+        show(comes_apart)
+    show(len(times) - 1)
+    record = server.get_scene_serializer()
+    show(0)
+    record.insert_sleep(REST_SECONDS)
+    for key in range(1, len(times)):
+        record.insert_sleep(times[key] - times[key - 1])
+        show(key)
     record.insert_sleep(END_SECONDS)
-    return titled_page(record.as_html(dark_mode=True), scenes.title, scenes.notes)
+    return titled_page(steady_light(record.as_html(dark_mode=True)), scenes.title, scenes.notes)
 
 
-def _body(scene: viser.SceneApi, name: str, bound: BoundSkin, piece: TornPiece | None) -> _Body:
-    """Add a surface: its outer wall and, in another colour, what of its inside can be seen."""
-    skin = bound.skin
-    inside = skin.faces[skin.outer_faces :]
-    if piece is None and len(inside) > skin.outer_faces:
-        inside = inside[skin.outer_faces :]  # nobody looks into the lumen of a whole organ
-    parts: list[_Part] = []
-    for part, faces, color in (
-        (name, skin.faces[: skin.outer_faces], TISSUE),
-        (f"{name}_inside", inside, INSIDE),
-    ):
-        used, places = np.unique(faces, return_inverse=True)
-        mesh = scene.add_mesh_simple(
-            f"/organ/{part}",
-            _rounded(skin.vertices[used]),
-            places.reshape(faces.shape).astype(np.uint32),
-            color=color,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        parts.append(_Part(mesh, used.astype(np.int32)))
-    return _Body(bound, piece, parts, skin.vertices.copy())
+def _body(
+    scene: viser.SceneApi,
+    dissection: Dissection,
+    name: str,
+    bound: BoundSkin,
+    piece: TornPiece | None,
+) -> _Body:
+    """Add a surface; a piece starts as it is before the tear opens."""
+    organ, skin = dissection.organ, bound.skin
+    look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
+    contact = Contact(
+        skin,
+        organ.axis_at(skin.stations),
+        dissection.frame,
+        dissection.clamps,
+        radius,
+        thickness=radius / organ.mean_radius,
+        bite=look.bite,
+    )
+    tissue = Tissue(
+        scene,
+        f"/organ/{name}",
+        contact,
+        look=look,
+        radius=radius,
+        lumen=drawn_lumen(dissection),
+        torn_end=TORN_ENDS.get(name),
+    )
+    body = _Body(bound, piece, contact, tissue, skin.vertices.copy())
+    body.show(dissection.rest_transforms(), 0.0, None)
+    return body
 
 
-def _rounded(vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.rint(vertices / np.float32(GRID)) * np.float32(GRID)
+def _rounded(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.rint(numbers / np.float32(GRID)) * np.float32(GRID)
 
 
 def _hooks(dissection: Dissection, motion: Motion, grasp: float) -> NDArray[np.float64]:
@@ -349,17 +379,21 @@ def caption(force: float, deflection: float, left: float) -> str:
     return f"F {force:.3g} N   lifted {deflection:.1f} mm   distance to break {100.0 * left:.0f} %"
 
 
-def _captions(order: Order, motion: Motion, force: float) -> list[str]:
-    """Return what the instruments show at each key."""
+def _instruments(
+    order: Order, motion: Motion, force: float
+) -> tuple[list[str], NDArray[np.float64]]:
+    """Return what the instruments show at each key, and (T,) highest stress by the threshold."""
     dissection = order.dissection
     beam = dissection.beam
     stations = critical_stations(beam, order.grasp)
     pull = Pull(order.theory, beam, order.grasp)
     captions: list[str] = []
-    for at in np.linspace(0.0, force, int(motion.whole.sum())).tolist():
+    shares = np.zeros(len(motion.times))
+    for key, at in enumerate(np.linspace(0.0, force, int(motion.whole.sum())).tolist()):
         pulled = pull.to_force(at, stations)
         left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
         captions.append(caption(at, pulled.deflection, left))
+        shares[key] = 1.0 - left
     tears, torn = f"F {force:.3g} N   it tears", "F 0 N   torn in two"
     fronts = motion.fronts[~motion.whole].tolist()
-    return captions + [tears if front < 1.0 else torn for front in fronts]
+    return captions + [tears if front < 1.0 else torn for front in fronts], shares

@@ -42,6 +42,7 @@ def run_page(run: RecordedRun, *, edge_length: float) -> str:
         run.motion,
         [_caption(reading) for reading in readings],
         np.array([reading.hook for reading in readings]),
+        np.array([1.0 - reading.check.distance_to_break for reading in readings]),
         dissection.preset.label,
         [
             f"A recorded run of {whole:.1f} s on {dissection.beam.span:.1f} mm between the "

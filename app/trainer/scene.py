@@ -31,7 +31,7 @@ SAME_STAGE = 0.01
 """Change of span and radius that the eye does not see: a megabyte need not be sent anew for it."""
 LIFT_AFTER_TEAR = 2.5
 """How far the hook is lifted from where a torn duct lay, in radii."""
-_TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
+TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +175,7 @@ class Scene:
                 f"/organ/{drawn.surface.name}_stress",
                 drawn.surface.skin,
                 viewer,
-                torn=drawn.surface.name in _TORN_ENDS,
+                torn=drawn.surface.name in TORN_ENDS,
             )
             for drawn in self._drawn
         ]
@@ -329,7 +329,7 @@ class Scene:
                     look=look,
                     radius=radius,
                     lumen=drawn_lumen(dissection),
-                    torn_end=_TORN_ENDS.get(surface.name),
+                    torn_end=TORN_ENDS.get(surface.name),
                 )
             else:
                 tissue = PlainTissue(scene, node, skin, mean_color(look))

@@ -32,7 +32,9 @@ __all__ = [
     "run_in_page",
     "set_arrow_step",
     "set_letter_keys",
+    "steady_light",
     "tab_keeps",
+    "write_caption",
 ]
 
 ANSWER_SECONDS = 4.0
@@ -210,6 +212,39 @@ def closer_html() -> str:
 def _call(client: viser.ClientHandle, name: str, *arguments: Any) -> None:
     given = ", ".join(json.dumps(each) for each in arguments)
     _run(client, f"window.bluntdissect?.{name}({given})")
+
+
+def write_caption(server: viser.ViserServer, words: str) -> None:
+    """Write into the line of a recording's page that is named `caption`.
+
+    viser's own labels are drawn: no screen reader reads them, and what stands over the picture
+    hides them.
+    """
+    run_in_page(
+        server.scene, f"document.getElementById('caption').textContent = {json.dumps(words)}"
+    )
+
+
+def steady_light(page: str) -> str:
+    """Return a page of a recording that keeps the recording's light whenever it starts over.
+
+    Until the first messages are heard, and again each time round, viser lights the scene by two
+    lamps and a city around it, and the city may come late and stay. The scene is set right before
+    each picture: no light from around, no lamps of viser's (the only directional ones), and the
+    last fog.
+
+    Parameters
+    ----------
+    page
+        The page, in HTML.
+
+    Returns
+    -------
+    str
+        The page with a script more.
+    """
+    head, rest = page.split("</head>", 1)
+    return f"{head}<script>{_STEADY_LIGHT}</script></head>{rest}"
 
 
 def _run(client: viser.ClientHandle, source: str) -> None:
@@ -581,3 +616,18 @@ tend();
     .replace("@letterKeys", _LETTER_KEYS)
 )
 """Run once in a page; a page that has connected again has it already."""
+
+_STEADY_LIGHT = """
+(function start() {
+  const scene = window.__viserMutable?.scene;
+  if (!scene) return requestAnimationFrame(start);
+  let fog = null;
+  const before = scene.onBeforeRender;
+  scene.onBeforeRender = (...given) => {
+    before.apply(scene, given);
+    scene.environment = null;
+    scene.fog = fog = scene.fog ?? fog;
+    scene.traverse((node) => { if (node.isDirectionalLight) node.visible = false; });
+  };
+})();
+"""

@@ -5,6 +5,8 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,6 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, Playwright, sync_playwright
 
 from app.trainer.client_view import ClientView
-from app.trainer.player import GRID
 from app.trainer.server import Trainer
 from app.trainer.stage.camera import viewpoint
 
@@ -238,30 +239,88 @@ def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, floa
     )
 
 
-SHOWN = """count => {
-    const found = [];
-    window.__viserMutable?.scene?.traverseVisible(child => {
-        const places = child.isMesh && child.geometry.attributes.position;
-        if (places && places.count === count) found.push(Array.from(places.array));
-    });
-    return found;
-}"""
-"""The meshes of so many vertices that are to be seen, from the scene itself: the page's own table
-of nodes loses a node that is made again."""
+DRAWN = """(function start() {
+    const scene = window.__viserMutable?.scene;
+    if (!scene) return requestAnimationFrame(start);
+    window.drawn = [];
+    scene.onAfterRender = () => {
+        const nodes = window.__viserMutable.nodeRefFromName;
+        const tops = {};
+        for (const name of ['organ', 'first_piece', 'second_piece']) {
+            const node = nodes['/organ/' + name];
+            let shown = Boolean(node);
+            for (let above = node; above; above = above.parent) shown = shown && above.visible;
+            if (shown) node.traverse(child => {
+                const places = child.isMesh && child.geometry.attributes.position?.array;
+                for (let z = 2; places && z < places.length; z += 3)
+                    tops[name] = Math.max(tops[name] ?? -Infinity, places[z]);
+            });
+        }
+        const lights = [];
+        scene.traverseVisible(node => { if (node.isLight) lights.push(node.type); });
+        const hook = nodes['/stage/hook'];
+        if (hook) window.drawn.push({
+            clock: Number(document.querySelector('input')?.value ?? NaN),
+            caption: document.getElementById('caption').textContent,
+            tops, hook: hook.position.z, lights: lights.sort(),
+            around: Boolean(scene.environment), fog: scene.fog?.near ?? null,
+        });
+    };
+})()"""
+"""Keeps what a player's page shows in each picture that it draws: caption, heights of the surfaces
+that are seen and of the hook, mm, and what lights them."""
 
 
-def wait_shown(page: Page, moment: float, wanted: np.ndarray) -> None:
-    """Scrub a player's page to a time, s, and wait until vertices are seen where they belong."""
-    clock = page.locator("input").first
-    furthest = np.inf
-    until = time.monotonic() + 2.0 * PATIENCE / 1000.0
-    while time.monotonic() < until:
-        clock.fill(f"{moment:.2f}")  # again and again: the page may have been starting
-        for _ in range(20):  # each jump builds the scene anew, which takes a while
-            page.wait_for_timeout(400)
-            for flat in page.evaluate(SHOWN, len(wanted)):
-                found = np.reshape(flat, (-1, 3))
-                furthest = float(np.abs(found - wanted).max())
-                if furthest <= 0.5 * GRID + 1e-5:
-                    return
-    pytest.fail(f"{len(wanted)} vertices are not seen at {moment:.2f} s: {furthest} mm off")
+@dataclass(frozen=True)
+class Drawn:
+    """One picture that a player's page has drawn."""
+
+    clock: float
+    caption: str
+    tops: dict[str, float]
+    hook: float
+    lights: list[str]
+    around: bool
+    fog: float | None
+
+
+class PlayerPage:
+    """A page that plays by itself."""
+
+    def __init__(self, page: Page, path: Path) -> None:
+        self.page = page
+        page.set_default_timeout(PATIENCE)
+        page.add_init_script(DRAWN)
+        page.goto(f"{path.as_uri()}?fixedDpr=1")
+        page.locator("#about").wait_for()
+
+    def drawn(self) -> list[Drawn]:
+        """What has been drawn so far, picture by picture."""
+        return [Drawn(**each) for each in self.page.evaluate("() => window.drawn ?? []")]
+
+    def passes(self, count: int) -> list[list[Drawn]]:
+        """What is drawn in the first times through, each picture by picture."""
+        until = time.monotonic() + 3.0 * PATIENCE / 1000.0
+        while time.monotonic() < until:
+            self.page.wait_for_timeout(500)
+            pictures = self.drawn()
+            starts = [0] + [
+                number
+                for number, (before, after) in enumerate(pairwise(pictures), start=1)
+                if after.clock < before.clock - 1.0
+            ]
+            if len(starts) > count:
+                return [pictures[first:last] for first, last in pairwise(starts)][:count]
+        pytest.fail("the page has not played so often")
+
+    def wait_at(self, moment: float, fits: Callable[[Drawn], bool]) -> None:
+        """Go to a time, s, and wait until a picture of it is as it should be."""
+        clock = self.page.locator("input").first
+        clock.fill(f"{moment:.2f}")
+        until = time.monotonic() + 2.0 * PATIENCE / 1000.0
+        while time.monotonic() < until:
+            self.page.wait_for_timeout(200)
+            pictures = self.drawn()
+            if pictures and fits(pictures[-1]):
+                return
+        pytest.fail(f"at {moment:.2f} s there is {self.drawn()[-1:]}")

@@ -1,16 +1,17 @@
 """The player: one file that plays in a browser, with nothing behind it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import PATIENCE, running_browser, wait_shown
+from browser import RADIUS, PlayerPage, running_browser
 from simulated import phantom
 
 from app.export.motion import pull_motion
 from app.export.order import Order
-from app.simulation.dissection import Dissection
+from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
 from app.trainer.page_text import titled_page
@@ -18,6 +19,8 @@ from app.trainer.player import PULL_KEYS, REST_SECONDS, order_page, page_edge_le
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
 
+AT_TOP = 0.4
+"""How near the top of a surface must be to the skin's, mm: the wire raises the wall beside it."""
 LARGEST = 3_000_000
 """Bytes of a page that can still be sent by mail."""
 
@@ -28,50 +31,78 @@ def order() -> Order:
     return Order(dissection, Cubic(), 0.5 * dissection.beam.span, edge_length=edge_length)
 
 
-def test_page_plays_pull_and_tear_by_itself(tmp_path: Path) -> None:
+def top_of(dissection: Dissection, vertices: np.ndarray) -> float:
+    """How high a surface of the shipped duct reaches, mm: it lies along x and is pulled along z."""
+    assert np.array_equal(dissection.frame, np.eye(3))
+    return float(vertices[:, 2].max())
+
+
+def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> None:
     wanted = order()
+    dissection, event = wanted.dissection, wanted.break_event
+    assert event is not None
     path = tmp_path / "player.html"
     path.write_text(order_page(wanted))
     assert path.stat().st_size < LARGEST
     errors: list[str] = []
     requests: list[str] = []
     with running_browser() as browser:
-        page = browser.new_page(viewport={"width": 960, "height": 600})
-        page.set_default_timeout(PATIENCE)
+        page = browser.new_page(viewport={"width": 480, "height": 300})
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
-        page.goto(f"{path.as_uri()}?fixedDpr=1")
-        about = page.locator("#about")
-        about.wait_for()
-        assert "Not clinically validated, not a medical device." in about.inner_text()
-        assert wanted.dissection.preset.title in about.inner_text()
-        assert "a full round bar, 50.8 mm between the clamps" in about.inner_text()
-        assert "Forces in N, lengths in mm." in about.inner_text()
-        page.set_viewport_size({"width": 480, "height": 300})  # a small picture is drawn sooner
-        assert "Forces in N" not in about.inner_text()
-        assert "Not clinically validated, not a medical device." in about.inner_text()
-        assert page.title() == wanted.dissection.preset.title
-        skin = organ_skin(wanted.dissection.organ, edge_length=wanted.edge_length)
-        used = np.unique(skin.faces[: skin.outer_faces])
-        wait_shown(page, 0.5 * REST_SECONDS, skin.vertices[used])
+        player = PlayerPage(page, path)
+        for number, pictures in enumerate(player.passes(2)):
+            for drawn in pictures:
+                assert drawn.lights == ["AmbientLight", "PointLight", "SpotLight"], drawn
+                assert not drawn.around, drawn
+                assert drawn.fog == pictures[0].fog, drawn
+                lifted = re.search(r"lifted ([\d.]+) mm", drawn.caption)
+                assert drawn.tops.keys() <= ({"organ"} if lifted else set(PIECES)), drawn
+                height = float(lifted[1]) if lifted else event.deflection
+                assert height - 0.1 < drawn.hook < height + 2.7 * RADIUS, drawn
+                if lifted:
+                    assert drawn.hook < height + 0.3 * RADIUS, drawn
+                if drawn.clock < 0.5:
+                    assert drawn.caption.endswith("lifted 0.0 mm   distance to break 100 %"), drawn
+            assert pictures[-1].caption == "F 0 N   torn in two", number
+            assert pictures[-1].tops.keys() == set(PIECES), number
+
+        skin = organ_skin(dissection.organ, edge_length=wanted.edge_length)
         pull = pull_motion(
-            wanted.dissection,
+            dissection,
             wanted.theory,
             grasp=wanted.grasp,
             force=wanted.last_force(),
             frames=PULL_KEYS,
         )
-        bound = skin.bound_to(wanted.dissection.driving)
-        moved = bound.deform(pull.transforms[-2], skin.vertices.copy())[used]
-        time = REST_SECONDS + float(pull.times[-2]) + 0.02
-        wait_shown(page, time, moved)
-        event = wanted.break_event
-        assert event is not None
-        piece = wanted.dissection.torn_at(event.check, edge_length=wanted.edge_length)[0]
-        outer = np.unique(piece.skin.faces[: piece.skin.outer_faces])
-        lying = piece.open(2.0, piece.skin.vertices.copy())[outer]
-        time = REST_SECONDS + float(pull.times[-1]) + SETTLED_SECONDS + 0.02
-        wait_shown(page, time, lying)
+        bound = skin.bound_to(dissection.driving)
+        lying = [
+            top_of(dissection, piece.open(2.0, piece.skin.vertices.copy()))
+            for piece in dissection.torn_at(event.check, edge_length=wanted.edge_length)
+        ]
+        rest = top_of(dissection, skin.vertices)
+        pulled = top_of(dissection, bound.deform(pull.transforms[-2], skin.vertices.copy()))
+        assert pulled > rest + 10.0
+        before_tear = REST_SECONDS + float(pull.times[-2]) + 0.02
+        after = REST_SECONDS + float(pull.times[-1]) + SETTLED_SECONDS + 0.02
+        for time, tops, words in (
+            (before_tear, {"organ": pulled}, "distance to break"),
+            (after, dict(zip(PIECES, lying, strict=True)), "torn in two"),
+            (0.5 * REST_SECONDS, {"organ": rest}, "lifted 0.0 mm"),  # and back
+        ):
+            player.wait_at(
+                time,
+                lambda drawn, tops=tops, words=words: (
+                    words in drawn.caption and drawn.tops == pytest.approx(tops, abs=AT_TOP)
+                ),
+            )
+        about = page.locator("#about")
+        assert "Not clinically validated, not a medical device." in about.inner_text()
+        assert "Forces in N" not in about.inner_text()
+        page.set_viewport_size({"width": 960, "height": 600})
+        assert "Forces in N, lengths in mm." in about.inner_text()
+        assert dissection.preset.title in about.inner_text()
+        assert page.title() == dissection.preset.title
     assert not errors, errors
     assert all(url.startswith(("file:", "data:", "blob:")) for url in requests), requests
 
@@ -90,5 +121,5 @@ def test_titles_are_text() -> None:
     page = "<head><title>Viser</title></head><body><script>'</body>'</script></body>"
     titled = titled_page(page, "<b>A & B</b>", ["1 < 2"])
     assert "<title>&lt;b&gt;A &amp; B&lt;/b&gt;</title>" in titled
-    assert "<p>1 &lt; 2</p>" in titled
+    assert '<p class="note">1 &lt; 2</p>' in titled
     assert titled.index("</script>") < titled.index('<div id="about">') < titled.rindex("</body>")
