@@ -1,0 +1,155 @@
+"""What a trainee's own browser gets: bytes and time to the first picture, answers, pictures.
+
+The page is opened in headless Chromium, which draws in software: a machine with a graphics
+processor draws more pictures from the same bytes. Run by itself, as it needs Chromium and
+playwright: ``python -m benchmarks.browser_page``.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from shutil import which
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+from benchmarks.trainer_clients import machine_speed
+
+__all__ = ["LOOKS", "page_figures"]
+
+LOOKS = ("full", "plain")
+SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+SWITCHES += ["--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
+PATIENCE_MS = 120_000
+ANSWERS = 20
+PULLING_SECONDS = 10.0
+
+_PRESENT = "() => window.__viserMutable?.nodeRefFromName?.['/organ/skin']"
+# From a key on the force slider to the read-out that shows another force, ms.
+_ANSWER = """
+(key) => new Promise((done) => {
+  const readout = () => document.querySelector("[data-testid='readout']");
+  const slider = [...document.querySelectorAll("[role='slider']")].find(
+    (one) => (one.getAttribute('aria-label') ?? '').startsWith('Force'));
+  const before = readout().dataset.forceN, start = performance.now();
+  const look = () => readout().dataset.forceN !== before
+    ? done(performance.now() - start) : setTimeout(look, 1);
+  slider.focus();
+  slider.dispatchEvent(new KeyboardEvent('keydown', {key, code: key, bubbles: true}));
+  look();
+})
+"""
+_PICTURES = """
+(seconds) => new Promise((done) => {
+  let pictures = 0;
+  const start = performance.now();
+  const draw = (now) => {
+    pictures += 1;
+    now - start < 1000 * seconds ? requestAnimationFrame(draw)
+                                 : done(1000 * pictures / (now - start));
+  };
+  requestAnimationFrame(draw);
+})
+"""
+
+
+@contextmanager
+def _trainer(look: str) -> Iterator[str]:
+    """Run a trainer of the shipped duct in a process of its own, and yield its address."""
+    code = "from app.command_line import main; main()"
+    command = [sys.executable, "-c", code, "trainer", "--port", "0", "--look", look]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = next(line for line in process.stdout if "http://" in line)
+            yield line[line.index("http://") :].split()[0]
+        finally:
+            process.terminate()
+
+
+def _counted(page: Page, address: str) -> dict[str, float]:
+    """Open the trainer and return the bytes and the time until its duct is drawn."""
+    sizes = {"http": 0, "socket": 0}
+    client = page.context.new_cdp_session(page)
+    client.send("Network.enable")
+
+    def add(where: str, size: float) -> None:
+        sizes[where] += int(size)
+
+    client.on("Network.loadingFinished", lambda event: add("http", event["encodedDataLength"]))
+    page.on(
+        "websocket",
+        lambda socket: socket.on("framereceived", lambda frame: add("socket", len(frame))),
+    )
+    start = time.perf_counter()
+    page.goto(f"{address}/?fixedDpr=1")
+    page.wait_for_function(_PRESENT, timeout=PATIENCE_MS)
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => done()))")
+    return {
+        "first_picture_s": time.perf_counter() - start,
+        "page_kb": sizes["http"] / 1e3,
+        "scene_kb": sizes["socket"] / 1e3,
+    }
+
+
+def page_figures(look: str) -> dict[str, float]:
+    """Return what one page gets with a look.
+
+    Parameters
+    ----------
+    look
+        One of `LOOKS`.
+
+    Returns
+    -------
+    dict[str, float]
+        `first_picture_s`, `page_kb` of viser's page and `scene_kb` that came by the socket until
+        then; `answer_ms` and `answer_ms_95` from a key on the force slider to the read-out;
+        `pictures_per_second` that the browser draws while the duct moves.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no Chromium.
+    """
+    chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
+    if chromium is None:
+        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
+    with _trainer(look) as address, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(PATIENCE_MS)
+        figures = _counted(page, address)
+        page.get_by_role("dialog").get_by_role("button", name="Start").click()
+        answers: list[Any] = []
+        for number in range(ANSWERS):
+            answers.append(page.evaluate(_ANSWER, "ArrowRight" if number % 2 else "ArrowUp"))
+            page.wait_for_timeout(300)
+        figures["answer_ms"] = float(np.median(answers))
+        figures["answer_ms_95"] = float(np.percentile(answers, 95))
+        slider = page.get_by_role("slider", name="Force")
+        slider.focus()
+        page.evaluate(
+            f"() => {{ window.bdPictures = ({_PICTURES})({PULLING_SECONDS}); }}",
+        )
+        end = time.perf_counter() + PULLING_SECONDS
+        while time.perf_counter() < end:
+            for key in ("ArrowRight", "ArrowLeft"):
+                for _ in range(5):
+                    page.keyboard.press(key)
+        figures["pictures_per_second"] = float(page.evaluate("() => window.bdPictures"))
+        browser.close()
+        return figures
+
+
+def main() -> None:
+    """Measure each look, and print the figures as JSON with the machine's speed beside."""
+    print(json.dumps(machine_speed() | {look: page_figures(look) for look in LOOKS}, indent=2))
+
+
+if __name__ == "__main__":
+    main()
