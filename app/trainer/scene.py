@@ -190,6 +190,8 @@ class Scene:
             heat_map.show(drawn.contact.vertices, share)
             heat_map.visible = True
             drawn.tissue.visible = False
+            if self._look == "full":  # unseen, it throws the duct's shadow
+                drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
 
     def let_drag(
         self,
