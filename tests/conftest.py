@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-
 # A shell's background job ignores interrupts, and what it starts would too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
