@@ -31,10 +31,12 @@ __all__ = ["ICONS", "Warming", "warm_session"]
 
 ICONS = (
     viser.Icon.ARROW_BACK_UP,
+    viser.Icon.ARROW_LEFT,
     viser.Icon.DOWNLOAD,
     viser.Icon.HAND_GRAB,
     viser.Icon.HAND_MOVE,
     viser.Icon.HELP,
+    viser.Icon.MAXIMIZE,
     viser.Icon.PLAYER_PAUSE,
     viser.Icon.PLAYER_PLAY,
     viser.Icon.PLAYER_STOP,

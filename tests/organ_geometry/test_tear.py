@@ -68,7 +68,7 @@ def test_tear_starts_on_the_tension_side_and_crosses_the_section() -> None:
 
 def test_free_rim_is_flared_and_its_wall_thinned() -> None:
     organ = tube(wall=1.0)
-    piece, _ = torn_pieces(organ, 25.4, UP, edge_length=EDGE)
+    piece, _ = torn_pieces(organ, 25.4, UP, edge_length=EDGE, down=np.zeros(3))
     at_rest = np.linalg.norm(_rings(piece.skin.vertices, 2)[:, :, :, 1:], axis=-1)
     opened = piece.open(2.0, piece.skin.vertices.copy())
     now = np.linalg.norm(_rings(opened, 2)[:, :, :, 1:], axis=-1)
@@ -78,6 +78,15 @@ def test_free_rim_is_flared_and_its_wall_thinned() -> None:
     assert walls.min() > 0.0
     far = piece.skin.stations.reshape(2, *now.shape[1:])[0] < 25.4 - 2.0 * RADIUS
     np.testing.assert_allclose(now[0][far], at_rest[0][far], atol=1e-5)
+
+
+def test_free_end_hangs_down_whichever_side_tore_first() -> None:
+    for side in (UP, -UP):
+        for piece in torn_pieces(tube(), 25.4, side, edge_length=EDGE, down=-UP):
+            opened = piece.open(2.0, piece.skin.vertices.copy())
+            sunk = (piece.skin.vertices - opened) @ UP
+            rim = np.abs(piece.skin.stations - 25.4) < 0.3 * RADIUS
+            assert 0.15 * RADIUS < sunk[rim].mean() < 0.4 * RADIUS
 
 
 def test_ends_in_the_clamps_do_not_move() -> None:
