@@ -323,6 +323,8 @@ color:#f1f3f5;font:500 13px/1.3 system-ui,sans-serif;cursor:pointer}}
 #bd-home:hover{{background:#2b2d31}}
 #bd-home:focus-visible{{outline:2px solid #5eead4;outline-offset:2px}}
 @media (max-width:576px){{
+/* The Model tab says it too; here the force would leave the screen. */
+[data-testid='strength']{{display:none}}
 #bd-home{{top:8px;right:8px;bottom:auto}}
 .bd-wide{{display:none}}
 .mantine-Paper-root{_PANEL},.mantine-Paper-root [style*='width: 20em']{_PANEL}
