@@ -81,6 +81,9 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
         assert device.exchange(force, into)
         assert into.position.tolist() == [0.0, -0.12, 0.15]
         device.close()
+        end = time.monotonic() + 10.0
+        while len(heard) < 3 and time.monotonic() < end:  # the service hears it in its own thread
+            time.sleep(0.01)
     first, second, last = [each.encode() if isinstance(each, str) else each for each in heard]
     assert b'"session":{"configure":{"profile":{"name":' in first
     assert second == wanted.replace(b"049D", name)
