@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-__all__ = ["BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"]
+__all__ = ["BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"]
 
 BILE_DUCT_PHANTOM: Path = Path(__file__).parent / "bile_duct_phantom"
 """Folder of the section images and their ``spacing.json``."""
@@ -12,3 +12,6 @@ BILE_DUCT: Path = Path(__file__).parent / "bile_duct_phantom.organ"
 
 PRESETS: Path = Path(__file__).parent / "presets.toml"
 """Material presets, each with its source and how sure it is."""
+
+BEDS: Path = Path(__file__).parent / "beds.toml"
+"""Beds of connective tissue, each with its source and how sure it is."""

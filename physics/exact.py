@@ -15,7 +15,7 @@ from physics.quantity import finite, stations_on
 from physics.section import Ring, lateral_constant
 from physics.varying_beam import VaryingBeam
 
-__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Hold", "Law", "Reason"]
+__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Hold", "Law", "Reason", "sections_at"]
 
 Law = Literal["linear", "neo-hooke"]
 """`linear`: tension, shear and moment proportional to engineering strains and curvature.
@@ -315,7 +315,7 @@ class ExactSolver:
         at = np.empty(2 * lengths.size)
         at[0::2] = middles - kernels.GAUSS * lengths
         at[1::2] = middles + kernels.GAUSS * lengths
-        areas, second_moments, _, shear_areas = _sections_at(self._beam, at * self._span)
+        areas, second_moments, _, shear_areas = sections_at(self._beam, at * self._span)
         offsets = _offsets_at(self._beam, at * self._span) / self._span
         self._line[kernels.ECCENTRIC] = float(np.any(offsets != 0.0))
         nu = self._beam.poisson_ratio
@@ -525,7 +525,7 @@ class ExactSolver:
             ) from None
         along: NDArray[np.float64] = samples[kernels.ALONG]
         side = np.where(far, -1.0, 1.0)
-        areas, second_moments, fibre_distances, _ = _sections_at(self._beam, at)
+        areas, second_moments, fibre_distances, _ = sections_at(self._beam, at)
         tension = samples[kernels.TENSION] * self._force_unit
         moment = samples[kernels.BENT] * self._force_unit * self._span
         normal_stress = tension / areas
@@ -605,7 +605,7 @@ def _mean_section(beam: Beam) -> tuple[float, float]:
     )
 
 
-def _sections_at(
+def sections_at(
     beam: Beam, at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return areas, second moments, fibre distances and Cowper's shear areas at places, mm."""

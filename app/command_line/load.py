@@ -14,9 +14,13 @@ PRESET_NAMES = (
 """For the help, which must not wait until the presets are read; a test compares."""
 
 PRESET_HELP = f"{PRESET_NAMES}; or a preset file, .toml."
+BED_NAMES = "normal, loose, firm, inflamed or scar"
+"""As for the presets."""
+
 THEORY_HELP = "cubic, string, exact, fem or mass-spring."
 
 __all__ = [
+    "BED_NAMES",
     "PRESET_HELP",
     "PRESET_NAMES",
     "THEORY_HELP",

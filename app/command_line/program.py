@@ -6,7 +6,17 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import compress, export, haptics, info, replay, solve, trainer, validate
+from app.command_line import (
+    compress,
+    export,
+    haptics,
+    info,
+    peel,
+    replay,
+    solve,
+    trainer,
+    validate,
+)
 
 __all__ = ["main", "program"]
 
@@ -47,6 +57,7 @@ program.command("export")(export.export)
 program.command("replay")(replay.replay)
 program.command("haptics")(haptics.haptics)
 program.command("solve")(solve.solve)
+program.command("peel")(peel.peel)
 program.command("validate")(validate.validate)
 
 

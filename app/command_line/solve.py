@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from app.command_line.load import (
+    BED_NAMES,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
@@ -59,13 +60,70 @@ def solve(
         float | None,
         typer.Option(help="Stress at which it breaks, MPa; the preset's own if not given."),
     ] = None,
+    bed: Annotated[
+        str | None,
+        typer.Option(help=f"Lay the duct in a bed of strands that part: {BED_NAMES}."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Bed: chooses its scattered strands.")] = 1,
+    hook: Annotated[
+        float | None,
+        typer.Option(help="Bed: mm from the first clamp; the middle if not given."),
+    ] = None,
+    lift: Annotated[
+        float | None, typer.Option(help="Bed: lift the hook so far off the bed, mm.")
+    ] = None,
+    path: Annotated[
+        str | None,
+        typer.Option(help="Bed: the hook's displacements [[x,y,z],...], mm, from rest, as JSON."),
+    ] = None,
+    steps: Annotated[int, typer.Option(help="Bed: steps along the path.")] = 60,
+    elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80,
+    strands: Annotated[
+        int | None, typer.Option(help="Bed: how many strands; about 600 if not given.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Bed: write the history as CSV here.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Solve a beam under a pull: deflection, force, stresses and distance to break.
 
     Examples: bluntdissect solve --preset thesis-bile-duct --force 3.56, or
-    bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json
+    bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json, or
+    bluntdissect solve --bed firm --hook 31 --lift 6
     """
+    of_bed = {"--hook": hook, "--lift": lift, "--path": path, "--strands": strands, "-o": output}
+    of_bed |= {"--seed": seed != 1 or None, "--steps": steps != 60 or None}
+    if bed is None:
+        given = [name for name, value in of_bed.items() if value is not None]
+        if given:
+            raise ValueError(f"{', '.join(given)} go with --bed")
+    else:
+        of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
+        of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
+        of_pull |= {"--poisson": poisson, "--law": law, "--shear": shear or None}
+        of_pull |= {"--theory": theory != "cubic" or None}
+        given = [name for name, value in of_pull.items() if value is not None]
+        if given:
+            raise ValueError(
+                f"a duct in a --bed is a beam in space, pulled by --hook and --lift or --path; "
+                f"leave out {', '.join(given)}"
+            )
+        in_bed(
+            bed,
+            preset=preset,
+            organ=organ,
+            seed=seed,
+            hook=hook,
+            way=hook_path(lift, path),
+            steps=steps,
+            elements=elements,
+            strands=strands,
+            threshold=threshold,
+            output=output,
+            as_json=as_json,
+        )
+        return
     from app.simulation.dissection import Dissection
     from app.simulation.preset import ASSUMED_PRESET, RoundBeam
     from app.simulation.preset_file import chosen_preset
@@ -182,3 +240,66 @@ def solve(
         ]
     for name, value in lines:
         print(f"{name:<18} {value}")
+
+
+def hook_path(lift: float | None, path: str | None) -> tuple[tuple[float, float, float], ...]:
+    """Return the hook's displacements from the options, mm."""
+    if (lift is None) == (path is None):
+        raise ValueError("give either --lift (mm) or --path '[[x,y,z],...]' (mm)")
+    if path is None:
+        assert lift is not None  # noqa: S101
+        return ((0.0, 0.0, lift),)
+    try:
+        points = json.loads(path)
+        return tuple((float(x), float(y), float(z)) for x, y, z in points)
+    except (TypeError, ValueError):
+        raise ValueError(f"--path must be JSON of points [[x,y,z],...] in mm, not {path}") from None
+
+
+def in_bed(
+    name: str,
+    *,
+    preset: str | None,
+    organ: Path | None,
+    seed: int,
+    hook: float | None,
+    way: tuple[tuple[float, float, float], ...],
+    steps: int,
+    elements: int,
+    strands: int | None,
+    threshold: float | None,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Pull a duct off its bed and report the history; the options are those of `solve`."""
+    from app.command_line.peel import report_history
+    from app.simulation.bed_preset import beam_in_space, bed_named
+    from app.simulation.dissection import Dissection
+    from app.simulation.preset import ASSUMED_PRESET, THESIS_PRESET, RoundBeam
+    from app.simulation.preset_file import chosen_preset
+    from organ_geometry.whole_file import check_target
+    from physics import Exact
+    from physics.bed import Hand, SpaceBeam, pull
+    from physics.quantity import positive
+
+    if output is not None:
+        check_target(output)
+    layer = bed_named(name)
+    duct = chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
+    theory = Exact(shear=True)
+    if isinstance(duct.beam, RoundBeam):
+        if organ is not None:
+            raise ValueError(f"preset {duct.name} brings its own beam; leave out --organ")
+        bar = duct.round_beam()
+        at = 0.5 * bar.span if hook is None else hook
+        beam = SpaceBeam.of(bar, elements=elements, nodes_at=[at])
+        limit = duct.threshold(theory, bar) if threshold is None else threshold
+    else:
+        dissection = Dissection.of(organ_from(organ), duct)
+        at = 0.5 * dissection.beam.span if hook is None else hook
+        beam = beam_in_space(dissection, elements=elements, nodes_at=[at])
+        limit = duct.threshold(theory, dissection.beam) if threshold is None else threshold
+    positive(limit, "threshold", "MPa")
+    hand = Hand(at=at, path=way, steps=steps)
+    history = pull(beam, layer.bed(beam, seed=seed, strands=strands), [hand])
+    report_history(history, limit, output, as_json=as_json)

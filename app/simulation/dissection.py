@@ -140,6 +140,27 @@ class Dissection:
         stations = self.organ.key_stations - self.clamps[0]
         return stations[(stations > 0.0) & (stations < self.beam.span)]
 
+    def sections_at(
+        self, stations: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> SectionProperties:
+        """Return the organ's sections, with the preset's wall if it has one.
+
+        Parameters
+        ----------
+        stations
+            (S,) distances from the first clamp, mm.
+        direction
+            (3,) direction of the pull.
+
+        Returns
+        -------
+        SectionProperties
+            Areas, second moments and fibre distances.
+        """
+        kind = self.preset.beam
+        wall = kind.wall_mm if isinstance(kind, OrganBeam) else None
+        return _sections(self.organ, self.clamps[0] + stations, direction, wall)
+
     def axis_point(self, station: float) -> NDArray[np.float64]:
         """Return a point of the axis at rest.
 

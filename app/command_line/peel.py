@@ -1,0 +1,104 @@
+"""`bluntdissect peel`: a scene of a beam on a bed, without an organ."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from physics.bed import History
+
+__all__ = ["peel", "report_history"]
+
+
+def peel(
+    scene: Annotated[
+        Path, typer.Argument(help="The scene, a TOML file; docs/peel.md has its fields.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the history as CSV here.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Pull a beam off a bed of strands as a scene says, and account for the energy of each step.
+
+    Example: bluntdissect peel scene.toml --json -o history.csv
+    """
+    from app.simulation.peel_scene import read_scene
+    from organ_geometry.whole_file import check_target
+
+    if output is not None:
+        check_target(output)
+    found = read_scene(scene)
+    try:
+        history, _ = found.played()
+    except ValueError as error:
+        raise ValueError(f"{scene}: {error}") from None
+    limit = found.beam.break_stress_MPa
+    report_history(history, None if limit is None else float(limit), output, as_json=as_json)
+
+
+def report_history(
+    history: "History", threshold: float | None, output: Path | None, *, as_json: bool
+) -> None:
+    """Write a history as CSV where asked for, and print it.
+
+    Parameters
+    ----------
+    history
+        What happened.
+    threshold
+        Stress that the wall bears, MPa, or None.
+    output
+        The CSV file, or None.
+    as_json
+        Whether to print JSON.
+    """
+    import numpy as np
+
+    from organ_geometry.whole_file import write_whole
+
+    if output is not None:
+        write_whole(output, history.csv(threshold).encode())
+    rows = history.rows(threshold)
+    last = rows[-1]
+    result: dict[str, object] = {"steps": rows, "open_share": history.open_share}
+    if threshold is not None:
+        stress = history.stress
+        assert stress is not None  # noqa: S101
+        result["distance_to_break_percent"] = last["distance_to_break_percent"]
+        result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress.max()) / threshold)
+    if as_json:
+        print(json.dumps(result))
+        return
+    lines: list[tuple[str, str]] = [("steps", str(history.steps))]
+    if history.hands.shape[1]:
+        size = np.sqrt((history.forces[:, 0] ** 2).sum(axis=1))
+        at, force = last["hand_mm"], last["force_N"]
+        lines += [
+            ("hand", "let go" if at is None else f"{_words(history.hands[-1, 0])} mm"),
+            ("force", "none" if force is None else f"{_words(history.forces[-1, 0])} N"),
+            ("largest force", f"{np.nanmax(size):.6g} N, in step {int(np.nanargmax(size)) + 1}"),
+        ]
+    lines += [
+        ("freed", f"{history.freed[-1]:.6g} mm, {history.parted[-1]} strands parted"),
+        ("work", f"{history.work[-1]:.6g} mJ"),
+        ("stored", f"{history.stored[-1]:.6g} mJ"),
+        ("dissipated", f"{history.dissipated[-1]:.6g} mJ"),
+        ("snap", f"{history.snap[-1]:.6g} mJ"),
+        ("not explained", f"{history.open_share:.1e} of the work"),
+    ]
+    if threshold is not None:
+        lines += [
+            ("distance to break", f"{result['distance_to_break_percent']:.2f} %"),
+            ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
+        ]
+    for name, value in lines:
+        print(f"{name:<18} {value}")
+
+
+def _words(row: object) -> str:
+    import numpy as np
+
+    return ", ".join(f"{float(v):.6g}" for v in np.asarray(row))

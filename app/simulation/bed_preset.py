@@ -1,0 +1,203 @@
+"""Beds that a duct can lie in, and the beam in space that stands for a duct as it lies."""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from app.simulation.dissection import SECTIONS_ALONG, Dissection
+from app.simulation.preset import RoundBeam
+from assets import BEDS
+from physics.bed import Bed, Patch, SpaceBeam
+from physics.section import Ring
+
+__all__ = ["BedPreset", "PatchPreset", "beam_in_space", "bed_named", "bed_presets"]
+
+
+class PatchPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An adhesion, in shares of its bed's length.
+
+    Attributes
+    ----------
+    from_share, to_share
+        Where it is, from 0 to 1.
+    factor
+        How many times as tough and stiff its strands are.
+    """
+
+    from_share: float
+    to_share: float
+    factor: float
+
+
+class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A bed with its source; assets/beds.toml says what each number is."""
+
+    name: str
+    title: str
+    description: str
+    toughness_J_m2: float  # noqa: N815 (units are written as they are)
+    source: str
+    confidence: Literal["high", "medium", "low"]
+    confidence_note: str
+    yield_mm: float = 1.5
+    part_mm: float = 4.0
+    gap_mm: float = 3.0
+    around_deg: float = 70.0
+    fan_deg: float = 25.0
+    slack_mm: float = 1.0
+    scatter: float = 0.3
+    strands_a_mm: float = 11.811
+    floor_N_mm2: float = 0.3  # noqa: N815
+    patch: PatchPreset | None = None
+
+    def bed(
+        self,
+        beam: SpaceBeam,
+        *,
+        seed: int = 1,
+        strands: int | None = None,
+        from_mm: float | None = None,
+        to_mm: float | None = None,
+    ) -> Bed:
+        """Return this bed under a beam.
+
+        Parameters
+        ----------
+        beam
+            The beam; its mean radius tells how much surface the bed holds.
+        seed
+            Of what is scattered.
+        strands
+            How many; as many for each mm as usual when None.
+        from_mm, to_mm
+            Where it lies, mm from the first end; under the whole beam when None.
+
+        Returns
+        -------
+        Bed
+            The bed.
+        """
+        a = 0.0 if from_mm is None else from_mm
+        b = beam.span if to_mm is None else to_mm
+        around = math.radians(self.around_deg)
+        radius = float(np.trapezoid(beam.radius, beam.stations)) / beam.span
+        toughness = 1e-3 * self.toughness_J_m2 * 2.0 * around * radius
+        found = Bed(
+            from_mm=a,
+            to_mm=b,
+            strands=max(1, round(self.strands_a_mm * (b - a))) if strands is None else strands,
+            stiffness=2.0 * toughness / (self.yield_mm * self.part_mm),
+            toughness=toughness,
+            softening=self.part_mm / self.yield_mm,
+            floor=self.floor_N_mm2,
+            gap=self.gap_mm,
+            around=around,
+            fan=math.radians(self.fan_deg),
+            slack=self.slack_mm,
+            scatter=self.scatter,
+            jitter=1.0,
+            seed=seed,
+        )
+        if self.patch is None:
+            return found
+        length = b - a
+        return found.with_patch(
+            Patch(
+                a + self.patch.from_share * length,
+                a + self.patch.to_share * length,
+                self.patch.factor,
+            )
+        )
+
+
+class _BedFile(msgspec.Struct, frozen=True):
+    bed: list[BedPreset]
+
+
+@cache
+def bed_presets() -> dict[str, BedPreset]:
+    """Return the beds that ship with the trainer, by name, the default first."""
+    found = msgspec.toml.decode(BEDS.read_bytes(), type=_BedFile).bed
+    return {each.name: each for each in found}
+
+
+def bed_named(name: str) -> BedPreset:
+    """Return the bed of that name.
+
+    Parameters
+    ----------
+    name
+        One of `bed_presets`.
+
+    Returns
+    -------
+    BedPreset
+        The bed.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if name not in bed_presets():
+        raise ValueError(f"unknown bed {name!r}; there are: {', '.join(bed_presets())}")
+    return bed_presets()[name]
+
+
+def beam_in_space(
+    dissection: Dissection, *, elements: int, nodes_at: Sequence[float] = ()
+) -> SpaceBeam:
+    """Return the beam in space that stands for a duct: as it lies where it has its own sections.
+
+    Parameters
+    ----------
+    dissection
+        The duct between its clamps.
+    elements
+        How many elements.
+    nodes_at
+        Where hooks take hold, mm from the first clamp.
+
+    Returns
+    -------
+    SpaceBeam
+        A straight round bar for a preset of one; else along the organ's axis, in the frame of the
+        pull, with its sections' areas and second moments about both axes.
+    """
+    beam, preset = dissection.beam, dissection.preset
+    if isinstance(preset.beam, RoundBeam):
+        return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)
+    at = np.linspace(0.0, beam.span, SECTIONS_ALONG)
+    places = dissection.organ.axis_at(dissection.clamps[0] + at)
+    axis = (places - dissection.axis_point(0.0)) @ dissection.frame
+    up = dissection.sections_at(at, dissection.frame[:, 2])
+    across = dissection.sections_at(at, dissection.frame[:, 1])
+    e, nu = beam.modulus, beam.poisson_ratio
+    g = 0.5 * e / (1.0 + nu)
+    shear = [
+        [
+            area * Ring(float(area), float(moment)).shear_coefficient(nu)
+            for area, moment in zip(way.area, way.second_moment, strict=True)
+        ]
+        for way in (across, up)
+    ]
+    moments = np.stack([up.second_moment, across.second_moment])
+    stiffness = np.stack(
+        [e * up.area, *(g * np.array(shear)), g * moments.sum(axis=0), *(e * moments)], axis=1
+    )
+    fibres = np.stack([up.fibre_distance, across.fibre_distance])
+    chords = np.sqrt((np.diff(axis, axis=0) ** 2).sum(axis=1))
+    along = np.concatenate([[0.0], np.cumsum(chords)])
+    return SpaceBeam.made(
+        elements=elements,
+        stiffness=stiffness,
+        axis=axis,
+        stations=along * (1.0 + 1e-3),
+        radius=fibres.mean(axis=0),
+        wall=np.stack([up.area, *(moments / fibres)], axis=1),
+        nodes_at=nodes_at,
+    )

@@ -1,0 +1,415 @@
+"""A scene of a beam on a bed as a TOML file says it, without an organ (docs/peel.md)."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from app.simulation.bed_preset import bed_named
+from physics import Beam
+from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
+from physics.quantity import finite, positive
+
+__all__ = ["PeelScene", "read_scene"]
+
+Number = int | float
+Numbers = Number | list[Number]
+Point = tuple[Number, Number, Number]
+Steps = int | list[int]
+Span = tuple[Number, Number]
+
+DIRECTIONS = {"x": 0, "y": 1, "z": 2}
+STIFFNESSES = (
+    "axial_stiffness_N",
+    "shear_stiffness_N",
+    "bending_stiffness_Nmm2",
+    "torsion_stiffness_Nmm2",
+)
+
+
+class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[beam]`: by its stiffnesses, or as a round bar by diameter and modulus."""
+
+    span_mm: Number | None = None
+    axis_mm: list[Point] | None = None
+    elements: int = 240
+    ends: tuple[End, End] = ("clamped", "clamped")
+    stations_mm: list[Number] | None = None
+    axial_stiffness_N: Numbers | None = None  # noqa: N815 (units are written as they are)
+    shear_stiffness_N: Numbers | None = None  # noqa: N815
+    shear_across_N: Numbers | None = None  # noqa: N815
+    bending_stiffness_Nmm2: Numbers | None = None  # noqa: N815
+    bending_across_Nmm2: Numbers | None = None  # noqa: N815
+    torsion_stiffness_Nmm2: Numbers | None = None  # noqa: N815
+    diameter_mm: Number | None = None
+    modulus_MPa: Number | None = None  # noqa: N815
+    poisson_ratio: Number = 0.3
+    break_stress_MPa: Number | None = None  # noqa: N815
+    radius_mm: Numbers | None = None
+    plane: bool = False
+
+    def made(self, nodes_at: list[float]) -> SpaceBeam:
+        """Return the beam, with nodes where hooks take hold."""
+        if (self.span_mm is None) == (self.axis_mm is None):
+            raise ValueError("[beam] needs either span_mm or axis_mm")
+        axis = None if self.axis_mm is None else np.array(self.axis_mm, dtype=np.float64)
+        if self.diameter_mm is not None or self.modulus_MPa is not None:
+            given = [name for name in STIFFNESSES if getattr(self, name) is not None]
+            if given or self.diameter_mm is None or self.modulus_MPa is None:
+                raise ValueError(
+                    "[beam] needs either its stiffnesses or diameter_mm and modulus_MPa, got "
+                    f"{', '.join([*given, 'diameter_mm' if self.diameter_mm else 'modulus_MPa'])}"
+                )
+            # With an axis the span only has to be above zero: the axis has a length of its own.
+            bar = Beam.round(
+                span=1.0 if self.span_mm is None else self.span_mm,
+                diameter=self.diameter_mm,
+                modulus=self.modulus_MPa,
+                poisson_ratio=self.poisson_ratio,
+            )
+            return SpaceBeam.of(
+                bar, elements=self.elements, ends=self.ends, axis=axis, nodes_at=nodes_at
+            )
+        if self.break_stress_MPa is not None:
+            raise ValueError("break_stress_MPa of [beam] goes with diameter_mm and modulus_MPa")
+        missing = [name for name in STIFFNESSES if getattr(self, name) is None]
+        if missing:
+            raise ValueError(f"[beam] needs {', '.join(missing)}")
+        columns = [
+            self.axial_stiffness_N,
+            self.shear_stiffness_N if self.shear_across_N is None else self.shear_across_N,
+            self.shear_stiffness_N,
+            self.torsion_stiffness_Nmm2,
+            self.bending_stiffness_Nmm2,
+            self.bending_stiffness_Nmm2
+            if self.bending_across_Nmm2 is None
+            else self.bending_across_Nmm2,
+        ]
+        stations = None if self.stations_mm is None else np.array(self.stations_mm, np.float64)
+        rows = [_row(each, stations, "a stiffness of [beam]") for each in columns]
+        stiffness = np.stack(np.broadcast_arrays(*rows), axis=-1)
+        # The radius of a full round bar with these stiffnesses where none is given.
+        ratio = np.maximum(stiffness[..., 4], 0.0) / np.maximum(stiffness[..., 0], 1e-300)
+        radius = 2.0 * np.sqrt(np.maximum(ratio, 1e-30))
+        if self.radius_mm is not None:
+            radius = _row(self.radius_mm, stations, "radius_mm of [beam]")
+        return SpaceBeam.made(
+            elements=self.elements,
+            stiffness=stiffness,
+            span=None if self.span_mm is None else float(self.span_mm),
+            axis=axis,
+            ends=self.ends,
+            stations=stations,
+            radius=radius,
+            nodes_at=nodes_at,
+        )
+
+
+class PatchTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A stretch of a bed whose strands are `factor` times as stiff and tough."""
+
+    from_mm: Number
+    to_mm: Number
+    factor: Number
+
+
+class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[bed]`, or one of several `[[bed]]`: by its own numbers or by a preset."""
+
+    preset: str | None = None
+    seed: int = 1
+    from_mm: Number | None = None
+    to_mm: Number | None = None
+    strands: int | None = None
+    stations_mm: list[Number] | None = None
+    stiffness_N_mm2: Numbers | None = None  # noqa: N815
+    toughness_N: Numbers | None = None  # noqa: N815
+    strength_N_mm: Number | None = None  # noqa: N815
+    softening: Number | None = None
+    two_sided: bool = False
+    floor_N_mm2: Number | None = None  # noqa: N815
+    gap_mm: Number | None = None
+    around_deg: Number | None = None
+    fan_deg: Number | None = None
+    slack_mm: Number | None = None
+    scatter: Number | None = None
+    stiffness_scatter: Number | None = None
+    jitter: Number | None = None
+    patch: list[PatchTable] = []
+
+    def made(self, beam: SpaceBeam) -> Bed:
+        """Return the bed under a beam."""
+        patches = tuple(Patch(each.from_mm, each.to_mm, each.factor) for each in self.patch)
+        own: dict[str, float] = {}
+        for name, field, value in (
+            ("softening", "softening", self.softening),
+            ("floor_N_mm2", "floor", self.floor_N_mm2),
+            ("gap_mm", "gap", self.gap_mm),
+            ("around_deg", "around", _radians(self.around_deg)),
+            ("fan_deg", "fan", _radians(self.fan_deg)),
+            ("slack_mm", "slack", self.slack_mm),
+            ("scatter", "scatter", self.scatter),
+            ("stiffness_scatter", "stiffness_scatter", self.stiffness_scatter),
+            ("jitter", "jitter", self.jitter),
+        ):
+            if value is not None:
+                own[field] = finite(value, f"{name} of [bed]", "")
+        first = None if self.from_mm is None else float(self.from_mm)
+        last = None if self.to_mm is None else float(self.to_mm)
+        if self.preset is not None:
+            given = [
+                name
+                for name in ("stiffness_N_mm2", "toughness_N", "strength_N_mm", "stations_mm")
+                if getattr(self, name) is not None
+            ]
+            if given:
+                raise ValueError(f"a preset brings its own strands; leave out {', '.join(given)}")
+            bed = bed_named(self.preset).bed(
+                beam, seed=self.seed, strands=self.strands, from_mm=first, to_mm=last
+            )
+            return with_own(bed, own).with_patch(*patches)
+        if self.stiffness_N_mm2 is None:
+            raise ValueError("[bed] needs a preset, or stiffness_N_mm2 and toughness_N")
+        if (self.toughness_N is None) == (self.strength_N_mm is None):
+            raise ValueError("[bed] needs either toughness_N or strength_N_mm")
+        softening = 2.0 if self.softening is None else float(self.softening)
+        toughness = _values(self.toughness_N)
+        if self.strength_N_mm is not None:
+            # Its energy to part: G = p^2 softening / (2 k), p the force for each mm at its peak.
+            strength = positive(self.strength_N_mm, "strength_N_mm of [bed]", "N/mm")
+            if isinstance(self.stiffness_N_mm2, list):
+                raise ValueError("strength_N_mm of [bed] goes with one stiffness_N_mm2")
+            stiffness = positive(self.stiffness_N_mm2, "stiffness_N_mm2 of [bed]", "N/mm^2")
+            toughness = strength * strength * softening / (2.0 * stiffness)
+        stiffness = _values(self.stiffness_N_mm2)
+        assert stiffness is not None  # noqa: S101
+        assert toughness is not None  # noqa: S101
+        return with_own(
+            Bed(
+                from_mm=first,
+                to_mm=last,
+                strands=480 if self.strands is None else self.strands,
+                stiffness=stiffness,
+                toughness=toughness,
+                stations=None if self.stations_mm is None else tuple(map(float, self.stations_mm)),
+                two_sided=self.two_sided,
+                patches=patches,
+                seed=self.seed,
+            ),
+            own,
+        )
+
+
+class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[strand]]`: one strand by itself."""
+
+    at_mm: Number
+    stiffness_N_mm: Number  # noqa: N815
+    offset_mm: Span = (0.0, 0.0)
+    foot_mm: Point | None = None
+    gap_mm: Number = 3.0
+    slack_mm: Number = 0.0
+    softening: Number = 2.0
+    toughness_mJ: Number | None = None  # noqa: N815
+    strength_N: Number | None = None  # noqa: N815
+    yield_mm: Number | None = None
+    part_mm: Number | None = None
+    two_sided: bool = False
+
+    def made(self, beam: SpaceBeam, number: int) -> Strands:
+        """Return the strand as a row of one."""
+        name = f"[[strand]] {number}"
+        at = finite(self.at_mm, f"at_mm of {name}", "mm")
+        if not 0.0 <= at <= beam.span:
+            raise ValueError(
+                f"{name} at {at:g} mm is not on the beam, which runs from 0 to {beam.span:g} mm"
+            )
+        k = positive(self.stiffness_N_mm, f"stiffness_N_mm of {name}", "N/mm")
+        softening = finite(self.softening, f"softening of {name}", "")
+        given = [self.toughness_mJ, self.strength_N, self.yield_mm]
+        if sum(each is not None for each in given) != 1:
+            raise ValueError(f"{name} needs one of toughness_mJ, strength_N and yield_mm")
+        if self.toughness_mJ is not None:
+            toughness = positive(self.toughness_mJ, f"toughness_mJ of {name}", "mJ")
+            yields = math.sqrt(2.0 * toughness / (k * softening)) if softening >= 1.0 else 1.0
+        elif self.strength_N is not None:
+            yields = positive(self.strength_N, f"strength_N of {name}", "N") / k
+        else:
+            yields = positive(self.yield_mm or 0.0, f"yield_mm of {name}", "mm")
+        if self.part_mm is not None:
+            softening = positive(self.part_mm, f"part_mm of {name}", "mm") / yields
+        if softening < 1.0:
+            raise ValueError(f"{name} must part beyond its yield, got a softening of {softening:g}")
+        slack = finite(self.slack_mm, f"slack_mm of {name}", "mm")
+        if slack < 0.0:
+            raise ValueError(f"slack_mm of {name} must be 0 or more, got {slack:g} mm")
+        place, frame = beam.frames_at(np.array([at]))
+        y, z = (finite(each, f"offset_mm of {name}", "mm") for each in self.offset_mm)
+        end = place[0] + y * frame[0, 1] + z * frame[0, 2]
+        if self.foot_mm is None:
+            foot = end - positive(self.gap_mm, f"gap_mm of {name}", "mm") * frame[0, 2]
+        else:
+            foot = np.array([finite(each, f"foot_mm of {name}", "mm") for each in self.foot_mm])
+        length = float(np.sqrt(((end - foot) ** 2).sum()))
+        if length <= 0.0:
+            raise ValueError(f"{name} has no length: its foot is where it holds the beam")
+        one = np.ones(1)
+        return Strands(
+            at * one,
+            end[None],
+            foot[None],
+            k * one,
+            (length + slack) * one,
+            yields * one,
+            softening * yields * one,
+            one if self.two_sided else 0.0 * one,
+        )
+
+
+class HandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[hand]]`: a hook and its path."""
+
+    at_mm: Number
+    path_mm: list[Point] | None = None
+    path_N: list[Point] | None = None  # noqa: N815
+    steps: Steps = 100
+    directions: str = "xyz"
+    from_step: int = 0
+    until_step: int | None = None
+
+    def made(self) -> Hand:
+        """Return the hand."""
+        if (self.path_mm is None) == (self.path_N is None):
+            raise ValueError("[[hand]] needs either path_mm or path_N")
+        path = self.path_mm if self.path_mm is not None else self.path_N
+        assert path is not None  # noqa: S101
+        if not self.directions or set(self.directions) - set(DIRECTIONS):
+            raise ValueError(f"directions of [[hand]] are of x, y and z, not {self.directions!r}")
+        if self.path_N is not None and self.directions != "xyz":
+            raise ValueError("directions of [[hand]] go with path_mm: a force holds nothing")
+        return Hand(
+            at=float(self.at_mm),
+            path=tuple((float(x), float(y), float(z)) for x, y, z in path),
+            by="displacement" if self.path_mm is not None else "force",
+            steps=_steps(self.steps),
+            along=("x" in self.directions, "y" in self.directions, "z" in self.directions),
+            from_step=self.from_step,
+            until_step=self.until_step,
+        )
+
+
+class RodTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[rod]]`: a blunt rod among the strands and the path of its tip."""
+
+    path_mm: list[Point]
+    shaft: Point
+    radius_mm: Number
+    steps: Steps = 100
+    from_step: int = 0
+
+    def made(self) -> Rod:
+        """Return the rod."""
+        x, y, z = self.shaft
+        return Rod(
+            path=tuple((float(a), float(b), float(c)) for a, b, c in self.path_mm),
+            shaft=(float(x), float(y), float(z)),
+            radius=float(self.radius_mm),
+            steps=_steps(self.steps),
+            from_step=self.from_step,
+        )
+
+
+class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A beam on a bed and the hands that pull it."""
+
+    beam: BeamTable
+    bed: BedTable | list[BedTable] | None = None
+    strand: list[StrandTable] = []
+    hand: list[HandTable] = []
+    rod: list[RodTable] = []
+
+    def played(self) -> tuple[History, SpaceBeam]:
+        """Move the hands along their paths.
+
+        Returns
+        -------
+        tuple[History, SpaceBeam]
+            What happened, and the beam at rest.
+
+        Raises
+        ------
+        ValueError
+            If something in it is wrong; `NoEquilibrium`, which is one, if a step has none.
+        """
+        hands = [each.made() for each in self.hand]
+        if not hands and not self.rod:
+            raise ValueError("a scene needs a [[hand]] or a [[rod]]")
+        beam = self.beam.made([hand.at for hand in hands])
+        tables = self.bed if isinstance(self.bed, list) else [] if self.bed is None else [self.bed]
+        beds = [table.made(beam) for table in tables]
+        strands = [bed.strands_under(beam) for bed in beds]
+        strands += [each.made(beam, i + 1) for i, each in enumerate(self.strand)]
+        history = pull(
+            beam,
+            Strands.joined(strands),
+            hands,
+            rods=[each.made() for each in self.rod],
+            plane=self.beam.plane,
+            floor=np.sum([bed.floor_under(beam) for bed in beds], axis=0) if beds else None,
+        )
+        return history, beam
+
+
+def read_scene(path: Path) -> PeelScene:
+    """Return the scene in a file.
+
+    Parameters
+    ----------
+    path
+        A TOML file.
+
+    Returns
+    -------
+    PeelScene
+        The scene.
+
+    Raises
+    ------
+    ValueError
+        If it is not such a file; it says where.
+    """
+    try:
+        return msgspec.toml.decode(path.read_bytes(), type=PeelScene)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"{path}: {error}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is no TOML file: it is not text") from None
+
+
+def with_own(bed: Bed, own: dict[str, float]) -> Bed:
+    """Return a bed with some of its numbers replaced."""
+    return replace(bed, **own)  # pyright: ignore[reportArgumentType]
+
+
+def _radians(degrees: Number | None) -> float | None:
+    return None if degrees is None else math.radians(degrees)
+
+
+def _steps(steps: Steps) -> int | tuple[int, ...]:
+    return tuple(steps) if isinstance(steps, list) else steps
+
+
+def _values(value: Numbers | None) -> float | tuple[float, ...] | None:
+    if value is None:
+        return None
+    return tuple(map(float, value)) if isinstance(value, list) else float(value)
+
+
+def _row(value: Numbers | None, stations: np.ndarray | None, name: str) -> np.ndarray:
+    """Return a number for each station, or one."""
+    row = np.array(value, dtype=np.float64)
+    if row.ndim == 1 and (stations is None or row.size != stations.size):
+        raise ValueError(f"{name} has {row.size} numbers; give stations_mm with as many")
+    return row

@@ -1,0 +1,22 @@
+"""A beam in space on a bed of strands that part: blunt dissection, in mm, N and MPa."""
+
+from physics.bed.beam_on_bed import BeamOnBed, Books, WorstStress
+from physics.bed.bed import Bed, Patch
+from physics.bed.pull import Hand, History, Rod, pull
+from physics.bed.space_beam import End, SpaceBeam
+from physics.bed.strands import Strands
+
+__all__ = [
+    "BeamOnBed",
+    "Bed",
+    "Books",
+    "End",
+    "Hand",
+    "History",
+    "Patch",
+    "Rod",
+    "SpaceBeam",
+    "Strands",
+    "WorstStress",
+    "pull",
+]

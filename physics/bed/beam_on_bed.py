@@ -1,0 +1,672 @@
+"""A beam on its bed, held by hands: solved step by step, in equilibrium or in real time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.bed import kernels
+from physics.bed.space_beam import HELD, SpaceBeam
+from physics.bed.strands import Strands
+from physics.equilibrium import NoEquilibrium
+from physics.quantity import finite
+
+__all__ = ["BeamOnBed", "Books", "WorstStress"]
+
+Floats = NDArray[np.float64]
+
+CONTACT = 1.6
+"""Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
+REACH_OF_RODS = 12.0
+"""How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
+IN_PLANE = 2 + 8 + 32
+SHORTER, LONGER = 0.2, 3.0
+"""By what a substep is cut where its books do not close, and grows where they do with ease."""
+EVERYWHERE = (True, True, True)
+
+
+@dataclass(frozen=True, slots=True)
+class Books:
+    """Where the hands' work went, mJ: work = stored + dissipated + snap + open.
+
+    Attributes
+    ----------
+    work
+        Of all hands on the beam and on rods.
+    stored
+        In beam, strands, floor and contact.
+    dissipated
+        In strands that yielded and parted, by their law.
+    snap
+        Released in jumps at standing hands.
+    open
+        What the trapezoid rule left unexplained.
+    """
+
+    work: float
+    stored: float
+    dissipated: float
+    snap: float
+    open: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorstStress:
+    """The largest normal plus bending stress in the beam's wall.
+
+    Attributes
+    ----------
+    station
+        Where, mm from the first end.
+    normal, bending
+        The two parts, MPa.
+    side
+        Angle about the axis from up where bending stretches it most, rad, above zero towards y.
+    """
+
+    station: float
+    normal: float
+    bending: float
+    side: float
+
+    @property
+    def total(self) -> float:
+        """Normal plus bending stress, MPa."""
+        return self.normal + self.bending
+
+
+class _Balance(NamedTuple):
+    """Forces of hands on what they hold, push and sweep, where these are, and stored energy."""
+
+    holds: Floats
+    loads: Floats
+    pulls: Floats
+    goals: Floats
+    places: Floats
+    tips: Floats
+    stored: float
+
+
+class BeamOnBed:
+    """A beam in space on strands, in its last state, from which the next one is found.
+
+    Hooks hold nodes: by displacement (`take`, `lead`), through a spring (`take` with a stiffness)
+    or by a force (`push`). Rods push strands aside (`set_rod`). What is asked for happens with the
+    next `advance`, through equilibria, or `tick`, in real time. Not for two threads at once; other
+    threads run meanwhile.
+
+    Parameters
+    ----------
+    beam
+        The beam at rest.
+    strands
+        Its strands; none when None.
+    floor
+        (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm.
+    rods
+        How many rods there may be.
+    plane
+        Whether nothing moves along y, nor turns about x and z.
+    """
+
+    def __init__(
+        self,
+        beam: SpaceBeam,
+        strands: Strands | None = None,
+        *,
+        floor: Floats | None = None,
+        rods: int = 0,
+        plane: bool = False,
+    ) -> None:
+        strands = Strands.none() if strands is None else strands
+        nodes, elements = beam.stations.size, beam.stations.size - 1
+        if strands.count and not (
+            strands.stations.min() >= -1e-9 and strands.stations.max() <= beam.span * (1 + 1e-9)
+        ):
+            raise ValueError(
+                f"strands must hold the beam from 0 to {beam.span:g} mm, got "
+                f"{strands.stations.min():g} to {strands.stations.max():g} mm"
+            )
+        self.beam = beam
+        self._stations = beam.stations.copy()
+        self._rest_x = beam.places.copy()
+        self._rest_q = beam.rotations.copy()
+        self._elastic = beam.stiffness.copy()
+        x = self._stations
+        node = np.searchsorted(0.5 * (x[1:] + x[:-1]), strands.stations)
+        order = np.argsort(node, kind="stable")
+        self._order = order
+        self.strands = strands
+        self._node = node[order]
+        blank = np.zeros
+        table = blank((kernels.STRAND_ROWS, strands.count))
+        for row, values in (
+            (kernels.STIFF, strands.stiffness),
+            (kernels.LENGTH, strands.length),
+            (kernels.YIELD, strands.yield_),
+            (kernels.PART, strands.part),
+            (kernels.PUSHES, strands.pushes),
+        ):
+            table[row] = values[order]
+        table[kernels.FOOT_X : kernels.FOOT_Z + 1] = strands.feet[order].T
+        thick = blank((nodes, 3))
+        widths = np.zeros(nodes)
+        widths[:-1] += 0.5 * np.diff(x)
+        widths[1:] += 0.5 * np.diff(x)
+        thick[:, 0], thick[:, 1], thick[:, 2] = beam.radius, CONTACT * widths, REACH_OF_RODS
+        ground = blank((nodes, 2))
+        ground[:, 1] = self._rest_x[:, 2]
+        if floor is not None:
+            ground[:, 0] = floor
+        held = blank(nodes, np.int64)
+        held[0], held[-1] = HELD[beam.ends[0]], HELD[beam.ends[1]]
+        if plane:
+            held |= IN_PLANE
+        self._ends = held.copy()
+        three, six = (nodes, 3), (nodes, 6)
+        self.state = kernels.State(
+            x=self._rest_x.copy(),
+            q=self._rest_q.copy(),
+            goal=self._rest_x.copy(),
+            held=held,
+            load=blank(three),
+            spring=blank(three),
+            h=np.diff(x),
+            stiff=blank((elements, 6)),
+            strain=blank((elements, 6)),
+            first=np.searchsorted(self._node, np.arange(nodes + 1)).astype(np.int64),
+            strand=table,
+            damage=blank(strands.count),
+            floor=ground,
+            thick=thick,
+            rods=blank((rods, kernels.ROD_ROWS)),
+            side=blank((rods, strands.count), np.int64),
+            pull=blank((rods, 3)),
+            section=blank((elements, 11)),
+            g=blank(six),
+            step=blank(six),
+            diagonal=blank((nodes, 6, 6)),
+            upper=blank((elements, 6, 6)),
+            diagonal_kept=blank((nodes, 6, 6)),
+            upper_kept=blank((elements, 6, 6)),
+            x_kept=blank(three),
+            q_kept=blank((nodes, 4)),
+            goal_from=self._rest_x.copy(),
+            goal_to=self._rest_x.copy(),
+            load_from=blank(three),
+            load_to=blank(three),
+            rods_from=blank((rods, kernels.ROD_ROWS)),
+            rods_to=blank((rods, kernels.ROD_ROWS)),
+            hold=blank(six),
+            react=blank(three),
+            sums=blank(kernels.SUM_ROWS),
+        )
+        self._gross = 0.0
+        self._measure_rest()
+
+    def _measure_rest(self) -> None:
+        """Write what follows from where the nodes are at rest: strains, stiffnesses, arms."""
+        s = self.state
+        s.h[:] = np.diff(self._stations)
+        kernels.set_rest(self._rest_x, self._rest_q, s.h, s.strain)
+        s.stiff[:] = self._elastic
+        # What one shear strain an element leaves out of its bending, h^2/(12 E I), goes to its
+        # shear: under forces at the nodes a straight element is then exact at small loads.
+        for shear, bending in ((1, 5), (2, 4)):
+            s.stiff[:, shear] = 1.0 / (
+                1.0 / self._elastic[:, shear] + s.h**2 / (12.0 * self._elastic[:, bending])
+            )
+        ends = self.strands.ends[self._order] - self._rest_x[self._node]
+        w, x, y, z = self._rest_q[self._node].T
+        turn = np.stack(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        s.strand[kernels.ARM_X : kernels.ARM_Z + 1] = np.einsum(
+            "kri,ik->ri", turn.transpose(1, 0, 2), ends
+        )
+
+    # Hands
+
+    def node_at(self, station: float) -> int:
+        """Return the node nearest a station that no other hook holds.
+
+        Parameters
+        ----------
+        station
+            mm from the first end.
+
+        Returns
+        -------
+        int
+            Its index.
+
+        Raises
+        ------
+        ValueError
+            If the station is not on the beam, at a clamp, or held by another hook.
+        """
+        s = finite(station, "a hook's place", "mm")
+        if not 0.0 <= s <= self.beam.span:
+            raise ValueError(
+                f"a hook at {s:g} mm is not on the beam, which runs from 0 to {self.beam.span:g} mm"
+            )
+        node = int(np.argmin(np.abs(self._stations - s)))
+        if self._ends[node] & 7 == 7:
+            raise ValueError(f"a hook at {s:g} mm is behind a clamp or on a pin: it holds already")
+        if self.held[node]:
+            raise ValueError(f"two hooks are on top of one another at {s:g} mm")
+        return node
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(N,) whether a hook holds the node."""
+        s = self.state
+        return (
+            (s.held != self._ends) | (s.spring != 0.0).any(axis=1) | (s.load_to != 0.0).any(axis=1)
+        )
+
+    def take(
+        self,
+        station: float,
+        *,
+        stiffness: float = math.inf,
+        along: tuple[bool, bool, bool] = EVERYWHERE,
+    ) -> int:
+        """Take hold of the beam where it now is, by displacement.
+
+        An inner node moves to the station, along the axis as it lies and at rest: a hook inside an
+        element would stiffen the beam.
+
+        Parameters
+        ----------
+        station
+            mm from the first end.
+        stiffness
+            Of a spring between hand and beam, N/mm; the hand holds the beam itself when infinite.
+        along
+            Which of x, y and z it holds; it slides along the others.
+
+        Returns
+        -------
+        int
+            The node, by which the hook is led and let go.
+        """
+        node = self.node_at(station)
+        if abs(self._stations[node] - station) > 1e-9 * self.beam.span:
+            self._move_node(node, station)
+        s = self.state
+        s.goal[node] = s.goal_from[node] = s.goal_to[node] = s.x[node]
+        for r in range(3):
+            if self._ends[node] >> r & 1:
+                continue
+            if along[r] and math.isinf(stiffness):
+                s.held[node] |= 1 << r
+            elif along[r]:
+                s.spring[node, r] = stiffness
+        return node
+
+    def let_go(self, node: int) -> None:
+        """Let go of a node that is held or pushed."""
+        s = self.state
+        s.held[node] = self._ends[node]
+        s.spring[node] = s.load[node] = s.load_to[node] = s.load_from[node] = 0.0
+
+    def lead(self, node: int, place: Sequence[float] | Floats) -> None:
+        """Ask for a held node's place, mm."""
+        self.state.goal_to[node] = place
+
+    def push(self, node: int, force: Sequence[float] | Floats) -> None:
+        """Ask for the dead force on a node, N."""
+        self.state.load_to[node] = force
+
+    def hand_force(self, node: int) -> Floats:
+        """(3,) force of the hand on a node, N."""
+        return self.state.react[node] + self.state.load[node]
+
+    def set_rod(
+        self, rod: int, tip: Sequence[float], shaft: Sequence[float], radius: float
+    ) -> None:
+        """Put a rod somewhere at once, touching nothing before; `lead_rod` moves it.
+
+        Parameters
+        ----------
+        rod
+            Its number.
+        tip
+            (3,) place of its tip, mm.
+        shaft
+            (3,) direction from the tip back along the shaft.
+        radius
+            mm.
+        """
+        way = np.asarray(shaft, dtype=np.float64)
+        row = np.array([*tip, *(way / np.sqrt(way @ way)), radius, 1.0])
+        for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
+            rods[rod] = row
+        self.state.side[rod] = 0
+
+    def lead_rod(self, rod: int, tip: Sequence[float]) -> None:
+        """Ask for a place of a rod's tip, mm."""
+        self.state.rods_to[rod, :3] = tip
+
+    def withdraw_rod(self, rod: int) -> None:
+        """Take a rod out at once."""
+        for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
+            rods[rod, kernels.IN_USE] = 0.0
+        self.state.side[rod] = 0
+
+    def rod_force(self, rod: int) -> Floats:
+        """(3,) force of the hand on a rod, N."""
+        return self.state.pull[rod].copy()
+
+    # Steps
+
+    def advance(self, *, tolerance: float = 1e-9, books: float = 1e-5, deepest: int = 24) -> None:
+        """Go to what the hands ask for, through equilibria, independent of any rate.
+
+        A step is halved until the hands' work, by the trapezoid rule, is what was stored and
+        dissipated, or until no jump of the forces within it could change that work: what is missing
+        then was released in a jump and is booked as snap.
+
+        Parameters
+        ----------
+        tolerance
+            Largest force out of balance over the largest force in the beam.
+        books
+            Part of the work that may stay unexplained.
+        deepest
+            How often a step may be halved.
+
+        Raises
+        ------
+        NoEquilibrium
+            If there is none near the last one, or the beam has flown out of reach.
+        """
+        s = self.state
+        s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
+        far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())
+        before = self._balance()
+        done, size = 0.0, 1.0
+        while done < 1.0:
+            size = min(size, 1.0 - done)
+            back = s.x.copy(), s.q.copy(), s.damage.copy(), s.side.copy()
+            self._set_goals(done + size)
+            lost = self._settle(tolerance)
+            if lost is None:
+                s.x[:], s.q[:], s.damage[:], s.side[:] = back
+                if size > 0.5**deepest:
+                    size *= 0.5
+                    continue
+                self._set_goals(done)
+                kernels.assemble(s, kernels.STANDING, 0.0)
+                raise NoEquilibrium(
+                    "no equilibrium was found near the last one, however small the step"
+                )
+            after = self._balance()
+            # The trapezoid rule, and how far it could be off if the forces jumped in between.
+            way = (
+                after.goals - before.goals,
+                after.places - before.places,
+                after.tips - before.tips,
+            )
+            sides = (
+                (before.holds, after.holds, way[0]),
+                (before.loads, after.loads, way[1]),
+                (before.pulls, after.pulls, way[2]),
+            )
+            each = [0.5 * (a + b) * w for a, b, w in sides]
+            work = sum(float(part.sum()) for part in each)
+            gross = sum(float(np.abs(part).sum()) for part in each)
+            unsure = sum(0.5 * float(np.abs((b - a) * w).sum()) for a, b, w in sides)
+            missing = work - (after.stored - before.stored) - lost
+            total = self._gross + gross
+            least = 0.01 * books * books * total
+            close = abs(missing) <= books * gross + least
+            if not close and unsure > 0.05 * books * total and size > 0.5**deepest:
+                s.x[:], s.q[:], s.damage[:], s.side[:] = back
+                size *= SHORTER
+                continue
+            done += size
+            self._gross = total
+            s.sums[kernels.WORK] += work
+            s.sums[kernels.STORED] = after.stored
+            s.sums[kernels.DISSIPATED] += lost
+            s.sums[kernels.OPEN if close or missing < 0.0 else kernels.SNAP] += missing
+            before = after
+            s.react[:] = after.holds
+            if np.abs(s.x).max() > far:
+                raise NoEquilibrium("the forces carry the beam away: nothing holds it any more")
+            if abs(missing) <= 0.125 * books * gross + least:
+                size *= LONGER
+
+    def _set_goals(self, part: float) -> None:
+        """Put goals, dead forces and rods a part of their way."""
+        s = self.state
+        s.goal[:] = s.goal_from + part * (s.goal_to - s.goal_from)
+        s.load[:] = s.load_from + part * (s.load_to - s.load_from)
+        s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
+
+    def _settle(self, tolerance: float) -> float | None:
+        """Find the equilibrium at the goals, and damage with it; return what that dissipated."""
+        s = self.state
+        floor = self._rounding()
+        if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
+            return kernels.yielded(s)
+        # Slower and surer: damage stands, equilibrium, damage follows, and again.
+        lost = 0.0
+        for _ in range(4000):
+            if kernels.equilibrium(s, kernels.STANDING, tolerance, floor, 2000) < 0:
+                return None
+            more = kernels.yielded(s)
+            lost += more
+            if more <= 1e-12 * lost:
+                return lost
+        return None
+
+    def _balance(self) -> "_Balance":
+        """Return forces, places and stored energy as they are, damage standing."""
+        s = self.state
+        kernels.assemble(s, kernels.STANDING, 0.0)
+        stored = s.sums[kernels.BEAM] + s.sums[kernels.STRANDS] + s.sums[kernels.CONTACT]
+        bits = (s.held[:, None] >> np.arange(3)) & 1
+        holds = np.where(bits, s.g[:, :3], s.spring * (s.goal - s.x))
+        return _Balance(
+            holds,
+            s.load.copy(),
+            s.pull.copy(),
+            s.goal.copy(),
+            s.x.copy(),
+            s.rods[:, :3].copy(),
+            float(stored),
+        )
+
+    def _rounding(self) -> float:
+        """Return what places rounded to their last digit make of the forces, N."""
+        s = self.state
+        return 1e-15 * float(s.stiff[:, :3].max()) * self.beam.span / float(s.h.min())
+
+    def tick(
+        self,
+        seconds: float,
+        *,
+        ticks: int = 1,
+        delay: float = 5e-3,
+        drag: float = 2e-6,
+        newton: int = 1,
+    ) -> None:
+        """Go on in real time towards what the hands ask for, at a fixed cost.
+
+        Parameters
+        ----------
+        seconds
+            How long, s.
+        ticks
+            In how many steps.
+        delay
+            Time in which damage follows the strands, s.
+        drag
+            N s/mm at each node.
+        newton
+            Newton steps in each.
+
+        Raises
+        ------
+        NoEquilibrium
+            If no step could be found: the beam is lost.
+        """
+        s = self.state
+        s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
+        step = seconds / ticks
+        if not kernels.tick(s, ticks, step / (delay + step), drag / step, newton):
+            raise NoEquilibrium("the beam is lost: no step makes its energy less")
+
+    # What there is to read
+
+    @property
+    def stations(self) -> Floats:
+        """(N,) the nodes' distances from the first end along the axis at rest, mm."""
+        return self._stations
+
+    @property
+    def places(self) -> Floats:
+        """(N, 3) where the nodes are, mm; a view that the next step changes."""
+        return self.state.x
+
+    def rest_place(self, node: int) -> Floats:
+        """(3,) where a node is at rest, mm."""
+        return self._rest_x[node]
+
+    @property
+    def rotations(self) -> Floats:
+        """(N, 4) the nodes' rotations; a view that the next step changes."""
+        return self.state.q
+
+    @property
+    def damage(self) -> Floats:
+        """(S,) from 0, whole, to 1, parted, in the order of `strands`."""
+        out = np.empty(self.strands.count)
+        out[self._order] = self.state.damage
+        return out
+
+    @property
+    def parted(self) -> int:
+        """How many strands have parted."""
+        return int((self.state.damage >= 1.0).sum())
+
+    @property
+    def freed(self) -> float:
+        """Length of beam whose strands have parted, mm: the sum of their shares."""
+        if not hasattr(self, "_shares"):
+            self._shares = self.strands.shares[self._order]
+        return float(self._shares[self.state.damage >= 1.0].sum())
+
+    def strand_ends(self) -> Floats:
+        """(S, 3) where strands hold the beam now, mm, in the order of `strands`."""
+        s = self.state
+        w, x, y, z = s.q[self._node].T
+        a, b, c = s.strand[kernels.ARM_X : kernels.ARM_Z + 1]
+        out = np.empty((self.strands.count, 3))
+        out[self._order] = s.x[self._node] + np.stack(
+            [
+                (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - w * z) * b + 2 * (x * z + w * y) * c,
+                2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c,
+                2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c,
+            ],
+            axis=1,
+        )
+        return out
+
+    @property
+    def books(self) -> Books:
+        """Where the hands' work went."""
+        sums = self.state.sums
+        return Books(
+            float(sums[kernels.WORK]),
+            float(sums[kernels.STORED]),
+            float(sums[kernels.DISSIPATED]),
+            float(sums[kernels.SNAP]),
+            float(sums[kernels.OPEN]),
+        )
+
+    def worst_stress(self) -> WorstStress:
+        """Return where the wall bears most.
+
+        Returns
+        -------
+        WorstStress
+            Normal force over area plus bending moments over section moduli, at the nodes.
+
+        Raises
+        ------
+        ValueError
+            If the beam has no wall.
+        """
+        wall = self.beam.wall
+        if wall is None:
+            raise ValueError("the beam has no wall from which stresses could be read")
+        section = self.state.section
+        best = WorstStress(0.0, 0.0, 0.0, 0.0)
+        for ends, moments, normal in (
+            (slice(0, -1), section[:, 4:6], section[:, 9]),
+            (slice(1, None), section[:, 7:9], section[:, 10]),
+        ):
+            up, across = moments[:, 0] / wall[ends, 1], moments[:, 1] / wall[ends, 2]
+            total = normal / wall[ends, 0] + np.sqrt(up * up + across * across)
+            i = int(np.argmax(total))
+            if total[i] > best.total:
+                best = WorstStress(
+                    float(self._stations[ends][i]),
+                    float(normal[i] / wall[ends, 0][i]),
+                    float(np.hypot(up[i], across[i])),
+                    math.atan2(-across[i], up[i]),
+                )
+        return best
+
+    def _move_node(self, node: int, station: float) -> None:
+        """Move an inner node to a station, along the axis as it lies and at rest."""
+        old = self._stations
+        if not 0 < node < old.size - 1:
+            return
+        neighbour = node + 1 if station > old[node] else node - 1
+        part = (station - old[node]) / (old[neighbour] - old[node])
+        before = kernels.assemble(self.state, kernels.STANDING, 0.0)
+        for x, q in ((self.state.x, self.state.q), (self._rest_x, self._rest_q)):
+            x[node] = _between(x, q, old, node, neighbour, part)
+            turned = q[neighbour] if q[neighbour] @ q[node] >= 0.0 else -q[neighbour]
+            q[node] += part * (turned - q[node])
+            q[node] /= np.sqrt(q[node] @ q[node])
+        self._stations[node] = station
+        self._measure_rest()
+        # The beam's energy is not the same to the last digit on other nodes: nobody's work.
+        after = kernels.assemble(self.state, kernels.STANDING, 0.0)
+        self.state.sums[kernels.OPEN] -= after - before
+
+
+def _between(
+    x: Floats, q: Floats, stations: Floats, node: int, neighbour: int, part: float
+) -> Floats:
+    """Return a place between two nodes on the cubic curve along both their frames."""
+    way = abs(stations[neighbour] - stations[node])
+    sign = 1.0 if neighbour > node else -1.0
+    ends: list[Floats] = []
+    for n in (node, neighbour):
+        w, a, b, c = q[n]
+        ends.append(
+            sign
+            * way
+            * np.array([1 - 2 * (b * b + c * c), 2 * (a * b + w * c), 2 * (a * c - w * b)])
+        )
+    u = part
+    return (
+        x[node] * (1 + 2 * u) * (1 - u) ** 2
+        + ends[0] * u * (1 - u) ** 2
+        + x[neighbour] * u * u * (3 - 2 * u)
+        - ends[1] * u * u * (1 - u)
+    )

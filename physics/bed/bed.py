@@ -1,0 +1,264 @@
+"""A bed: a layer of strands under a stretch of the beam, evenly spaced or scattered from a seed."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.bed.space_beam import SpaceBeam
+from physics.bed.strands import Strands
+from physics.quantity import finite, positive
+
+__all__ = ["Bed", "Patch"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A stretch of a bed whose strands are so many times as stiff and as tough: an adhesion.
+
+    Attributes
+    ----------
+    from_mm, to_mm
+        The stretch, mm from the first end.
+    factor
+        How many times.
+    """
+
+    from_mm: float
+    to_mm: float
+    factor: float
+
+    def __post_init__(self) -> None:
+        finite(self.from_mm, "from_mm of a patch", "mm")
+        finite(self.to_mm, "to_mm of a patch", "mm")
+        positive(self.factor, "factor of a patch", "")
+        if self.to_mm <= self.from_mm:
+            raise ValueError(
+                f"a patch must end after it begins, got {self.from_mm:g} to {self.to_mm:g} mm"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bed:
+    """A layer of strands, by its own stiffness and toughness for each mm of the beam.
+
+    With nothing scattered the strands are evenly spaced in one row, straight down from the axis,
+    as alike as they can be. The elongation at which they yield follows from stiffness, toughness
+    and softening: G = k u_0 u_f / 2 with u_f = softening u_0.
+
+    Attributes
+    ----------
+    from_mm, to_mm
+        Where it lies under the beam, mm from its first end; its whole length when None.
+    strands
+        How many.
+    stiffness
+        Of the bed, for each mm of beam and of elongation, N/mm^2: a number, or one for each of
+        `stations`.
+    toughness
+        Energy to part it, for each mm of beam, N (mJ/mm): likewise.
+    softening
+        Elongation at which a strand has parted over that at which it begins to yield; 1: brittle.
+    stations
+        Where stiffness and toughness are given, mm; linear between them.
+    two_sided
+        Whether strands also push when they are shorter than at rest.
+    floor
+        Stiffness with which the bed pushes back a beam that lies deeper than at rest, N/mm^2.
+    gap
+        Length of a strand straight down, mm.
+    around
+        Strands hold the surface up to this angle from straight down on either side, rad; None: the
+        axis itself.
+    fan
+        Standard deviation of their directions off straight down, rad.
+    slack
+        Up to how far they are slack at rest, mm.
+    scatter
+        Coefficient of variation of the energy to part one, with stiffness in proportion.
+    stiffness_scatter
+        Coefficient of variation of the stiffness alone, with the energy to part as it is.
+    jitter
+        How far along strands are off their even places, in spacings: 0 none, 1 anywhere in their
+        own spacing.
+    patches
+        Adhesions.
+    seed
+        Of all that is scattered.
+    """
+
+    from_mm: float | None = None
+    to_mm: float | None = None
+    strands: int = 600
+    stiffness: float | tuple[float, ...]
+    toughness: float | tuple[float, ...]
+    softening: float = 2.0
+    stations: tuple[float, ...] | None = None
+    two_sided: bool = False
+    floor: float = 0.0
+    gap: float = 3.0
+    around: float | None = None
+    fan: float = 0.0
+    slack: float = 0.0
+    scatter: float = 0.0
+    stiffness_scatter: float = 0.0
+    jitter: float = 0.0
+    patches: tuple[Patch, ...] = ()
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.strands <= 200_000:
+            raise ValueError(f"strands of a bed must be 1 to 200,000, got {self.strands:,}")
+        for name, unit in (("stiffness", "N/mm^2"), ("toughness", "N")):
+            value: float | tuple[float, ...] = getattr(self, name)
+            values = value if isinstance(value, tuple) else (value,)
+            if isinstance(value, tuple) and (
+                self.stations is None or len(self.stations) != len(values)
+            ):
+                raise ValueError(f"{name} of a bed must be one number, or one for each station")
+            for each in values:
+                positive(each, f"{name} of a bed", unit)
+        if self.stations is not None and not (
+            len(self.stations) >= 2
+            and all(math.isfinite(s) for s in self.stations)
+            and all(b > a for a, b in zip(self.stations, self.stations[1:], strict=False))
+        ):
+            raise ValueError(f"stations of a bed must rise, got {list(self.stations)}")
+        if not (math.isfinite(self.softening) and self.softening >= 1.0):
+            raise ValueError(f"softening of a bed must be 1 or more, got {self.softening}")
+        positive(self.gap, "gap of a bed", "mm")
+        for name, unit, most in (
+            ("floor", "N/mm^2", math.inf),
+            ("slack", "mm", math.inf),
+            ("scatter", "", 1.0),
+            ("stiffness_scatter", "", 1.0),
+            ("fan", "rad", 1.0),
+            ("jitter", "", 1.0),
+        ):
+            value = finite(getattr(self, name), f"{name} of a bed", unit)
+            if not 0.0 <= value <= most:
+                limit = "0 or more" if most == math.inf else f"from 0 to {most:g}"
+                raise ValueError(f"{name} of a bed must be {limit} {unit}, got {value:g}".strip())
+        if self.around is not None and not 0.0 <= self.around <= math.pi:
+            raise ValueError(f"around of a bed must be from 0 to pi rad, got {self.around}")
+        if self.seed < 0:
+            raise ValueError(f"seed of a bed must be 0 or more, got {self.seed}")
+
+    def with_patch(self, *patches: Patch) -> "Bed":
+        """Return the same bed with more adhesions."""
+        return replace(self, patches=(*self.patches, *patches))
+
+    def strands_under(self, beam: SpaceBeam) -> Strands:
+        """Return the bed's strands under a beam at rest.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+
+        Returns
+        -------
+        Strands
+            Strands, the same for the same seed on every machine.
+
+        Raises
+        ------
+        ValueError
+            If the bed is not under the beam.
+        """
+        a, b = self._reach(beam.span)
+        count = self.strands
+        spacing = (b - a) / count
+        drawn = np.random.default_rng(self.seed).random((15, count))
+        place = 0.5 + self.jitter * (drawn[0] - 0.5)
+        stations: Floats = a + (np.arange(count, dtype=np.float64) + place) * spacing
+        radius = np.interp(stations, beam.stations, beam.radius)
+        zero = np.zeros(count)
+        angles = zero if self.around is None else self.around * (2.0 * drawn[1] - 1.0)
+        out = zero if self.around is None else radius
+        lean = (
+            self.gap * math.tan(self.fan) * np.stack([_bell(drawn[2:5]), _bell(drawn[5:8])], axis=1)
+        )
+        energy = self._at(self.toughness, stations) * spacing
+        stiffness = self._at(self.stiffness, stations) * spacing
+        for patch in self.patches:
+            inside = (stations >= patch.from_mm) & (stations <= patch.to_mm)
+            energy[inside] *= patch.factor
+            stiffness[inside] *= patch.factor
+        tough = _scattered(drawn[9:12], self.scatter)
+        energy *= tough
+        stiffness *= tough * _scattered(drawn[12:15], self.stiffness_scatter)
+        yield_ = np.sqrt(2.0 * energy / (stiffness * self.softening))
+        return Strands.between(
+            beam,
+            stations,
+            around=angles,
+            out=out,
+            gap=self.gap,
+            lean=lean,
+            slack=self.slack * drawn[8],
+            stiffness=stiffness,
+            yield_=yield_,
+            part=self.softening * yield_,
+            pushes=self.two_sided,
+        )
+
+    def floor_under(self, beam: SpaceBeam) -> Floats:
+        """Return the stiffness of the bed's floor at a beam's nodes.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+
+        Returns
+        -------
+        Floats
+            (N,) N/mm.
+        """
+        a, b = self._reach(beam.span)
+        s = beam.stations
+        edges = np.concatenate([[s[0]], 0.5 * (s[1:] + s[:-1]), [s[-1]]])
+        reach = np.clip(edges, a, b)
+        return self.floor * np.diff(reach)
+
+    def _reach(self, span: float) -> tuple[float, float]:
+        a = 0.0 if self.from_mm is None else finite(self.from_mm, "from_mm of a bed", "mm")
+        b = span if self.to_mm is None else finite(self.to_mm, "to_mm of a bed", "mm")
+        if not (a >= 0.0 and b <= span * (1.0 + 1e-9)):
+            raise ValueError(
+                f"a bed from {a:g} to {b:g} mm lies outside the beam, which runs from 0 to "
+                f"{span:g} mm"
+            )
+        if b <= a:
+            raise ValueError(f"a bed must end after it begins, got {a:g} to {b:g} mm")
+        for patch in self.patches:
+            if patch.from_mm >= b or patch.to_mm <= a:
+                raise ValueError(
+                    f"a patch from {patch.from_mm:g} to {patch.to_mm:g} mm lies outside its bed, "
+                    f"which runs from {a:g} to {b:g} mm"
+                )
+        return a, b
+
+    def _at(self, value: float | tuple[float, ...], at: Floats) -> Floats:
+        if self.stations is None or not isinstance(value, tuple):
+            return np.full(at.size, value)
+        given = np.array(self.stations, dtype=np.float64)
+        return np.interp(at, given, np.array(value, dtype=np.float64))
+
+
+def _bell(uniform: Floats) -> Floats:
+    """Return numbers of mean 0 and standard deviation 1 from three uniform ones each."""
+    return 2.0 * (uniform[0] + uniform[1] + uniform[2] - 1.5)
+
+
+def _scattered(drawn: Floats, variation: float) -> Floats:
+    """Return lognormal factors, cut off at 3 sd, of mean 1 and this coefficient of variation."""
+    if variation == 0.0:
+        return np.ones(drawn.shape[1])
+    spread = np.exp(math.sqrt(math.log1p(variation * variation)) * _bell(drawn))
+    # The sample's own mean is 1, so that the seed does not change how tough a bed is.
+    return spread * (spread.size / math.fsum(spread.tolist()))

@@ -1,0 +1,147 @@
+"""Closed forms that a beam on a bed is held against: beams on springs, peeling, bending, buckling.
+
+Symbols: k stiffness of the bed for each mm of beam, G energy to part it for each mm of beam, EI and
+EA the beam's stiffnesses, lambda = (k / 4 EI)^(1/4). A bed is a row of springs that pull and push.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "cantilever_compliance",
+    "crack_force",
+    "double_peel_force",
+    "end_deflection",
+    "peel_force",
+    "peel_toughness",
+]
+
+Floats = NDArray[np.float64]
+
+
+def end_deflection(
+    force: float, stiffness: float, bending: float, shear: float = math.inf
+) -> float:
+    """Return the deflection of a long beam on a bed under a force across its free end, mm.
+
+    [Hetenyi 1946], with the shear deformation of the beam: w = 2 P alpha / k with
+    alpha^2 = lambda^2 + k / (4 G A).
+
+    Parameters
+    ----------
+    force
+        P, N.
+    stiffness
+        k of the bed, N/mm^2.
+    bending, shear
+        EI, N mm^2, and shear stiffness, N.
+
+    Returns
+    -------
+    float
+        The deflection.
+    """
+    alpha = math.sqrt(math.sqrt(stiffness / (4.0 * bending)) + stiffness / (4.0 * shear))
+    return 2.0 * force * alpha / stiffness
+
+
+def cantilever_compliance(crack: float, stiffness: float, bending: float) -> float:
+    """Return the deflection for each N at the end of a beam that sticks out beyond its bed, mm/N.
+
+    [Kanninen 1973]: a^3 / (3 EI) (1 + 3/(la) + 3/(la)^2 + 3/(2 (la)^3)), la = lambda a.
+
+    Parameters
+    ----------
+    crack
+        Length a beyond the bed, mm.
+    stiffness, bending
+        k, N/mm^2, and EI, N mm^2.
+
+    Returns
+    -------
+    float
+        The compliance.
+    """
+    la = (stiffness / (4.0 * bending)) ** 0.25 * crack
+    return crack**3 / (3.0 * bending) * (1.0 + 3.0 / la + 3.0 / la**2 + 1.5 / la**3)
+
+
+def crack_force(crack: float, toughness: float, stiffness: float, bending: float) -> float:
+    """Return the force at which the bed of such a beam parts further, N.
+
+    [Kanninen 1973]: half the square of the force times the change of compliance with a is G, so
+    P = sqrt(2 EI G) / (a + 1/lambda).
+
+    Parameters
+    ----------
+    crack
+        Length a beyond the bed, mm.
+    toughness
+        G, N.
+    stiffness, bending
+        k, N/mm^2, and EI, N mm^2.
+
+    Returns
+    -------
+    float
+        The force.
+    """
+    reach = (4.0 * bending / stiffness) ** 0.25
+    return math.sqrt(2.0 * bending * toughness) / (crack + reach)
+
+
+def peel_force(angle: float, toughness: float, stretching: float) -> float:
+    """Return the steady force that peels a strip at an angle, N.
+
+    [Rivlin 1944], with the stretch of the arm [Kendall 1975]: F (1 - cos) + F^2 / (2 EA) = G.
+
+    Parameters
+    ----------
+    angle
+        Between the force and the strip that is still held, rad.
+    toughness, stretching
+        G and EA, N.
+
+    Returns
+    -------
+    float
+        The force.
+    """
+    slack = stretching * (1.0 - math.cos(angle))
+    return math.sqrt(slack * slack + 2.0 * stretching * toughness) - slack
+
+
+def peel_toughness(force: float, angle: float, stretching: float) -> float:
+    """Return the toughness that a steady force at an angle stands for, N; see `peel_force`."""
+    return force * (1.0 - math.cos(angle)) + force * force / (2.0 * stretching)
+
+
+def double_peel_force(toughness: float, stretching: float) -> tuple[float, float]:
+    """Return the steady force and angle, N and rad, at which both arms of a long strip peel.
+
+    The strip is held by its middle, straight up; each arm, stretched by 1/cos - 1, meets its front
+    at the angle at which EA ((1/cos - 1)(1/cos - cos) - (1/cos - 1)^2 / 2) = G: the work of the
+    force less the energy of the arm's growing length ([Putignano 2014] has the same by energy).
+
+    Parameters
+    ----------
+    toughness, stretching
+        G and EA, N.
+
+    Returns
+    -------
+    tuple[float, float]
+        2 EA (1/cos - 1) sin, and the angle.
+    """
+    low, high = 1e-6, 1.0
+    for _ in range(200):
+        c = 0.5 * (low + high)
+        stretch = 1.0 / c - 1.0
+        if stretching * (stretch * (1.0 / c - c) - 0.5 * stretch * stretch) > toughness:
+            low = c
+        else:
+            high = c
+    c = 0.5 * (low + high)
+    return 2.0 * stretching * (1.0 / c - 1.0) * math.sqrt(1.0 - c * c), math.acos(c)

@@ -1,0 +1,432 @@
+"""Hands and rods that follow paths, and what they felt: the history of a dissection."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.bed.beam_on_bed import BeamOnBed
+from physics.bed.bed import Bed
+from physics.bed.space_beam import SpaceBeam
+from physics.bed.strands import Strands
+from physics.equilibrium import NoEquilibrium
+from physics.quantity import finite, positive
+
+__all__ = ["Hand", "History", "Rod", "pull", "step_places"]
+
+Floats = NDArray[np.float64]
+Steps = int | tuple[int, ...]
+
+MOST_STEPS = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hand:
+    """A hook that holds the beam at one place and follows a path.
+
+    Attributes
+    ----------
+    at
+        Where it holds, mm from the first end along the axis at rest.
+    path
+        Points that it goes through in straight lines from nothing: displacements of the place that
+        is held, mm, from where it was taken, or forces, N.
+    by
+        Whether the path is of displacements or of dead forces.
+    steps
+        Steps along the whole path, shared among its legs by their lengths; or one number a leg.
+    along
+        Which of x, y and z it holds by displacement; along the others the beam slides in it.
+    from_step
+        After how many steps of the whole it takes hold.
+    until_step
+        After how many it lets go; never when None.
+    """
+
+    at: float
+    path: tuple[tuple[float, float, float], ...]
+    by: Literal["displacement", "force"] = "displacement"
+    steps: Steps = 100
+    along: tuple[bool, bool, bool] = (True, True, True)
+    from_step: int = 0
+    until_step: int | None = None
+
+    def __post_init__(self) -> None:
+        finite(self.at, "a hook's place", "mm")
+        step_places(self.path, self.steps, "a hand's path")
+        if self.from_step < 0:
+            raise ValueError(f"from_step of a hand must be 0 or more, got {self.from_step}")
+        if self.until_step is not None and self.until_step <= self.from_step:
+            raise ValueError("until_step of a hand must be after from_step")
+        if not any(self.along):
+            raise ValueError("a hand must hold the beam along x, y or z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rod:
+    """A blunt rod that is moved among the strands: a jaw, a closed dissector, a swab.
+
+    Attributes
+    ----------
+    path
+        Places of its tip, mm: it is there at the first of them when it begins, touching nothing.
+    shaft
+        Direction from the tip back along the shaft.
+    radius
+        mm.
+    steps, from_step
+        As of a `Hand`.
+    """
+
+    path: tuple[tuple[float, float, float], ...]
+    shaft: tuple[float, float, float]
+    radius: float
+    steps: Steps = 100
+    from_step: int = 0
+
+    def __post_init__(self) -> None:
+        if len(self.path) < 2:
+            raise ValueError("a rod's path must have 2 points or more")
+        step_places(self.path, self.steps, "a rod's path", begin=False)
+        positive(self.radius, "radius of a rod", "mm")
+        size = sum(finite(each, "shaft of a rod", "") ** 2 for each in self.shaft)
+        if size == 0.0:
+            raise ValueError("shaft of a rod must have a direction, got 0, 0, 0")
+        if self.from_step < 0:
+            raise ValueError(f"from_step of a rod must be 0 or more, got {self.from_step}")
+
+
+def step_places(
+    path: Sequence[Sequence[float]], steps: Steps, name: str, *, begin: bool = True
+) -> Floats:
+    """Return where a path is after each of its steps.
+
+    Parameters
+    ----------
+    path
+        (P, 3) its points.
+    steps
+        How many steps, or how many for each leg.
+    name
+        What it is called in a message.
+    begin
+        Whether it begins at 0, 0, 0 even where its first point is another.
+
+    Returns
+    -------
+    Floats
+        (steps, 3) places; every point of the path is one of them.
+
+    Raises
+    ------
+    ValueError
+        If a point is not three finite numbers, or there are too few steps.
+    """
+    try:
+        points = np.array(path, dtype=np.float64)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.size == 0 or points.shape[-1] != 3:
+        raise ValueError(f"{name} must be points of 3 numbers each, got {path!r}")
+    if not np.all(np.isfinite(points)):
+        where = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise ValueError(
+            f"{name} must be finite numbers, got {points[where].tolist()} at point {where + 1}"
+        )
+    if begin and np.any(points[0] != 0.0):
+        points = np.concatenate([np.zeros((1, 3)), points])
+    legs = max(points.shape[0] - 1, 1)
+    if points.shape[0] == 1:
+        points = np.repeat(points, 2, axis=0)
+    if isinstance(steps, tuple):
+        counts = list(steps)
+        if len(counts) != legs:
+            raise ValueError(f"{name} has {legs} legs and steps for {len(counts)}")
+    else:
+        if steps < legs:
+            raise ValueError(f"{name} of {legs} legs needs as many steps, got {steps}")
+        lengths = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+        counts = [1] * legs
+        for _ in range(min(steps, MOST_STEPS + 1) - legs):
+            counts[int(np.argmax(lengths / np.array(counts)))] += 1
+    if min(counts) < 1 or sum(counts) > MOST_STEPS:
+        raise ValueError(f"steps of {name} must be 1 to {MOST_STEPS:,}, got {sum(counts):,}")
+    return np.concatenate(
+        [
+            a + (b - a) * (np.arange(1, count + 1) / count)[:, None]
+            for a, b, count in zip(points, points[1:], counts, strict=False)
+        ]
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """What happened in each of T steps of H hands.
+
+    Attributes
+    ----------
+    hands
+        (T, H, 3) displacements of the places that are held, mm, from where they were at rest; NaN
+        while a hand does not hold.
+    forces
+        (T, H, 3) forces of the hands on the beam, N; NaN likewise.
+    rods
+        (T, R, 3) forces of the hands on the rods, N.
+    freed
+        (T,) lengths of beam whose strands have parted, mm.
+    parted
+        (T,) strands parted.
+    work, stored, dissipated, snap
+        (T,) the books, mJ; see `physics.bed.Books`.
+    stress
+        (T,) largest normal plus bending stress of the wall, MPa; None without a wall.
+    shape
+        (N, 3) the nodes after the last step, mm.
+    damage
+        (S,) of the strands after the last step.
+    """
+
+    hands: Floats
+    forces: Floats
+    rods: Floats
+    freed: Floats
+    parted: NDArray[np.int64]
+    work: Floats
+    stored: Floats
+    dissipated: Floats
+    snap: Floats
+    stress: Floats | None
+    shape: Floats
+    damage: Floats
+
+    @property
+    def steps(self) -> int:
+        """How many."""
+        return self.freed.size
+
+    @property
+    def open_share(self) -> float:
+        """Part of all work that the books do not explain, either way."""
+        missing = self.work - self.stored - self.dissipated - self.snap
+        most = float(np.abs(self.work).max(initial=0.0))
+        return float(np.abs(missing).max(initial=0.0)) / most if most > 0.0 else 0.0
+
+    def rows(self, threshold: float | None = None) -> list[dict[str, object]]:
+        """Return a row for each step, as `bluntdissect peel --json` writes it.
+
+        Parameters
+        ----------
+        threshold
+            Stress that the wall bears, MPa, for its distance to break; none when None.
+
+        Returns
+        -------
+        list[dict[str, object]]
+            One for each step; the last one with `shape_mm`.
+        """
+        rows: list[dict[str, object]] = []
+        for t in range(self.steps):
+            row: dict[str, object] = {
+                "hand_mm": _triple(self.hands[t, 0]) if self.hands.shape[1] else None,
+                "force_N": _triple(self.forces[t, 0]) if self.hands.shape[1] else None,
+                "freed_mm": float(self.freed[t]),
+                "strands_parted": int(self.parted[t]),
+                "work_mJ": float(self.work[t]),
+                "stored_mJ": float(self.stored[t]),
+                "dissipated_mJ": float(self.dissipated[t]),
+                "snap_mJ": float(self.snap[t]),
+            }
+            if self.hands.shape[1] > 1:
+                row["hands"] = [
+                    {"hand_mm": _triple(at), "force_N": _triple(force)}
+                    for at, force in zip(self.hands[t], self.forces[t], strict=True)
+                ]
+            if self.rods.shape[1]:
+                row["rods_N"] = [_triple(force) for force in self.rods[t]]
+            if self.stress is not None:
+                row["stress_MPa"] = float(self.stress[t])
+                if threshold is not None:
+                    row["distance_to_break_percent"] = 100.0 * (
+                        1.0 - float(self.stress[t]) / threshold
+                    )
+            rows.append(row)
+        if rows:
+            rows[-1]["shape_mm"] = self.shape.tolist()
+        return rows
+
+    def csv(self, threshold: float | None = None) -> str:
+        """Return a table with a line for each step.
+
+        Parameters
+        ----------
+        threshold
+            As for `rows`.
+
+        Returns
+        -------
+        str
+            CSV with a header; x, y and z of several hands in columns of their own.
+        """
+        count = self.hands.shape[1]
+        head: list[str] = ["step"]
+        for h in range(count):
+            tag = "" if count == 1 else f"_{h + 1}"
+            head += [f"hand{tag}_{axis}_mm" for axis in "xyz"]
+            head += [f"force{tag}_{axis}_N" for axis in "xyz"]
+        for m in range(self.rods.shape[1]):
+            head += [f"rod_{m + 1}_{axis}_N" for axis in "xyz"]
+        head += ["freed_mm", "strands_parted", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
+        if self.stress is not None:
+            head += ["stress_MPa"] + ["distance_to_break_percent"] * (threshold is not None)
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(head)
+        for t in range(self.steps):
+            line: list[object] = [t + 1]
+            for h in range(count):
+                line += [_cell(v) for v in (*self.hands[t, h], *self.forces[t, h])]
+            for m in range(self.rods.shape[1]):
+                line += [_cell(v) for v in self.rods[t, m]]
+            line += [_cell(self.freed[t]), int(self.parted[t])]
+            line += [_cell(b[t]) for b in (self.work, self.stored, self.dissipated, self.snap)]
+            if self.stress is not None:
+                line.append(_cell(self.stress[t]))
+                if threshold is not None:
+                    line.append(_cell(100.0 * (1.0 - self.stress[t] / threshold)))
+            writer.writerow(line)
+        return out.getvalue()
+
+
+def pull(
+    beam: SpaceBeam,
+    bed: Bed | Strands | Sequence[Bed] | None,
+    hands: Sequence[Hand],
+    *,
+    rods: Sequence[Rod] = (),
+    plane: bool = False,
+    floor: Floats | None = None,
+) -> History:
+    """Move hands and rods along their paths through equilibria and return what happened.
+
+    All hands move at the same time, a step of each with a step of the others; one whose path is
+    through stays where it is. The result does not depend on any rate and is the same to the bit in
+    each run.
+
+    Parameters
+    ----------
+    beam
+        The beam at rest, with nodes where hands take hold (`SpaceBeam.made(nodes_at=...)`).
+    bed
+        Its bed or beds, or strands made by hand.
+    hands
+        The hands.
+    rods
+        Rods among the strands.
+    plane
+        Whether nothing leaves the plane of x and z.
+    floor
+        (N,) stiffness of the floor at the nodes, N/mm, beside the beds' own.
+
+    Returns
+    -------
+    History
+        One row for each step.
+
+    Raises
+    ------
+    NoEquilibrium
+        If a step has no equilibrium near the last one; it says which.
+    ValueError
+        If hands are on top of one another or behind a clamp.
+    """
+    beds = [bed] if isinstance(bed, Bed) else [] if isinstance(bed, Strands) else list(bed or ())
+    strands = (
+        bed
+        if isinstance(bed, Strands)
+        else Strands.joined([each.strands_under(beam) for each in beds])
+    )
+    ground = np.zeros(beam.stations.size) if floor is None else floor.copy()
+    for each in beds:
+        ground += each.floor_under(beam)
+    held = BeamOnBed(beam, strands, floor=ground, rods=len(rods), plane=plane)
+    ways = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
+    sweeps = [step_places(rod.path, rod.steps, "a rod's path", begin=False) for rod in rods]
+    total = max(
+        [hand.from_step + len(way) for hand, way in zip(hands, ways, strict=True)]
+        + [rod.from_step + len(way) for rod, way in zip(rods, sweeps, strict=True)],
+        default=0,
+    )
+    if total == 0:
+        raise ValueError("a pull needs a hand or a rod")
+    nodes: list[int | None] = [None] * len(hands)
+    taken = np.zeros((len(hands), 3))
+    shape = (total, len(hands), 3)
+    at, force = np.full(shape, np.nan), np.full(shape, np.nan)
+    pushed = np.zeros((total, len(rods), 3))
+    stress = None if beam.wall is None else np.empty(total)
+    books = np.empty((total, 5))
+    freed, parted = np.empty(total), np.empty(total, dtype=np.int64)
+    for t in range(total):
+        for h, hand in enumerate(hands):
+            if t == hand.from_step:
+                along = hand.along if hand.by == "displacement" else (False, False, False)
+                node = held.take(hand.at, along=along)
+                nodes[h], taken[h] = node, held.places[node]
+            node = nodes[h]
+            if node is None:
+                continue
+            if t == hand.until_step:
+                held.let_go(node)
+                nodes[h] = None
+                continue
+            place = ways[h][min(t - hand.from_step, len(ways[h]) - 1)]
+            if hand.by == "displacement":
+                held.lead(node, taken[h] + place)
+            else:
+                held.push(node, place)
+        for m, rod in enumerate(rods):
+            if t == rod.from_step:
+                held.set_rod(m, rod.path[0], rod.shaft, rod.radius)
+            if t >= rod.from_step:
+                held.lead_rod(m, sweeps[m][min(t - rod.from_step, len(sweeps[m]) - 1)])
+        try:
+            held.advance()
+        except NoEquilibrium as lost:
+            raise NoEquilibrium(f"step {t + 1} of {total}: {lost}") from None
+        for h, node in enumerate(nodes):
+            if node is not None:
+                at[t, h] = held.places[node] - held.rest_place(node)
+                force[t, h] = held.hand_force(node)
+        for m in range(len(rods)):
+            pushed[t, m] = held.rod_force(m)
+        freed[t], parted[t] = held.freed, held.parted
+        now = held.books
+        books[t] = now.work, now.stored, now.dissipated, now.snap, now.open
+        if stress is not None:
+            stress[t] = held.worst_stress().total
+    return History(
+        at,
+        force,
+        pushed,
+        freed,
+        parted,
+        books[:, 0],
+        books[:, 1],
+        books[:, 2],
+        books[:, 3],
+        stress,
+        held.places.copy(),
+        held.damage,
+    )
+
+
+def _triple(row: Floats) -> list[float] | None:
+    return None if np.isnan(row).any() else [float(v) for v in row]
+
+
+def _cell(value: float) -> str:
+    return "" if np.isnan(value) else repr(float(value))

@@ -1,0 +1,458 @@
+"""A beam in space at rest: its nodes, frames, stiffnesses and ends."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.beam import Beam
+from physics.exact import sections_at
+from physics.quantity import finite, positive
+from physics.varying_beam import VaryingBeam
+
+__all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
+
+End = Literal["clamped", "pinned", "sliding", "roller", "free"]
+"""How an end is held: nothing moves or turns; it turns only; it moves along x only; it moves along
+x and turns; not at all."""
+
+HELD: dict[End, int] = {"clamped": 63, "pinned": 7, "sliding": 62, "roller": 6, "free": 0}
+"""Bits of what is held: 1 2 4 along x y z, 8 16 32 turning about them."""
+
+Floats = NDArray[np.float64]
+
+STIFFNESSES = ("axial", "shear across", "shear up", "torsion", "bending up", "bending across")
+"""Columns of `SpaceBeam.stiffness`: bending up is in the plane of the axis and up."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceBeam:
+    """A geometrically exact beam in space, N nodes, straight or curved at rest.
+
+    x runs along a straight one, z away from the bed. Arrays are copied and locked.
+
+    Attributes
+    ----------
+    stations
+        (N,) distances of the nodes from the first end along the axis at rest, mm.
+    places
+        (N, 3) where they are at rest, mm.
+    rotations
+        (N, 4) unit quaternions that turn x, y, z into the axis, across and up.
+    stiffness
+        (N - 1, 6) of the elements: axial and two shear stiffnesses, N; torsion and two bending
+        stiffnesses, N mm^2 (`STIFFNESSES`).
+    ends
+        How the two ends are held.
+    radius
+        (N,) outer radius, mm: where strands take hold and rods touch.
+    wall
+        (N, 3) area, mm^2, and section moduli I/c for bending up and across, mm^3, from which
+        stresses are read; None where nobody asks for stresses.
+    """
+
+    stations: Floats
+    places: Floats
+    rotations: Floats
+    stiffness: Floats
+    ends: tuple[End, End]
+    radius: Floats
+    wall: Floats | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("stations", "places", "rotations", "stiffness", "radius", "wall"):
+            value = getattr(self, name)
+            if value is not None:
+                copy = np.array(value, dtype=np.float64)
+                copy.setflags(write=False)
+                object.__setattr__(self, name, copy)
+
+    @property
+    def span(self) -> float:
+        """Length along the axis at rest, mm."""
+        return float(self.stations[-1])
+
+    @classmethod
+    def made(
+        cls,
+        *,
+        elements: int,
+        stiffness: Floats,
+        span: float | None = None,
+        axis: Floats | None = None,
+        ends: tuple[End, End] = ("clamped", "clamped"),
+        stations: Floats | None = None,
+        radius: float | Floats = 1.0,
+        wall: Floats | None = None,
+        nodes_at: Sequence[float] = (),
+    ) -> "SpaceBeam":
+        """Return a beam of elements that are even between the nodes that are asked for.
+
+        Parameters
+        ----------
+        elements
+            How many, 2 or more.
+        stiffness
+            (6,) of a constant beam, or (K, 6) at `stations`, linear between them.
+        span
+            Length of a straight beam along x, mm.
+        axis
+            (P, 3) points that the axis at rest goes through, mm, instead of a span.
+        ends
+            How the two ends are held.
+        stations
+            (K,) where stiffness, radius and wall are given, mm, from 0 to the span.
+        radius
+            Outer radius, mm, or (K,).
+        wall
+            (3,) or (K, 3); see the class.
+        nodes_at
+            Stations that shall be nodes: where hooks take hold.
+
+        Returns
+        -------
+        SpaceBeam
+            The beam.
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range, or hooks are on top of one another or at a clamp.
+        """
+        if elements < 2:
+            raise ValueError(f"elements must be 2 or more, got {elements}")
+        if elements > 20_000:
+            raise ValueError(f"elements can be at most 20,000, got {elements:,}")
+        for end in ends:
+            if end not in get_args(End):
+                raise ValueError(f"an end must be {', '.join(get_args(End))}, got {end!r}")
+        if (span is None) == (axis is None):
+            raise ValueError("give either the span of a straight beam or the axis of a curved one")
+        line = None
+        if axis is not None:
+            line = axis_line(axis)
+            span = float(line[0][-1])
+        assert span is not None  # noqa: S101
+        positive(span, "span", "mm")
+        nodes = _node_stations(span, elements, nodes_at, ends)
+        if line is None:
+            places = np.zeros((nodes.size, 3))
+            places[:, 0] = nodes
+            rotations = np.zeros((nodes.size, 4))
+            rotations[:, 0] = 1.0
+        else:
+            places = _columns_at(nodes, line[0], line[1])
+            rotations = _frames(_columns_at(nodes, line[0], line[2]))
+        rows = np.asarray(stiffness, dtype=np.float64)
+        given = np.array([0.0, span]) if stations is None else np.asarray(stations, np.float64)
+        if stations is not None and not (
+            given.ndim == 1
+            and given.size >= 2
+            and np.all(np.isfinite(given))
+            and np.all(np.diff(given) >= 0.0)
+            and given[0] <= 1e-9
+            and given[-1] >= span * (1.0 - 1e-9)
+        ):
+            raise ValueError(
+                f"stations must run in order from 0 mm to the span of {span:g} mm, got "
+                f"{given.tolist()}"
+            )
+        middles = 0.5 * (nodes[1:] + nodes[:-1])
+        stiff = _along(rows, 6, given, middles, "stiffness")
+        for column, name in enumerate(STIFFNESSES):
+            unit = "N" if column < 3 else "N mm^2"
+            positive(float(stiff[:, column].min()), f"the {name} stiffness", unit)
+            positive(float(stiff[:, column].max()), f"the {name} stiffness", unit)
+        thick = _along(np.asarray(radius, np.float64).reshape(-1, 1), 1, given, nodes, "radius")
+        positive(float(thick.min()), "radius", "mm")
+        positive(float(thick.max()), "radius", "mm")
+        walls = None if wall is None else _along(np.asarray(wall), 3, given, nodes, "wall")
+        return cls(nodes, places, rotations, stiff, ends, thick[:, 0], walls)
+
+    @classmethod
+    def of(
+        cls,
+        beam: Beam,
+        *,
+        elements: int = 40,
+        ends: tuple[End, End] = ("clamped", "clamped"),
+        axis: Floats | None = None,
+        nodes_at: Sequence[float] = (),
+    ) -> "SpaceBeam":
+        """Return a beam of the other theories as one in space, with the same stiffness all round.
+
+        Parameters
+        ----------
+        beam
+            The beam: its shear areas are those of `Exact(shear=True)`.
+        elements, ends, axis, nodes_at
+            See `made`. An axis is as long as the beam's span.
+
+        Returns
+        -------
+        SpaceBeam
+            The beam.
+        """
+        stations = beam.stations if isinstance(beam, VaryingBeam) else np.array([0.0, beam.span])
+        areas, moments, fibres, shear_areas = sections_at(beam, stations)
+        e = beam.modulus
+        g = 0.5 * e / (1.0 + beam.poisson_ratio)
+        stiffness = np.stack(
+            [
+                e * areas,
+                g * shear_areas,
+                g * shear_areas,
+                2 * g * moments,
+                e * moments,
+                e * moments,
+            ],
+            axis=1,
+        )
+        return cls.made(
+            elements=elements,
+            stiffness=stiffness,
+            span=beam.span if axis is None else None,
+            axis=axis,
+            ends=ends,
+            stations=stations if axis is None else stations * (axis_line(axis)[0][-1] / beam.span),
+            radius=fibres,
+            wall=np.stack([areas, moments / fibres, moments / fibres], axis=1),
+            nodes_at=nodes_at,
+        )
+
+    def frames_at(self, stations: Floats) -> tuple[Floats, Floats]:
+        """Return places and frames of the axis at rest.
+
+        Parameters
+        ----------
+        stations
+            (S,) distances from the first end, mm.
+
+        Returns
+        -------
+        tuple[Floats, Floats]
+            (S, 3) places, mm, and (S, 3, 3) frames with the rows axis, across and up (away from
+            the bed, as far as it is across the axis).
+
+        Raises
+        ------
+        ValueError
+            If the axis stands upright there, so that no side of it looks at the bed.
+        """
+        at = np.asarray(stations, dtype=np.float64)
+        x = self.stations
+        e = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+        h = x[e + 1] - x[e]
+        u = ((at - x[e]) / h)[:, None]
+        way = tangents(self.rotations)
+        h = h[:, None]
+        a, b, ta, tb = self.places[e], self.places[e + 1], way[e] * h, way[e + 1] * h
+        place = (
+            a * (1 + 2 * u) * (1 - u) ** 2
+            + ta * u * (1 - u) ** 2
+            + b * u * u * (3 - 2 * u)
+            - tb * u * u * (1 - u)
+        )
+        along = way[e] * (1 - u) + way[e + 1] * u
+        along /= np.sqrt((along**2).sum(axis=1))[:, None]
+        across = np.stack([-along[:, 1], along[:, 0], np.zeros(at.size)], axis=1)
+        size = np.sqrt((across**2).sum(axis=1))
+        if size.size and size.min() < 1e-3:
+            where = at[int(np.argmin(size))]
+            raise ValueError(f"the axis stands upright at {where:g} mm: no bed can lie under it")
+        across /= size[:, None]
+        return place, np.stack([along, across, np.cross(along, across)], axis=1)
+
+
+def tangents(rotations: Floats) -> Floats:
+    """Return the first columns of quaternions' rotations, (N, 3)."""
+    w, x, y, z = (rotations[:, k] for k in range(4))
+    return np.stack(
+        [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+        axis=1,
+    )
+
+
+def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return a smooth curve through points: arc lengths, places and unit tangents, closely spaced.
+
+    Cubic between the points, with the slopes of the cubic spline through them whose ends take the
+    third derivative of their neighbours (not-a-knot; fewer than four points: a parabola, a line).
+
+    Parameters
+    ----------
+    points
+        (P, 3) two or more points, mm.
+
+    Returns
+    -------
+    tuple[Floats, Floats, Floats]
+        (Q,) arc lengths from the first point, mm, (Q, 3) places, mm, and (Q, 3) tangents.
+
+    Raises
+    ------
+    ValueError
+        If they are not points in space, or two of them next to one another are the same.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    if p.ndim != 2 or p.shape[0] < 2 or p.shape[1] != 3 or not np.all(np.isfinite(p)):
+        raise ValueError(f"an axis must be 2 or more points of 3 finite mm, got shape {p.shape}")
+    t = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(p, axis=0) ** 2).sum(axis=1)))])
+    if np.diff(t).min() <= 1e-9 * t[-1]:
+        where = int(np.argmin(np.diff(t)))
+        raise ValueError(
+            f"points {where + 1} and {where + 2} of the axis are on top of one another"
+        )
+    slopes = _spline_slopes(t, p)
+    part = np.arange(64) / 64.0
+    fine = np.append((t[:-1, None] + np.diff(t)[:, None] * part).ravel(), t[-1])
+    e = np.clip(np.searchsorted(t, fine, side="right") - 1, 0, t.size - 2)
+    h = (t[e + 1] - t[e])[:, None]
+    u = ((fine - t[e]) / h[:, 0])[:, None]
+    a, b, ta, tb = p[e], p[e + 1], slopes[e] * h, slopes[e + 1] * h
+    place = (
+        a * (1 + 2 * u) * (1 - u) ** 2
+        + ta * u * (1 - u) ** 2
+        + b * u * u * (3 - 2 * u)
+        - tb * u * u * (1 - u)
+    )
+    way = (6 * (b - a) * u * (1 - u) + ta * (1 - u) * (1 - 3 * u) - tb * u * (2 - 3 * u)) / h
+    speed = np.sqrt((way**2).sum(axis=1))
+    length = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))])
+    return length, place, way / speed[:, None]
+
+
+def _spline_slopes(t: Floats, p: Floats) -> Floats:
+    n = t.size
+    h = np.diff(t)
+    chords = np.diff(p, axis=0) / h[:, None]
+    if n == 2:
+        return np.concatenate([chords, chords])
+    if n == 3:
+        bend = (chords[1] - chords[0]) / (t[2] - t[0])
+        middle = chords[0] + bend * h[0]
+        return np.stack([chords[0] - bend * h[0], middle, chords[1] + bend * h[1]])
+    matrix = np.zeros((n, n))
+    right = np.zeros((n, 3))
+    for i in range(1, n - 1):
+        matrix[i, i - 1], matrix[i, i], matrix[i, i + 1] = h[i], 2 * (h[i - 1] + h[i]), h[i - 1]
+        right[i] = 3 * (h[i] * chords[i - 1] + h[i - 1] * chords[i])
+    matrix[0, 0], matrix[0, 1] = h[1], h[0] + h[1]
+    right[0] = ((h[0] + 2 * (h[0] + h[1])) * h[1] * chords[0] + h[0] ** 2 * chords[1]) / (
+        h[0] + h[1]
+    )
+    matrix[-1, -1], matrix[-1, -2] = h[-2], h[-1] + h[-2]
+    right[-1] = (h[-1] ** 2 * chords[-2] + (2 * (h[-1] + h[-2]) + h[-1]) * h[-2] * chords[-1]) / (
+        h[-1] + h[-2]
+    )
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+
+
+def _frames(way: Floats) -> Floats:
+    """Return quaternions that turn x into the tangents, without twist from node to node."""
+    along = way[0]
+    up = np.array([0.0, 0.0, 1.0]) - along[2] * along
+    if np.sqrt(up @ up) < 1e-3:
+        up = np.array([1.0, 0.0, 0.0]) - along[0] * along
+    up /= np.sqrt(up @ up)
+    columns = np.stack([along, np.cross(up, along), up], axis=1)
+    out = np.empty((way.shape[0], 4))
+    out[0] = _quaternion(columns)
+    for i in range(1, way.shape[0]):
+        a, b = way[i - 1], way[i]
+        # The smallest rotation from one tangent to the next.
+        turn = np.concatenate([[1.0 + a @ b], np.cross(a, b)])
+        turn /= np.sqrt(turn @ turn)
+        w, x, y, z = turn
+        p, q, r, s = out[i - 1]
+        out[i] = (
+            w * p - x * q - y * r - z * s,
+            w * q + x * p + y * s - z * r,
+            w * r + y * p + z * q - x * s,
+            w * s + z * p + x * r - y * q,
+        )
+        out[i] /= np.sqrt(out[i] @ out[i])
+    return out
+
+
+def _quaternion(m: Floats) -> Floats:
+    """Return the unit quaternion of a rotation matrix."""
+    q = np.array(
+        [
+            1 + m[0, 0] + m[1, 1] + m[2, 2],
+            1 + m[0, 0] - m[1, 1] - m[2, 2],
+            1 - m[0, 0] + m[1, 1] - m[2, 2],
+            1 - m[0, 0] - m[1, 1] + m[2, 2],
+        ]
+    )
+    q = 0.5 * np.sqrt(np.maximum(q, 0.0))
+    largest = int(np.argmax(q))
+    pairs = {
+        0: (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]),
+        1: (m[2, 1] - m[1, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]),
+        2: (m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], m[1, 2] + m[2, 1]),
+        3: (m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]),
+    }[largest]
+    out = np.empty(4)
+    out[largest] = q[largest]
+    others = [i for i in range(4) if i != largest]
+    for i, value in zip(others, pairs, strict=True):
+        out[i] = value / (4 * q[largest])
+    return out
+
+
+def _along(rows: Floats, width: int, given: Floats, at: Floats, name: str) -> Floats:
+    """Return rows at stations, linear between those given; a single row is constant."""
+    table = np.atleast_2d(np.asarray(rows, dtype=np.float64))
+    if table.shape[1] != width or table.shape[0] not in (1, given.size):
+        raise ValueError(
+            f"{name} must be {width} numbers, or as many for each of the {given.size} stations, "
+            f"got shape {np.asarray(rows).shape}"
+        )
+    if table.shape[0] == 1:
+        return np.repeat(table, at.size, axis=0)
+    return _columns_at(at, given, table)
+
+
+def _columns_at(at: Floats, given: Floats, table: Floats) -> Floats:
+    """Return a table's rows at places between those given, linear."""
+    return np.stack([np.interp(at, given, table[:, c]) for c in range(table.shape[1])], axis=1)
+
+
+def _node_stations(
+    span: float, elements: int, nodes_at: Sequence[float], ends: tuple[End, End]
+) -> Floats:
+    """Return the stations of the nodes, even between those asked for."""
+    anchors = [0.0, span]
+    seen: list[float] = []
+    for at in nodes_at:
+        s = finite(at, "a hook's place", "mm")
+        if not 0.0 <= s <= span:
+            raise ValueError(
+                f"a hook at {s:g} mm is not on the beam, which runs from 0 to {span:g} mm"
+            )
+        for end, place in zip(ends, (0.0, span), strict=True):
+            if end == "clamped" and abs(s - place) <= 1e-6 * span:
+                raise ValueError(f"a hook at {s:g} mm is behind a clamp: {place:g} mm is clamped")
+        if any(abs(s - other) <= 1e-6 * span for other in seen):
+            raise ValueError(f"two hooks are on top of one another at {s:g} mm")
+        seen.append(s)
+        if min(s, span - s) > 1e-9 * span:
+            anchors.append(s)
+    anchors.sort()
+    lengths = np.diff(anchors)
+    if elements < lengths.size:
+        raise ValueError(
+            f"{elements} elements cannot have nodes at {len(seen)} hooks; give more elements"
+        )
+    # As many elements to each part as keeps them most even: the longest is halved next.
+    counts = np.ones(lengths.size, dtype=np.int64)
+    for _ in range(elements - lengths.size):
+        counts[int(np.argmax(lengths / counts))] += 1
+    parts = [
+        np.linspace(a, b, count + 1)[:-1]
+        for a, b, count in zip(anchors, anchors[1:], counts.tolist(), strict=False)
+    ]
+    return np.concatenate([*parts, [span]])

@@ -1,0 +1,201 @@
+"""Strands of loose connective tissue between a beam and its bed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.bed.space_beam import SpaceBeam
+
+__all__ = ["Strands"]
+
+Floats = NDArray[np.float64]
+
+GRAIN = 2.0**-32
+"""Numbers of a bed are rounded to this, mm, N/mm: what sine and root differ by from one machine to
+another is far below it, so that a seed gives the same bed on all."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strands:
+    """S strands: where they are at rest, and their law.
+
+    A strand carries nothing while it is shorter than `length`, then `stiffness` for each mm more;
+    from the elongation `yield_` on it softens, and at `part` it has parted: the energy to part it
+    is stiffness yield_ part / 2. Arrays are copied, rounded to `GRAIN` and locked.
+
+    Attributes
+    ----------
+    stations
+        (S,) where they hold the beam, mm from its first end.
+    ends
+        (S, 3) places on the beam's surface at rest, mm.
+    feet
+        (S, 3) places on the bed, mm.
+    stiffness
+        (S,) N/mm.
+    length
+        (S,) lengths at which they come taut, mm.
+    yield_
+        (S,) elongations at which they begin to soften, mm.
+    part
+        (S,) elongations at which they have parted, mm.
+    pushes
+        (S,) 1 for a strand that also pushes when it is shorter, else 0.
+    """
+
+    stations: Floats
+    ends: Floats
+    feet: Floats
+    stiffness: Floats
+    length: Floats
+    yield_: Floats
+    part: Floats
+    pushes: Floats
+
+    def __post_init__(self) -> None:
+        count = np.asarray(self.stations).size
+        for each in fields(self):
+            value = np.asarray(getattr(self, each.name), dtype=np.float64)
+            shape = (count, 3) if each.name in ("ends", "feet") else (count,)
+            if value.shape != shape:
+                raise ValueError(f"{each.name} of {count} strands must have the shape {shape}")
+            if not np.all(np.isfinite(value)):
+                raise ValueError(f"{each.name} of a strand must be finite numbers of mm or N/mm")
+            rounded = np.rint(value / GRAIN) * GRAIN
+            # A stiffness far below a grain is kept to as many digits instead.
+            rounded = np.where(np.abs(value) < 1e-4, value, rounded)
+            rounded.setflags(write=False)
+            object.__setattr__(self, each.name, rounded)
+        for name, unit in (("stiffness", "N/mm"), ("length", "mm"), ("yield_", "mm")):
+            value: Floats = getattr(self, name)
+            if count and not value.min() > 0.0:
+                at = float(self.stations[int(np.argmin(value))])
+                word = {"yield_": "elongation at which it yields"}.get(name, name)
+                raise ValueError(
+                    f"a strand's {word} must be above 0 {unit}, got {value.min():g} {unit} "
+                    f"at {at:g} mm: it would have no strength"
+                )
+        if count and not np.all(self.part >= self.yield_):
+            raise ValueError("a strand must part at an elongation beyond that at which it yields")
+        # A strand that parts at once still softens, within a millionth of its elongation.
+        part = np.maximum(self.part, self.yield_ * (1.0 + 1e-6))
+        part.setflags(write=False)
+        object.__setattr__(self, "part", part)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return self.stations.size
+
+    @property
+    def toughness(self) -> Floats:
+        """(S,) energies to part them, mJ."""
+        return 0.5 * self.stiffness * self.yield_ * self.part
+
+    @property
+    def strength(self) -> Floats:
+        """(S,) largest forces they bear, N."""
+        return self.stiffness * self.yield_
+
+    @property
+    def shares(self) -> Floats:
+        """(S,) lengths of beam that they stand for, mm: half-way to the next stations either way.
+
+        At the first and the last station as far out as in; strands at one station share alike.
+        """
+        at, which, count = np.unique(self.stations, return_inverse=True, return_counts=True)
+        if at.size < 2:
+            return np.zeros(self.count)
+        gaps = np.diff(at)
+        halves = 0.5 * np.concatenate([gaps[:1], gaps])
+        after = 0.5 * np.concatenate([gaps, gaps[-1:]])
+        return ((halves + after) / count)[which]
+
+    @classmethod
+    def none(cls) -> "Strands":
+        """Return no strands at all."""
+        row = np.zeros(0)
+        return cls(row, np.zeros((0, 3)), np.zeros((0, 3)), row, row, row, row, row)
+
+    @classmethod
+    def joined(cls, parts: Sequence["Strands"]) -> "Strands":
+        """Return the strands of several beds as one.
+
+        Parameters
+        ----------
+        parts
+            The beds' strands.
+
+        Returns
+        -------
+        Strands
+            All of them.
+        """
+        if not parts:
+            return cls.none()
+        return cls(
+            *(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(cls))
+        )
+
+    @classmethod
+    def between(
+        cls,
+        beam: SpaceBeam,
+        stations: Floats,
+        *,
+        around: Floats,
+        out: Floats,
+        gap: float | Floats,
+        lean: Floats,
+        slack: Floats,
+        stiffness: Floats,
+        yield_: Floats,
+        part: Floats,
+        pushes: bool = False,
+    ) -> "Strands":
+        """Return strands from a beam at rest down to the bed under it.
+
+        Parameters
+        ----------
+        beam
+            The beam.
+        stations
+            (S,) where they hold it, mm from its first end.
+        around
+            (S,) angles about the axis from straight down, rad, above zero to the side of y.
+        out
+            (S,) distances from the axis, mm.
+        gap
+            Depth of the bed's surface under the beam's lowest strand end, mm.
+        lean
+            (S, 2) how far feet are off the point below, along the axis and across it, mm.
+        slack
+            (S,) mm before they come taut.
+        stiffness, yield_, part
+            (S,) see the class.
+        pushes
+            Whether they also push.
+
+        Returns
+        -------
+        Strands
+            The strands.
+        """
+        place, frame = beam.frames_at(stations)
+        along, across, up = frame[:, 0], frame[:, 1], frame[:, 2]
+        side, down = out * np.sin(around), out * np.cos(around)
+        ends = place + side[:, None] * across - down[:, None] * up
+        deepest = np.maximum(out, 0.0)
+        feet = (
+            place
+            + (side + lean[:, 1])[:, None] * across
+            + lean[:, 0][:, None] * along
+            - (deepest + gap)[:, None] * up
+        )
+        length = np.sqrt(((ends - feet) ** 2).sum(axis=1)) + slack
+        ones = np.ones(np.asarray(stations).size)
+        return cls(
+            stations, ends, feet, stiffness, length, yield_, part, ones if pushes else 0.0 * ones
+        )

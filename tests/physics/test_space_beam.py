@@ -1,0 +1,193 @@
+"""The beam in space: its derivatives, the exact beam, published bends and buckling."""
+
+import math
+
+import numpy as np
+import pytest
+
+from physics import Beam, Exact
+from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
+from physics.bed import kernels as k
+
+DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+
+
+def deformed(seed: int) -> BeamOnBed:
+    """A beam of three elements and nine strands, turned and stretched every way."""
+    rng = np.random.default_rng(seed)
+    beam = SpaceBeam.made(
+        span=3.0, elements=3, stiffness=rng.random(6) * 5 + 1, ends=("free", "free")
+    )
+    count = 9
+    elongations = np.array([0.1, 0.5, 9, 9, 0.5, 0.2, 9, 1, 1])
+    strands = Strands(
+        rng.random(count) * 3,
+        rng.normal(size=(count, 3)),
+        rng.normal(size=(count, 3)),
+        rng.random(count) + 1,
+        rng.random(count) + 0.1,
+        elongations,
+        2 * elongations,
+        np.array([0.0, 1, 0, 1, 0, 1, 0, 1, 0]),
+    )
+    made = BeamOnBed(beam, strands, floor=np.full(4, 0.7))
+    state = made.state
+    state.x[:] += rng.normal(size=(4, 3)) * 0.3
+    state.q[:] += rng.normal(size=(4, 4)) * 0.3
+    state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
+    state.strain[:] += rng.normal(size=(3, 6)) * 0.2
+    state.damage[::3] = 0.3
+    return made
+
+
+@pytest.mark.parametrize("kind", [k.STANDING, k.POTENTIAL])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_gradient_and_tangent_are_the_energy_s_differences(kind: int, seed: int) -> None:
+    state = deformed(seed).state
+    nodes = state.x.shape[0]
+    size = 6 * nodes
+    k.assemble(state, kind, 0.0)
+    gradient = state.g.ravel().copy()
+    tangent = np.zeros((size, size))
+    for i in range(nodes):
+        low = np.tril(state.diagonal[i])
+        here = slice(6 * i, 6 * i + 6)
+        tangent[here, here] = low + np.tril(low, -1).T
+        if i + 1 < nodes:
+            after = slice(6 * i + 6, 6 * i + 12)
+            tangent[here, after] = state.upper[i]
+            tangent[after, here] = state.upper[i].T
+    x, q = state.x.copy(), state.q.copy()
+
+    def energy(step: np.ndarray) -> float:
+        turn = np.concatenate([np.ones((nodes, 1)), 0.5 * step.reshape(nodes, 6)[:, 3:]], axis=1)
+        w, a, b, c = turn.T
+        p, r, s, t = q.T
+        state.x[:] = x + step.reshape(nodes, 6)[:, :3]
+        state.q[:] = np.stack(
+            [
+                w * p - a * r - b * s - c * t,
+                w * r + a * p + b * t - c * s,
+                w * s + b * p + c * r - a * t,
+                w * t + c * p + a * s - b * r,
+            ],
+            axis=1,
+        )
+        state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
+        return k.assemble(state, kind, 0.0)
+
+    h = 1e-3
+    one = h * np.eye(size)
+    differences = np.array(
+        [8 * (energy(v) - energy(-v)) - (energy(2 * v) - energy(-2 * v)) for v in one]
+    ) / (12 * h)
+    assert differences == pytest.approx(gradient, abs=1e-8 * np.abs(gradient).max())
+
+    def mixed(a: np.ndarray, b: np.ndarray) -> float:
+        return energy(a + b) - energy(a - b) - energy(b - a) + energy(-a - b)
+
+    second = np.array(
+        [[(16 * mixed(a, b) - mixed(2 * a, 2 * b)) / (48 * h * h) for b in one] for a in one]
+    )
+    # A strand may pass from slack to taut within the differences: those terms are of order h.
+    assert second == pytest.approx(tangent, abs=2e-8 * np.abs(tangent).max())
+
+
+def test_turning_the_whole_changes_nothing() -> None:
+    made = deformed(3)
+    state = made.state
+    state.damage[:] = 1.0
+    state.floor[:] = 0.0
+    before = k.assemble(state, k.STANDING, 0.0)
+    section = state.section.copy()
+    q = np.array([0.5, -0.5, 0.1, 0.7])
+    w, a, b, c = q / np.sqrt(q @ q)
+    turn = np.array(
+        [
+            [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
+            [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a)],
+            [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)],
+        ]
+    )
+    state.x[:] = state.x @ turn.T + [3, -2, 5]
+    p, r, s, t = state.q.T.copy()
+    state.q[:] = np.stack(
+        [
+            w * p - a * r - b * s - c * t,
+            w * r + a * p + b * t - c * s,
+            w * s + b * p + c * r - a * t,
+            w * t + c * p + a * s - b * r,
+        ],
+        axis=1,
+    )
+    assert k.assemble(state, k.STANDING, 0.0) == pytest.approx(before, rel=1e-12)
+    assert state.section == pytest.approx(section, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("grasp", [25.4, 15.24])
+def test_without_strands_it_is_the_exact_beam(grasp: float) -> None:
+    errors = []
+    for elements in (40, 80, 160):
+        beam = SpaceBeam.of(DUCT, elements=elements, nodes_at=[grasp])
+        hand = Hand(at=grasp, path=((0, 0, 10.0),), steps=5, along=(False, True, True))
+        history = pull(beam, None, [hand])
+        solver = Exact(shear=True, intervals=80).solver(DUCT, grasp)
+        force = [solver.solve_deflection(float(z)) for z in history.hands[:, 0, 2]]
+        sampled = solver.sample(np.array([0.0, grasp, DUCT.span]))
+        stress = (sampled.normal_stress + sampled.bending_stress).max()
+        assert history.stress is not None
+        # Nothing is dissipated, and the hand's work is what the exact beam stores.
+        assert history.stored[-1] == pytest.approx(sampled.strain_energy, rel=4e-2 / elements)
+        assert history.dissipated[-1] == history.snap[-1] == 0.0
+        errors.append([*(history.forces[:, 0, 2] / force - 1.0), history.stress[-1] / stress - 1.0])
+    size = np.abs(errors)
+    assert size[1].max() < 1e-3
+    assert np.log2(size[:-1] / size[1:]).min() > 1.8  # second order
+
+
+def test_bathe_s_bend() -> None:
+    """A quarter of a right angle of radius 100, under a force out of its plane."""
+    angles = np.linspace(0, math.pi / 4, 33)
+    axis = 100.0 * np.stack([np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=1)
+    stiffness = np.array([1e7, 5e6, 5e6, 1e7 / 12, 1e7 / 12, 1e7 / 12])
+    path = ((0, 0, 300.0), (0, 0, 600.0))
+    tips = []
+    for elements in (8, 16, 32):
+        beam = SpaceBeam.made(
+            axis=axis, elements=elements, ends=("clamped", "free"), stiffness=stiffness
+        )
+        hand = Hand(at=beam.span, path=path, by="force", steps=2)
+        tips.append(beam.places[-1] + pull(beam, None, [hand]).hands[:, 0])
+    # [Bathe and Bolourchi 1979], eight straight beams; [Simo and Vu-Quoc 1986], eight linear ones.
+    bathe = np.array([[59.2, 22.5, 39.5], [47.2, 15.9, 53.4]])
+    simo = np.array([[58.84, 22.33, 40.08], [47.23, 15.79, 53.37]])
+    assert np.abs(tips[2] - bathe).max() < 0.7
+    assert np.abs(tips[2] - simo).max() < 0.13
+    orders = np.log2(np.abs(tips[0] - tips[1]).max(axis=1) / np.abs(tips[1] - tips[2]).max(axis=1))
+    assert orders.min() > 1.8
+
+
+def test_euler_s_column_and_the_elastica_beyond_it() -> None:
+    span, bending = 100.0, 10.0
+    critical = math.pi**2 * bending / (4 * span**2)
+    beam = SpaceBeam.made(
+        span=span,
+        elements=40,
+        ends=("clamped", "free"),
+        stiffness=np.array([1e3, 1e3, 1e3, bending, bending, bending]),
+    )
+
+    def pushed(factor: float) -> np.ndarray:
+        hand = Hand(at=span, path=((-factor * critical, 0, 0),), by="force", steps=3)
+        return pull(beam, None, [hand], plane=True).hands[-1, 0]
+
+    assert abs(pushed(0.995)[2]) < 1e-9
+    for half in (math.radians(20.0), math.radians(40.0)):
+        # The elastica whose end turns by 2 half: P/P_crit = (2 K / pi)^2, y/L = 2 sin(half) / K.
+        modulus = math.sin(half)
+        a, b = 1.0, math.cos(half)
+        for _ in range(20):
+            a, b = 0.5 * (a + b), math.sqrt(a * b)
+        complete = math.pi / (2 * a)
+        found = pushed((2 * complete / math.pi) ** 2)
+        assert abs(found[2]) / span == pytest.approx(2 * modulus / complete, rel=3e-3)
