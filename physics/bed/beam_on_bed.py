@@ -429,7 +429,7 @@ class BeamOnBed:
             total = self._gross + gross
             least = 0.01 * books * books * total
             close = abs(missing) <= books * gross + least
-            if not close and unsure > 0.05 * books * total and size > 0.5**deepest:
+            if not close and unsure > 0.01 * books * total and size > 0.5**deepest:
                 s.x[:], s.q[:], s.damage[:], s.side[:] = back
                 size *= SHORTER
                 continue

@@ -137,7 +137,7 @@ def test_without_strands_it_is_the_exact_beam(grasp: float) -> None:
         stress = (sampled.normal_stress + sampled.bending_stress).max()
         assert history.stress is not None
         # Nothing is dissipated, and the hand's work is what the exact beam stores.
-        assert history.stored[-1] == pytest.approx(sampled.strain_energy, rel=4e-2 / elements)
+        assert history.stored[-1] == pytest.approx(sampled.strain_energy, rel=6e-2 / elements)
         assert history.dissipated[-1] == history.snap[-1] == 0.0
         errors.append([*(history.forces[:, 0, 2] / force - 1.0), history.stress[-1] / stress - 1.0])
     size = np.abs(errors)
