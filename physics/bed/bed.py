@@ -246,8 +246,7 @@ class Bed:
     def _at(self, value: float | tuple[float, ...], at: Floats) -> Floats:
         if self.stations is None or not isinstance(value, tuple):
             return np.full(at.size, value)
-        given = np.array(self.stations, dtype=np.float64)
-        return np.interp(at, given, np.array(value, dtype=np.float64))
+        return np.interp(at, np.array(self.stations), np.array(value))
 
 
 def _bell(uniform: Floats) -> Floats:
@@ -259,6 +258,8 @@ def _scattered(drawn: Floats, variation: float) -> Floats:
     """Return lognormal factors, cut off at 3 sd, of mean 1 and this coefficient of variation."""
     if variation == 0.0:
         return np.ones(drawn.shape[1])
-    spread = np.exp(math.sqrt(math.log1p(variation * variation)) * _bell(drawn))
+    sd = math.sqrt(math.log1p(variation * variation))
+    spread = [math.exp(sd * each) for each in _bell(drawn).tolist()]
     # The sample's own mean is 1, so that the seed does not change how tough a bed is.
-    return spread * (spread.size / math.fsum(spread.tolist()))
+    scale = len(spread) / math.fsum(spread)
+    return np.array([scale * each for each in spread])

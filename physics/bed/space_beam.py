@@ -263,12 +263,17 @@ class SpaceBeam:
             where = at[int(np.argmin(size))]
             raise ValueError(f"the axis stands upright at {where:g} mm: no bed can lie under it")
         across /= size[:, None]
-        return place, np.stack([along, across, np.cross(along, across)], axis=1)
+        up = np.empty_like(along)
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            up[:, k] = along[:, i] * across[:, j] - along[:, j] * across[:, i]
+        return place, np.stack([along, across, up], axis=1)
 
 
 def tangents(rotations: Floats) -> Floats:
     """Return the first columns of quaternions' rotations, (N, 3)."""
-    w, x, y, z = (rotations[:, k] for k in range(4))
+    w, x = rotations[:, 0], rotations[:, 1]
+    y, z = rotations[:, 2], rotations[:, 3]
     return np.stack(
         [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
         axis=1,

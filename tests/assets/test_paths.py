@@ -7,7 +7,7 @@ from organ_geometry.organ_builder import build_organ
 
 
 def test_the_paths_exist_and_are_all_that_is_exported() -> None:
-    assert set(assets.__all__) == {"BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"}
+    assert set(assets.__all__) == {"BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"}
     assert assets.BILE_DUCT_PHANTOM.is_dir()
     assert assets.BILE_DUCT.is_file()
     assert assets.PRESETS.is_file()

@@ -100,14 +100,14 @@ def test_kanninen_s_double_cantilever() -> None:
     assert np.mean(force[running] / expected) == pytest.approx(1.0, abs=4e-3)
 
 
-@pytest.mark.parametrize("degrees", [30, 60, 90, 120, 150])
+@pytest.mark.parametrize("degrees", [30, 90, 150])
 def test_kendall_s_peel(degrees: int) -> None:
     angle, stretching, toughness, arm, span = math.radians(degrees), 8.0, 0.12, 30.0, 130.0
-    beam = made(span, 180, [stretching, 50.0, 1.5], ends=("clamped", "free"))
-    bed = Bed(to_mm=span - arm, strands=360, stiffness=0.3, toughness=toughness, floor=2.0)
+    beam = made(span, 260, [stretching, 50.0, 1.5], ends=("clamped", "free"))
+    bed = Bed(to_mm=span - arm, strands=500, stiffness=0.3, toughness=toughness, floor=2.0)
     history = pull(beam, bed, [peeling(angle, span, arm, stretching, toughness)], plane=True)
     balanced(history)
-    force = history.forces[-30:, 0]
+    force = history.forces[-20:, 0]
     size, angles = np.hypot(force[:, 0], force[:, 2]), np.arctan2(force[:, 2], force[:, 0])
     apparent = [peel_toughness(f, a, stretching) for f, a in zip(size, angles, strict=True)]
     assert np.mean(apparent) == pytest.approx(toughness, rel=5e-3)
@@ -123,11 +123,11 @@ def peeling(angle: float, span: float, arm: float, stretching: float, toughness:
         x, z = reach * math.cos(angle * part) - arm, reach * math.sin(angle * part)
         points.append((x, 0.0, z))
     x, _, z = points[-1]
-    run = 50.0
+    run = 40.0
     points.append(
         (x + run * (stretch * math.cos(angle) - 1), 0.0, z + run * stretch * math.sin(angle))
     )
-    return Hand(at=span, path=tuple(points), steps=(2,) * 12 + (60,))
+    return Hand(at=span, path=tuple(points), steps=(2,) * 12 + (40,))
 
 
 def test_double_peel() -> None:
@@ -174,7 +174,7 @@ def test_neither_mesh_nor_strands_nor_steps_matter() -> None:
         balanced(other)
         assert other.forces[-1, 0] == pytest.approx(fine.forces[-1, 0], rel=1.5e-2, abs=1e-6)
         assert other.work[-1] == pytest.approx(fine.work[-1], rel=2e-3)
-        assert other.dissipated[-1] == pytest.approx(fine.dissipated[-1], rel=5e-3)
+        assert other.dissipated[-1] == pytest.approx(fine.dissipated[-1], rel=1e-2)
         assert other.freed[-1] == pytest.approx(fine.freed[-1], abs=0.5)
 
 
@@ -183,7 +183,14 @@ def test_a_strand_that_is_alone_follows_its_law() -> None:
     beam = made(2.0, 2, [1e6, 1e6, 1e6], ends=("free", "free"))
     one = np.ones(1)
     strand = Strands(
-        one, [[1.0, 0, 0]], [[1.0, 0, -3]], 2.0 * one, 3.5 * one, one, 3.0 * one, 0.0 * one
+        one,
+        np.array([[1.0, 0, 0]]),
+        np.array([[1.0, 0, -3]]),
+        2.0 * one,
+        3.5 * one,
+        one,
+        3.0 * one,
+        0.0 * one,
     )
     hand = Hand(
         at=1.0,
@@ -200,12 +207,12 @@ def test_a_strand_that_is_alone_follows_its_law() -> None:
     )
     found = pull(beam, strand, [hand])
     force = dict(zip(np.round(found.hands[:, 0, 2], 3), found.forces[:, 0, 2], strict=True))
-    assert np.abs(found.forces[:2, 0, 2]).max() == 0.0  # slack
+    assert np.abs(found.forces[:2, 0, 2]).max() < 1e-12  # slack
     assert found.forces[5, 0, 2] == pytest.approx(2.0, rel=1e-6)  # at its strength
     assert found.forces[9, 0, 2] == pytest.approx(1.0, rel=1e-6)  # half-way down
     assert found.forces[11, 0, 2] == pytest.approx(0.5, rel=1e-6)  # back along its secant
     assert found.forces[17, 0, 2] == pytest.approx(1.0, rel=1e-6)  # and up again
-    assert force[4.0] == force[1.0] == pytest.approx(0.0, abs=1e-9)
+    assert [force[4.0], force[1.0]] == pytest.approx([0.0, 0.0], abs=1e-8)
     assert found.parted[-1] == 1
     assert found.dissipated[-1] == pytest.approx(3.0, rel=1e-9)  # k u0 uf / 2
     balanced(found)
@@ -263,6 +270,20 @@ def test_a_bed_s_strands_are_what_it_says() -> None:
     assert tough.toughness[inside].mean() > 6 * tough.toughness[~inside].mean()
 
 
+def test_a_curved_duct_lies_at_rest_in_its_bed() -> None:
+    axis = np.array([[0.0, 0, 0], [15, 2, 0], [30, 3, 1], [45, 2, 0], [60, 0, 0]])
+    beam = SpaceBeam.made(axis=axis, elements=40, stiffness=np.array([6.0, 2, 2, 20, 30, 40]))
+    bed = replace(LAYER, around=0.8, strands=200)
+    strands = bed.strands_under(beam)
+    held = BeamOnBed(beam, strands, floor=bed.floor_under(beam))
+    assert held.strand_ends() == pytest.approx(strands.ends, abs=1e-9)
+    node = held.take(22.2)
+    assert held.strand_ends() == pytest.approx(strands.ends, abs=1e-9)
+    held.advance()
+    assert held.books.stored == pytest.approx(0.0, abs=1e-12)
+    assert held.hand_force(node) == pytest.approx([0, 0, 0], abs=1e-9)
+
+
 def test_real_time_is_the_equilibrium_when_it_is_slow() -> None:
     beam = SpaceBeam.of(DUCT, elements=40, nodes_at=[25.4])
     strands, floor = LAYER.strands_under(beam), LAYER.floor_under(beam)
@@ -270,13 +291,17 @@ def test_real_time_is_the_equilibrium_when_it_is_slow() -> None:
     live = BeamOnBed(beam, strands, floor=floor)
     node = live.take(25.4)
     start = live.places[node].copy()
-    for step in range(1, 1001):
-        live.lead(node, start + np.array([0, 0, 0.005 * step]))
+    for step in range(1, 251):
+        live.lead(node, start + np.array([0, 0, 0.02 * step]))
         live.tick(1e-3)
-    assert live.hand_force(node)[2] == pytest.approx(still.forces[-1, 0, 2], rel=5e-3)
-    assert live.books.dissipated == pytest.approx(still.dissipated[-1], rel=2e-2)
+    # On the way damage lags behind its strands, which then pull harder.
+    assert live.hand_force(node)[2] == pytest.approx(1.03 * still.forces[-1, 0, 2], rel=0.05)
+    for _ in range(100):
+        live.tick(1e-3)
+    assert live.hand_force(node) == pytest.approx(still.forces[-1, 0], rel=1e-4, abs=1e-5)
     books = live.books
-    assert books.stored + books.dissipated == pytest.approx(books.work, rel=1e-2)
+    assert still.dissipated[-1] < books.dissipated < 1.12 * still.dissipated[-1]
+    assert books.stored + books.dissipated == pytest.approx(books.work, rel=5e-3)
 
 
 def test_a_hook_takes_hold_anywhere_and_lets_go() -> None:
