@@ -246,7 +246,7 @@ class Bed:
     def _at(self, value: float | tuple[float, ...], at: Floats) -> Floats:
         if self.stations is None or not isinstance(value, tuple):
             return np.full(at.size, value)
-        return np.interp(at, np.array(self.stations), np.array(value))
+        return np.asarray(np.interp(at, self.stations, value), dtype=np.float64)
 
 
 def _bell(uniform: Floats) -> Floats:
@@ -257,7 +257,7 @@ def _bell(uniform: Floats) -> Floats:
 def _scattered(drawn: Floats, variation: float) -> Floats:
     """Return lognormal factors, cut off at 3 sd, of mean 1 and this coefficient of variation."""
     if variation == 0.0:
-        return np.ones(drawn.shape[1])
+        return np.ones(int(drawn.shape[1]), dtype=np.float64)
     sd = math.sqrt(math.log1p(variation * variation))
     spread = [math.exp(sd * each) for each in _bell(drawn).tolist()]
     # The sample's own mean is 1, so that the seed does not change how tough a bed is.
