@@ -134,6 +134,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         tab.slide("First clamp (mm)", 4.0)
         tab.slide("Second clamp (mm)", 54.5)
         expect(figures).to_have_attribute("data-own", "5", timeout=PATIENCE)
+        expect(figures).to_contain_text("50.5", timeout=PATIENCE)  # both clamps have come
         expect(use).to_be_enabled()
         file = saved(tab)
         preset = read_preset(file.read_bytes(), "mine")

@@ -96,7 +96,7 @@ def test_stress_turns_with_the_organ() -> None:
     turned = Organ(organ.axis @ turn.T, turn @ organ.frames, organ.keys, organ.outer, organ.lumen)
     found = []
     for each in (organ, turned):
-        session = Session(each, vertices=1200)
+        session = Session(each, preset_named("thesis-bile-duct"), vertices=1200)
         pull(session, 1.0)
         found.append(stress(session))
     assert found[1] == pytest.approx(found[0], abs=1e-6)
