@@ -36,7 +36,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         assert trainer._builder._thread is None
         tab.press("Use the built-in phantom")
         result = tab.page.get_by_test_id("build-result")
-        expect(result).to_contain_text("128 in, 128 found, 10 kept", timeout=PATIENCE)
+        expect(result).to_contain_text("128 in, 128 found, 10 kept", timeout=3 * PATIENCE)
         expect(result).to_have_attribute(
             "data-bytes", str(len(phantom().encoded)), timeout=PATIENCE
         )
