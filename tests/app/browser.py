@@ -207,6 +207,8 @@ class TrainerPage:
         field = row.locator("input:not([type=hidden])")
         field.fill(str(value))
         field.press("Enter")
+        # Of all fields together viser sends one value in 50 ms, the last: nobody types faster.
+        self.page.wait_for_timeout(60)
 
     def figure(self, name: str) -> float:
         """A figure of the read-out, by its data attribute."""
