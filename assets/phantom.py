@@ -154,55 +154,17 @@ def outer_half_axes(stations: ArrayLike) -> NDArray[np.float64]:
 
 
 def wall_thickness(stations: ArrayLike) -> NDArray[np.float64]:
-    """Return the true thickness of the wall, the same all around a section.
-
-    Parameters
-    ----------
-    stations
-        (...) distances from the first clamp, mm; held constant beyond the clamps.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (...) thicknesses, mm.
-    """
+    """Return the true thickness of the wall, the same all around a section."""
     return _MEAN_WALL / _eased(stations, _CALIBRE)
 
 
 def lumen_half_axes(stations: ArrayLike) -> NDArray[np.float64]:
-    """Return the true half-axes of the inner edge, an ellipse about the axis.
-
-    Parameters
-    ----------
-    stations
-        (...) distances from the first clamp, mm; held constant beyond the clamps.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (..., 2) half-axes along the image's columns and rows, mm.
-    """
+    """Return the true half-axes of the inner edge, an ellipse about the axis."""
     return outer_half_axes(stations) - wall_thickness(stations)[..., np.newaxis]
 
 
 def section_image(index: int) -> NDArray[np.uint8]:
-    """Return one section as an image, the same at every call.
-
-    Parameters
-    ----------
-    index
-        Number of the section, from 0 at the first clamp.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (IMAGE_SIZE, IMAGE_SIZE) grey levels.
-
-    Raises
-    ------
-    ValueError
-        If there is no section of this number.
-    """
+    """Return one section as an image, the same at every call."""
     if not 0 <= index < SECTION_COUNT:
         raise ValueError(f"index must be from 0 to {SECTION_COUNT - 1}, got {index}")
     station = index * SLICE_SPACING
@@ -223,18 +185,7 @@ def section_image(index: int) -> NDArray[np.uint8]:
 
 
 def write_phantom(folder: Path) -> None:
-    """Write the images and their ``spacing.json``, replacing those of the same names.
-
-    Parameters
-    ----------
-    folder
-        Where to write; made when missing.
-
-    Raises
-    ------
-    OSError
-        If an image cannot be written.
-    """
+    """Write the images and their ``spacing.json``, replacing those of the same names."""
     folder.mkdir(parents=True, exist_ok=True)
     for index in range(SECTION_COUNT):
         path = folder / f"section_{index:03d}.png"

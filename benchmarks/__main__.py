@@ -36,13 +36,7 @@ COMPILED, CALLED = "exact_centre_warm", "exact_python_call"
 
 
 def machine() -> dict[str, str | int]:
-    """Return what the figures were measured on.
-
-    Returns
-    -------
-    dict[str, str | int]
-        System, processor and versions.
-    """
+    """Return what the figures were measured on."""
     return {
         "system": f"{platform.system()} {platform.machine()}",
         "processor": str(llvmlite.binding.get_host_cpu_name()),
@@ -53,18 +47,7 @@ def machine() -> dict[str, str | int]:
 
 
 def physics_table(engines: list[Engine]) -> Table:
-    """Return times, errors and ratios as a table.
-
-    Parameters
-    ----------
-    engines
-        What was timed.
-
-    Returns
-    -------
-    Table
-        A row for each engine.
-    """
+    """Return times, errors and ratios as a table."""
     times = {engine.key: engine.time for engine in engines}
     table = Table(
         title=f"A duct of {DUCT.span:g} mm under {FORCE:.3f} N; warm: 1 % load steps",
@@ -91,18 +74,7 @@ def physics_table(engines: list[Engine]) -> Table:
 
 
 def measure_physics(console: Console) -> dict[str, object]:
-    """Print and return the figures of the physics.
-
-    Parameters
-    ----------
-    console
-        Where to print.
-
-    Returns
-    -------
-    dict[str, object]
-        `<key>_us` for each engine, None where there is none; `errors` and `notes` by key.
-    """
+    """Print and return the figures of the physics."""
     with console.status("Compiling and timing beams ..."):
         engines = [*exact_engines(), cubic_engine(), spring_chain_engine(), *peer_engines()]
         rate = cubic_array_rate()
@@ -121,18 +93,7 @@ def measure_physics(console: Console) -> dict[str, object]:
 
 
 def measure_trainer(console: Console) -> dict[str, float]:
-    """Print and return the figures of the trainer.
-
-    Parameters
-    ----------
-    console
-        Where to print.
-
-    Returns
-    -------
-    dict[str, float]
-        Those of `step_figures` and `client_figures`.
-    """
+    """Print and return the figures of the trainer."""
     with console.status("Timing the trainer ..."):
         figures = step_figures() | client_figures()
     lines = [
@@ -166,18 +127,7 @@ def measure_trainer(console: Console) -> dict[str, float]:
 
 
 def measure_export(console: Console) -> dict[str, float]:
-    """Print and return the figures of the skin and of a rigged organ.
-
-    Parameters
-    ----------
-    console
-        Where to print.
-
-    Returns
-    -------
-    dict[str, float]
-        Those of `skinning_figures` and `export_figures`.
-    """
+    """Print and return the figures of the skin and of a rigged organ."""
     with console.status("Timing the skin and the export ..."):
         organ = shipped_organ()
         figures = skinning_figures(organ) | export_figures(organ)

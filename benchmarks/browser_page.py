@@ -97,25 +97,7 @@ def _counted(page: Page, address: str) -> dict[str, float]:
 
 
 def page_figures(look: str) -> dict[str, float]:
-    """Return what one page gets with a look.
-
-    Parameters
-    ----------
-    look
-        One of `LOOKS`.
-
-    Returns
-    -------
-    dict[str, float]
-        `first_picture_s`, `page_kb` of viser's page and `scene_kb` that came by the socket until
-        then; `answer_ms` and `answer_ms_95` from a key on the force slider to the read-out;
-        `pictures_per_second` that the browser draws while the duct moves.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no Chromium.
-    """
+    """Return what one page gets with a look."""
     chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
     if chromium is None:
         raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")

@@ -89,18 +89,7 @@ def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
 
 
 def cubes_of_images(folder: Path) -> int:
-    """Make a mesh of a folder of PNG images as others do: all in memory, cubes, fewer triangles.
-
-    Parameters
-    ----------
-    folder
-        The images.
-
-    Returns
-    -------
-    int
-        Number of triangles.
-    """
+    """Make a mesh of a folder of PNG images as others do: all in memory, cubes, fewer triangles."""
     measure = import_module("skimage.measure")
     simplification = import_module("fast_simplification")
     files = sorted(folder.glob("*.png"))
@@ -118,21 +107,7 @@ def cubes_of_images(folder: Path) -> int:
 
 
 def builder_memory(slices: int = MANY_SLICES, distinct: int = SMOOTH) -> dict[str, float]:
-    """Return how much memory a long stack takes, in a process of its own.
-
-    Parameters
-    ----------
-    slices
-        Number of images.
-    distinct
-        Number of drawings among them.
-
-    Returns
-    -------
-    dict[str, float]
-        `slices`, `growth_mib`, `volume_mib` and `seconds`: the largest memory above that of a
-        stack of a few images, what the images take when all are held, and the time it took.
-    """
+    """Return how much memory a long stack takes, in a process of its own."""
     with tempfile.TemporaryDirectory() as place:
         few, many = Path(place) / "few", Path(place) / "many"
         draw_tube_images(few, WARM_SLICES)

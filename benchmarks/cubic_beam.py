@@ -26,13 +26,7 @@ def total(bending: float, stretching: float, loads: NDArray[np.float64]) -> floa
 
 
 def cubic_engine() -> Engine:
-    """Return the time of one deflection inside compiled code.
-
-    Returns
-    -------
-    Engine
-        The time.
-    """
+    """Return the time of one deflection inside compiled code."""
     k1, k3 = Cubic().stiffness(DUCT, CENTRE)
     loads = walk_about(FORCE, SOLVES)
     error = relative_error(cubic_deflection(k1, k3, FORCE))
@@ -41,12 +35,6 @@ def cubic_engine() -> Engine:
 
 
 def cubic_array_rate() -> float:
-    """Return how many forces of an array are answered in a second, without an array to fill.
-
-    Returns
-    -------
-    float
-        The rate, 1/s.
-    """
+    """Return how many forces of an array are answered in a second, without an array to fill."""
     forces = np.linspace(-FORCE, FORCE, ARRAY)
     return 1e6 / microseconds(lambda: Cubic().deflections(DUCT, CENTRE, forces), ARRAY)

@@ -80,20 +80,7 @@ class DracoMesh:
     packed: bytes = field(repr=False)
 
     def times(self, draco: Any, runs: int) -> tuple[float, float]:
-        """Return how long it takes to pack the mesh again and to unpack it.
-
-        Parameters
-        ----------
-        draco
-            The module DracoPy.
-        runs
-            Number of runs; the fastest counts.
-
-        Returns
-        -------
-        tuple[float, float]
-            Both, s.
-        """
+        """Return how long it takes to pack the mesh again and to unpack it."""
         mesh = draco.decode(self.packed)
         pack, unpack = math.inf, math.inf
         for _ in range(runs):
@@ -221,21 +208,7 @@ class DracoSearch:
         return np.asarray(mesh.points, np.float64), np.asarray(mesh.faces, np.int64)
 
     def best(self, target: float) -> DracoMesh | None:
-        """Return the smallest mesh whose error is a target at most.
-
-        First, each mesh's fewest triangles by decimation alone; with the best meshes, the fewest
-        for each number of bits; around the best of those, numbers of triangles one by one.
-
-        Parameters
-        ----------
-        target
-            RMS distance to the true surface, mm.
-
-        Returns
-        -------
-        DracoMesh or None
-            The best one, its error measured anew with more points; None if none reaches the target.
-        """
+        """Return the smallest mesh whose error is a target at most."""
         good: list[DracoMesh] = []
         pairs: list[DracoMesh] = []
         for _, name, aggression, asked in self._fewest_faces(target)[:MESHES_KEPT]:
@@ -278,23 +251,7 @@ def least_count(
     most: int = MOST_FACES,
     ratio: float = FACE_RATIO,
 ) -> int | None:
-    """Return about the least number that is enough, found by bisection of its logarithm.
-
-    Parameters
-    ----------
-    enough
-        Whether a number is enough.
-    fewest, most
-        Where to look, `most` included.
-    ratio
-        How near the number is to be to the least.
-
-    Returns
-    -------
-    int or None
-        A number that is enough, at most `ratio` times one that is not; None if `most` is not
-        enough.
-    """
+    """Return about the least number that is enough, found by bisection of its logarithm."""
     if not enough(most):
         return None
     low, high = fewest, most

@@ -31,58 +31,17 @@ TURN = 20
 
 
 def converged_deflection(theory: Exact, grasp: float) -> float:
-    """Return the deflection of the duct with ten times the intervals, mm.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    float
-        The deflection.
-    """
+    """Return the deflection of the duct with ten times the intervals, mm."""
     fine = Exact(shear=theory.shear, law=theory.law, intervals=10 * theory.intervals)
     return fine.deflection(DUCT, grasp, FORCE)
 
 
 def walk_about(middle: float, count: int) -> NDArray[np.float64]:
-    """Return loads around a middle one that fall and rise by `STEP` from one to the next.
-
-    Parameters
-    ----------
-    middle
-        The first load, N or mm, or without a unit.
-    count
-        Number of loads.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (count,) loads.
-    """
+    """Return loads around a middle one that fall and rise by `STEP` from one to the next."""
     wave = np.abs((np.arange(count) + TURN) % (4 * TURN) - 2 * TURN) - TURN
     return middle * (1.0 + STEP) ** wave
 
 
 def relative_error(deflection: float, theory: Exact | None = None, grasp: float = CENTRE) -> float:
-    """Return how far a deflection under `FORCE` is from the converged one, as a part of it.
-
-    Parameters
-    ----------
-    deflection
-        The deflection, mm.
-    theory
-        Whose converged deflection; the linear beam without shear when None.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    float
-        The error; above zero where the deflection is too large.
-    """
+    """Return how far a deflection under `FORCE` is from the converged one, as a part of it."""
     return deflection / converged_deflection(theory or Exact(), grasp) - 1.0

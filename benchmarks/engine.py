@@ -34,13 +34,7 @@ class Engine:
     note: str = ""
 
     def checked(self) -> "Engine":
-        """Return this engine, without its time if it does not reach the right deflection.
-
-        Returns
-        -------
-        Engine
-            The engine.
-        """
+        """Return this engine, without its time if it does not reach the right deflection."""
         if self.error is None or (math.isfinite(self.error) and abs(self.error) < TOLERATED):
             return self
         note = f"{self.title}: the deflection is {100.0 * self.error:+.2g} % off, so it has no time"
@@ -48,22 +42,7 @@ class Engine:
 
 
 def unavailable(key: str, name: str, failure: Exception) -> Engine:
-    """Return a peer that cannot be run here.
-
-    Parameters
-    ----------
-    key
-        Its name in the figures.
-    name
-        Its own name.
-    failure
-        What stopped it.
-
-    Returns
-    -------
-    Engine
-        The peer, with the reason as its note.
-    """
+    """Return a peer that cannot be run here."""
     if isinstance(failure, ModuleNotFoundError):
         return Engine(key, name, None, None, f"{name} is not installed: pip install .[bench]")
     cause = failure

@@ -35,27 +35,7 @@ def walk(
 
 
 def compiled(theory: Exact, grasp: float, control: int) -> float:
-    """Return the time of a warm solve inside compiled code, us.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    control
-        `kernels.BY_FORCE` or `kernels.BY_DEFLECTION`.
-
-    Returns
-    -------
-    float
-        The time.
-
-    Raises
-    ------
-    RuntimeError
-        If a load was not found.
-    """
+    """Return the time of a warm solve inside compiled code, us."""
     solver = theory.solver(DUCT, grasp)
     solver.solve_force(FORCE)
     state, law, part = solver._state, solver._law, solver._part
@@ -67,20 +47,7 @@ def compiled(theory: Exact, grasp: float, control: int) -> float:
 
 
 def called(theory: Exact, grasp: float) -> float:
-    """Return the time of a warm solve by force called from Python, us.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    float
-        The time.
-    """
+    """Return the time of a warm solve by force called from Python, us."""
     solve = theory.solver(DUCT, grasp).solve_force
     loads = walk_about(FORCE, SOLVES).tolist()
 
@@ -92,20 +59,7 @@ def called(theory: Exact, grasp: float) -> float:
 
 
 def cold(theory: Exact, grasp: float) -> float:
-    """Return the time of a solve by force from rest, called from Python, us.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    float
-        The time.
-    """
+    """Return the time of a solve by force from rest, called from Python, us."""
     solver = theory.solver(DUCT, grasp)
 
     def again() -> None:

@@ -55,24 +55,7 @@ class Sweep:
 
 
 def random_case(generator: np.random.Generator, *, neo_hooke: bool) -> tuple[Beam, float, float]:
-    """Return a beam, a grasp, mm, and a deflection, mm, in the range of the theory.
-
-    Half span 1 to 50 diameters, E from 1e-3 to 1e3 MPa, solid or hollow, nu 0 to 0.49 (0.2 to
-    0.49 for neo-Hooke); every fourth grasp is central, the others lie from 5 to 95 %; every
-    second load is near the largest, the others are spread down to a millionth of it.
-
-    Parameters
-    ----------
-    generator
-        Source of random numbers.
-    neo_hooke
-        Whether the case is for the law `neo-hooke`.
-
-    Returns
-    -------
-    tuple[Beam, float, float]
-        Beam, grasp and deflection.
-    """
+    """Return a beam, a grasp, mm, and a deflection, mm, in the range of the theory."""
     outer = 10.0 ** generator.uniform(-0.5, 1.5)
     span = 2.0 * outer * math.exp(generator.uniform(0.0, math.log(50.0)))
     inner = outer * generator.uniform(0.05, 0.95) if generator.random() < 0.5 else 0.0
@@ -96,18 +79,7 @@ def random_case(generator: np.random.Generator, *, neo_hooke: bool) -> tuple[Bea
 
 
 def whole_reach(part: float) -> float:
-    """Return the deflection, in spans, that draws two straight lines to `WHOLE_STRETCH` spans.
-
-    Parameters
-    ----------
-    part
-        Place of the grasp, as a part of the span.
-
-    Returns
-    -------
-    float
-        The deflection.
-    """
+    """Return the deflection, in spans, that draws two straight lines to `WHOLE_STRETCH` spans."""
     a, b = part, 1.0 - part
     low, high = 0.0, WHOLE_STRETCH
     for _ in range(60):
@@ -118,22 +90,7 @@ def whole_reach(part: float) -> float:
 
 
 def sweep(theory: Exact, count: int, seed: int = 1) -> Sweep:
-    """Return what comes of random cold solves, there by deflection and back by force.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    count
-        Number of beams.
-    seed
-        Seed of the random numbers.
-
-    Returns
-    -------
-    Sweep
-        The outcome.
-    """
+    """Return what comes of random cold solves, there by deflection and back by force."""
     generator = np.random.default_rng(seed)
     result = Sweep()
     for _ in range(count):

@@ -31,18 +31,7 @@ USUAL_VERTICES = 300
 
 
 def set_figures(name: str) -> dict[str, Any]:
-    """Return the figures of one set.
-
-    Parameters
-    ----------
-    name
-        The set.
-
-    Returns
-    -------
-    dict[str, Any]
-        `radius_mm`, `levels` (bytes and errors of both), `accuracy`, `times_ms` and `notes`.
-    """
+    """Return the figures of one set."""
     started = time.perf_counter()
     organ = OrganSet(name)
     ours = OrganSearch(organ)
@@ -95,18 +84,7 @@ def set_figures(name: str) -> dict[str, Any]:
 def levels_of_both(
     smallest: Callable[[float], tuple[OrganBytes, DracoMesh | None] | None],
 ) -> list[tuple[float, tuple[OrganBytes, DracoMesh | None]]]:
-    """Return what is wished, or at the next error that both reach.
-
-    Parameters
-    ----------
-    smallest
-        Gives both at an error, %; None if one of them does not reach it.
-
-    Returns
-    -------
-    list[tuple[float, tuple[OrganBytes, DracoMesh or None]]]
-        Error, %, and both; as many as are wished, or fewer.
-    """
+    """Return what is wished, or at the next error that both reach."""
     found: list[tuple[float, tuple[OrganBytes, DracoMesh | None]]] = []
     above = 0.0
     for wish in WISHED:
@@ -149,23 +127,7 @@ def accuracy(organ: OrganSet) -> dict[str, float] | None:
 
 
 def times_of(file: OrganBytes, mesh: DracoMesh | None, runs: int = 9) -> dict[str, float]:
-    """Return how long both files take to write and to read.
-
-    Parameters
-    ----------
-    file
-        Ours.
-    mesh
-        The peer's, if there is one.
-    runs
-        Number of runs; the fastest counts.
-
-    Returns
-    -------
-    dict[str, float]
-        `build_ms` and those of `file_times`; `draco_encode_ms` and `draco_decode_ms`, of a mesh
-        that is already made and decimated.
-    """
+    """Return how long both files take to write and to read."""
     vertices = USUAL_VERTICES if mesh is None else mesh.faces // 2
     times = {"build_ms": 1e3 * file.built.seconds, **file_times(file.built.organ, vertices)}
     if mesh is not None:
@@ -175,18 +137,7 @@ def times_of(file: OrganBytes, mesh: DracoMesh | None, runs: int = 9) -> dict[st
 
 
 def measure_geometry(console: Console) -> dict[str, Any]:
-    """Print and return the figures of the geometry.
-
-    Parameters
-    ----------
-    console
-        Where to print.
-
-    Returns
-    -------
-    dict[str, Any]
-        `sets` (those of `set_figures` by name), `builder`, `memory` and `notes`.
-    """
+    """Print and return the figures of the geometry."""
     missing = missing_sets()
     names = [name for name in SETS if name not in missing]
     notes = [f"{', '.join(missing)}: no images in {DATA}, so not measured"] if missing else []
@@ -229,18 +180,7 @@ def measure_geometry(console: Console) -> dict[str, Any]:
 
 
 def rates_table(rates: BuilderRates) -> Table:
-    """Return images a second as a table.
-
-    Parameters
-    ----------
-    rates
-        The rates.
-
-    Returns
-    -------
-    Table
-        A row for the builder, its first part, and the peer.
-    """
+    """Return images a second as a table."""
     table = _table("Images of 512 x 512 a second, from PNG files, and ours over the peer's")
     for heading in ("", "images/s", "ratio"):
         table.add_column(heading, justify="right" if heading else "left")
@@ -259,18 +199,7 @@ def rates_table(rates: BuilderRates) -> Table:
 
 
 def bytes_table(sets: dict[str, dict[str, Any]]) -> Table:
-    """Return bytes at equal errors as a table.
-
-    Parameters
-    ----------
-    sets
-        Figures by set.
-
-    Returns
-    -------
-    Table
-        A row for each set and error.
-    """
+    """Return bytes at equal errors as a table."""
     table = _table("Bytes at the same RMS distance to the true surface, % of the mean radius")
     for heading in ("", "%", "organ", "Draco", "ratio", "Draco's mesh"):
         table.add_column(heading, justify="left" if heading in {"", "Draco's mesh"} else "right")
@@ -289,18 +218,7 @@ def bytes_table(sets: dict[str, dict[str, Any]]) -> Table:
 
 
 def surface_table(sets: dict[str, dict[str, Any]]) -> Table:
-    """Return distances to the reference meshes, and times of the files, as a table.
-
-    Parameters
-    ----------
-    sets
-        Figures by set.
-
-    Returns
-    -------
-    Table
-        A row for each set.
-    """
+    """Return distances to the reference meshes, and times of the files, as a table."""
     table = _table("Mean distance to the reference mesh, px; time, ms, of the last file above")
     for heading in ("", "edges", "organ", "write", "read", "+ mesh", "Draco enc.", "dec."):
         table.add_column(heading, justify="right" if heading else "left")

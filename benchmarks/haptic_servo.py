@@ -43,18 +43,7 @@ offset_mm = [0, 0, 0]
 
 
 def bare_loop(seconds: float) -> dict[str, float]:
-    """Return the periods of a loop that only waits, as the servo does.
-
-    Parameters
-    ----------
-    seconds
-        For how long.
-
-    Returns
-    -------
-    dict[str, float]
-        Percentiles, us, and the part of periods over one and a half, in percent.
-    """
+    """Return the periods of a loop that only waits, as the servo does."""
     clock, histogram = time.perf_counter, TimeHistogram()
     start = due = last = clock()
     count = missed = 0
@@ -75,18 +64,7 @@ def bare_loop(seconds: float) -> dict[str, float]:
 
 @contextmanager
 def virtual_service(hand: Path) -> Iterator[str]:
-    """Serve the virtual device in a process of its own; give its address.
-
-    Parameters
-    ----------
-    hand
-        Its hand.
-
-    Yields
-    ------
-    str
-        The address.
-    """
+    """Serve the virtual device in a process of its own; give its address."""
     words = ["haptics", "--serve-virtual", "--address", "ws://127.0.0.1:0", "--hand", str(hand)]
     process = subprocess.Popen([sys.executable, "-c", ENTRY, *words],
                                stdout=subprocess.PIPE, text=True)  # fmt: skip
@@ -99,22 +77,7 @@ def virtual_service(hand: Path) -> Iterator[str]:
 
 
 def servo_report(words: list[str], hand: Path, seconds: float) -> dict[str, Any]:
-    """Return the report of a servo in a process of its own.
-
-    Parameters
-    ----------
-    words
-        Options of ``bluntdissect haptics``.
-    hand
-        The virtual device's hand.
-    seconds
-        For how long.
-
-    Returns
-    -------
-    dict[str, Any]
-        Its report.
-    """
+    """Return the report of a servo in a process of its own."""
     options = ["haptics", "--hold", "--json", "--seconds", str(seconds), "--hand", str(hand)]
     done = subprocess.run([sys.executable, "-c", ENTRY, *options, *words],
                           capture_output=True, text=True, check=True)  # fmt: skip
@@ -122,18 +85,7 @@ def servo_report(words: list[str], hand: Path, seconds: float) -> dict[str, Any]
 
 
 def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
-    """Return the figures of the bare loop and of servos.
-
-    Parameters
-    ----------
-    seconds
-        For how long each.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Figures by what was measured.
-    """
+    """Return the figures of the bare loop and of servos."""
     with tempfile.TemporaryDirectory() as folder:
         hand = Path(folder) / "hand.toml"
         hand.write_text(HAND)
@@ -165,20 +117,7 @@ def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
 
 
 def measure_haptics(console: Console, seconds: float = SECONDS) -> dict[str, dict[str, float]]:
-    """Print and return the figures of the servo.
-
-    Parameters
-    ----------
-    console
-        Where to print.
-    seconds
-        For how long each is measured.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Those of `haptic_figures`.
-    """
+    """Print and return the figures of the servo."""
     with console.status(f"Running servos for {seconds:g} s each ..."):
         figures = haptic_figures(seconds)
     console.print(f"\nServo at {1.0 / PERIOD:g} Hz, {seconds:g} s each", highlight=False)

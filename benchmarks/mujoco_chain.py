@@ -24,13 +24,7 @@ SOLVES = 80
 
 
 def mujoco_engine() -> Engine:
-    """Return the time of a settling to within `SETTLED` after a step by 1 % of the load.
-
-    Returns
-    -------
-    Engine
-        The time, or why there is none.
-    """
+    """Return the time of a settling to within `SETTLED` after a step by 1 % of the load."""
     try:
         mujoco = import_module("mujoco")
     except ImportError as failure:
@@ -68,16 +62,7 @@ def _timed(mujoco: Any) -> Engine:
 
 
 def chain() -> str:
-    """Return the model's description.
-
-    The clamp and the grasp turn by half a link's bend, so that their hinges are twice as stiff. The
-    last body is welded to a guide that moves only across: the symmetry of the other half.
-
-    Returns
-    -------
-    str
-        XML.
-    """
+    """Return the model's description."""
     length = CENTRE / LINKS
     mass = DENSITY * DUCT.area * length
     turning = mass * (DUCT.second_moment / DUCT.area + length**2 / 12.0)

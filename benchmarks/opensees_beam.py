@@ -18,13 +18,7 @@ TIGHT = 1e-5
 
 
 def opensees_engine() -> Engine:
-    """Return the time of a step by 1 % of the load, or why there is none.
-
-    Returns
-    -------
-    Engine
-        The time.
-    """
+    """Return the time of a step by 1 % of the load, or why there is none."""
     try:
         # Its stub of a module raises RuntimeError where a library of the system is missing.
         opensees = import_module("openseespy.opensees")

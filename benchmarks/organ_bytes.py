@@ -99,18 +99,7 @@ class OrganSearch:
         return OrganBytes(tolerance, overall, built, size, rms)
 
     def best(self, target: float) -> OrganBytes | None:
-        """Return the smallest organ file whose error is a target at most.
-
-        Parameters
-        ----------
-        target
-            RMS distance to the true surface, mm.
-
-        Returns
-        -------
-        OrganBytes or None
-            The best one; None if none reaches the target.
-        """
+        """Return the smallest organ file whose error is a target at most."""
         overall = target
         enough: list[OrganBytes] = []
         for loose in LOOSE_SHARES:
@@ -121,22 +110,7 @@ class OrganSearch:
         return min(enough, key=lambda one: one.size, default=None)
 
     def _sought(self, target: float, loose: float, overall: float) -> list[OrganBytes]:
-        """Return organs that reach a target, the RMS distance of all sections sought for it.
-
-        Parameters
-        ----------
-        target
-            RMS distance to the true surface, mm.
-        loose
-            Tolerance of each section, in targets.
-        overall
-            RMS distance of all sections to begin with, mm.
-
-        Returns
-        -------
-        list[OrganBytes]
-            The organs.
-        """
+        """Return organs that reach a target, the RMS distance of all sections sought for it."""
         refused = 0.0
         enough: list[OrganBytes] = []
         for _ in range(STEPS):
@@ -157,20 +131,7 @@ class OrganSearch:
 
 
 def organ_mesh(organ: Organ, stations: int = STATIONS, angles: int = ANGLES) -> Mesh:
-    """Return an organ's outer surface as a fine open tube, evaluated from the organ's curves.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    stations, angles
-        Number of rings and of corners in each.
-
-    Returns
-    -------
-    Mesh
-        Vertices, mm, and faces.
-    """
+    """Return an organ's outer surface as a fine open tube, evaluated from the organ's curves."""
     along = np.linspace(0.0, organ.length, stations)
     around = 2.0 * np.pi * np.arange(angles) / angles
     points = organ.surface(np.repeat(along, angles), np.tile(around, stations))
@@ -178,18 +139,7 @@ def organ_mesh(organ: Organ, stations: int = STATIONS, angles: int = ANGLES) -> 
 
 
 def stored(organ: Organ) -> tuple[int, Organ]:
-    """Return the bytes of an organ's file, and the organ that is read from it.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Returns
-    -------
-    tuple[int, Organ]
-        Both.
-    """
+    """Return the bytes of an organ's file, and the organ that is read from it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.organ"
         write_organ(organ, path)
@@ -197,22 +147,7 @@ def stored(organ: Organ) -> tuple[int, Organ]:
 
 
 def file_times(organ: Organ, vertices: int, runs: int = 9) -> dict[str, float]:
-    """Return how long an organ's file takes, the fastest of some runs.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    vertices
-        About how many surface points are wanted of it.
-    runs
-        Number of runs.
-
-    Returns
-    -------
-    dict[str, float]
-        `write_ms`, `read_ms` and `read_and_mesh_ms`, ms.
-    """
+    """Return how long an organ's file takes, the fastest of some runs."""
     stations = max(2, round(math.sqrt(2.0 * vertices)))
     angles = max(8, round(vertices / stations))
     times: list[tuple[float, float, float]] = []

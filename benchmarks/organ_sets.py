@@ -109,36 +109,12 @@ class OrganSet:
         return KDTree(self.axis)
 
     def rms(self, mesh: Mesh, count: int) -> float:
-        """Return the RMS distance of a mesh to the true surface, sections at the ends left out.
-
-        Parameters
-        ----------
-        mesh
-            Vertices, mm, and faces.
-        count
-            Number of points spread over the mesh.
-
-        Returns
-        -------
-        float
-            The distance, mm; infinite if the mesh does not reach along the whole organ.
-        """
+        """Return the RMS distance of a mesh to the true surface, sections at the ends left out."""
         distances = self.inner_distances(spread_points(*mesh, count)[0])
         return float(np.sqrt(np.mean(distances**2))) if len(distances) else np.inf
 
     def inner_distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distances of points to the true surface, sections at the ends left out.
-
-        Parameters
-        ----------
-        points
-            (N, 3) points of a surface, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (M,) distances, mm; none if the points do not reach along the whole organ.
-        """
+        """Return the distances of points to the true surface, sections at the ends left out."""
         _, section = self._sections.query(points)
         last = len(self.axis) - 1 - CLIPPED
         if len(points) == 0 or section.min() > CLIPPED or section.max() < last:
@@ -147,13 +123,7 @@ class OrganSet:
 
 
 def missing_sets() -> list[str]:
-    """Return the sets that are not on this machine.
-
-    Returns
-    -------
-    list[str]
-        Their names.
-    """
+    """Return the sets that are not on this machine."""
     return [name for name in SETS if not OrganSet(name).images.is_dir()]
 
 

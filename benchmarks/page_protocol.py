@@ -26,18 +26,7 @@ CAMERA: dict[str, Any] = {
 
 
 def connected(address: str) -> websockets.asyncio.client.connect:
-    """Return a connection to a trainer, to be entered.
-
-    Parameters
-    ----------
-    address
-        The trainer's address.
-
-    Returns
-    -------
-    websockets.asyncio.client.connect
-        The connection.
-    """
+    """Return a connection to a trainer, to be entered."""
     return websockets.asyncio.client.connect(
         address.replace("http", "ws", 1),
         subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
@@ -80,13 +69,7 @@ class Page:
                     await self._send(answer)
 
     async def pull_with(self, force: float) -> None:
-        """Move the force slider.
-
-        Parameters
-        ----------
-        force
-            Where to, N.
-        """
+        """Move the force slider."""
         await self._update(self._slider, force)
 
     async def reset(self) -> None:
@@ -94,13 +77,7 @@ class Page:
         await self._update(self._reset, True)
 
     async def messages(self) -> list[dict[str, Any]]:
-        """Return the messages of the next websocket frame, without their arrays.
-
-        Returns
-        -------
-        list[dict[str, Any]]
-            The messages.
-        """
+        """Return the messages of the next websocket frame, without their arrays."""
         raw = await self._connection.recv()
         assert isinstance(raw, bytes)
         packed = int.from_bytes(raw[8:16], "little")
@@ -108,13 +85,7 @@ class Page:
         return msgspec.msgpack.decode(content)["messages"]
 
     async def frames(self) -> int:
-        """Return how often the duct's vertices are in the next websocket frame.
-
-        Returns
-        -------
-        int
-            Once, or not at all.
-        """
+        """Return how often the duct's vertices are in the next websocket frame."""
         return sum(
             message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
             for message in await self.messages()
@@ -129,20 +100,7 @@ class Page:
 
 
 def hand_forces(high: float = 3.2, low: float = 0.0, moves: int = 5) -> Iterator[float]:
-    """Return the places of a hand on the slider, in order, so that the duct never rests.
-
-    Parameters
-    ----------
-    high, low
-        What it pulls to and lets up to, N; the duct is on its way there when the hand turns.
-    moves
-        Moves up, and moves down.
-
-    Returns
-    -------
-    Iterator[float]
-        Forces, N, no two in a row alike.
-    """
+    """Return the places of a hand on the slider, in order, so that the duct never rests."""
     up = [high - 0.01 * (move % 2) for move in range(moves)]
     down = [low + 0.01 * (move % 2) for move in range(moves)]
     return itertools.cycle([*up, *down])

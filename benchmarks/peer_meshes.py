@@ -24,26 +24,7 @@ def contour_loft(
     rounding: float = 0.0,
     size: float = 1.0,
 ) -> Mesh:
-    """Return the open tube through closed contours.
-
-    Parameters
-    ----------
-    contours
-        (N, 3) points of each, mm.
-    corners
-        Corners of the tube.
-    smoothing
-        Standard deviation of the smoothing along the tube, sections.
-    rounding
-        Standard deviation of the smoothing around each contour, rad.
-    size
-        Factor by which each contour is drawn in to its middle.
-
-    Returns
-    -------
-    Mesh
-        The tube.
-    """
+    """Return the open tube through closed contours."""
     rings = rings_of(contours, corners)
     if smoothing > 0.0:
         rings = _smoothed(rings, smoothing)
@@ -89,22 +70,7 @@ def rings_of(contours: list[NDArray[np.float64]], corners: int) -> NDArray[np.fl
 
 
 def cubes_mesh(stack: ImageStack, blur: float, step: int) -> Mesh:
-    """Return the half level of a stack of masks by scikit-image's marching cubes.
-
-    Parameters
-    ----------
-    stack
-        The masks.
-    blur
-        Standard deviation of the blur that smooths them, pixels and sections.
-    step
-        Length of a cube's sides, pixels and sections.
-
-    Returns
-    -------
-    Mesh
-        The surface where the images stand, open at both ends.
-    """
+    """Return the half level of a stack of masks by scikit-image's marching cubes."""
     measure = import_module("skimage.measure")
     volume = np.stack([np.asarray(image) for image in stack.images()]).astype(np.float32)
     filled = volume.any(axis=0)
@@ -135,20 +101,7 @@ def _smoothed(rings: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
 
 
 def tube_faces(rings: int, corners: int) -> NDArray[np.int64]:
-    """Return the triangles between neighbouring rings.
-
-    Parameters
-    ----------
-    rings
-        Number of rings.
-    corners
-        Corners of each, in order, ring by ring.
-
-    Returns
-    -------
-    NDArray[np.int64]
-        (F, 3) faces.
-    """
+    """Return the triangles between neighbouring rings."""
     grid = np.arange(rings * corners).reshape(rings, corners)
     here, after = grid[:-1], np.roll(grid[:-1], -1, axis=1)
     above, beside = grid[1:], np.roll(grid[1:], -1, axis=1)

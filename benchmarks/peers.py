@@ -18,13 +18,7 @@ PEERS: tuple[tuple[str, str, Callable[[], Engine]], ...] = (
 
 
 def peer_engines() -> list[Engine]:
-    """Return what came of timing each peer, one after the other.
-
-    Returns
-    -------
-    list[Engine]
-        The peers; one that is not installed, or that fails, has a note and no time.
-    """
+    """Return what came of timing each peer, one after the other."""
     engines: list[Engine] = []
     for key, name, timed in PEERS:
         with ProcessPoolExecutor(1, get_context("spawn"), initializer=_silence) as pool:

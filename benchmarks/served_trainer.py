@@ -65,13 +65,7 @@ class Served:
         self._process, self.address = process, address
 
     def takings(self) -> Takings:
-        """Ask the trainer.
-
-        Returns
-        -------
-        Takings
-            Its answer.
-        """
+        """Ask the trainer."""
         asked, answers = self._process.stdin, self._process.stdout
         assert asked is not None
         assert answers is not None
@@ -81,23 +75,7 @@ class Served:
 
 @contextmanager
 def served_trainer(*, traced: bool = False) -> Iterator[Served]:
-    """Run a trainer in a process of its own.
-
-    Parameters
-    ----------
-    traced
-        Whether Python's allocations are traced, which makes it slower.
-
-    Yields
-    ------
-    Served
-        The trainer.
-
-    Raises
-    ------
-    RuntimeError
-        If it does not start.
-    """
+    """Run a trainer in a process of its own."""
     # A client that leaves while it is being drawn is a warning of viser's, here by intent.
     command = [sys.executable, "-W", "ignore::UserWarning", "-m", "benchmarks.served_trainer"]
     with subprocess.Popen(

@@ -19,15 +19,7 @@ SKINS = 2000
 
 
 def step_figures() -> dict[str, float]:
-    """Return the median time of one step of a pulled session, whole and of its skin.
-
-    Returns
-    -------
-    dict[str, float]
-        `vertices` of the skin, `step_us` and `skin_us`; of a step by hand alone, with the exact
-        beam's ghost and with the chain, `hand_us`, `ghost_us` and `chain_us`; of a step in which
-        nothing moves `idle_us`, of the stress at every vertex `stress_us`.
-    """
+    """Return the median time of one step of a pulled session, whole and of its skin."""
     session = Session(shipped_organ())
     dissection = session.dissection
     limit = 0.6 * session.force_limit

@@ -27,19 +27,7 @@ KEYS = 200
 
 
 def skinning_figures(organ: Organ) -> dict[str, float]:
-    """Return what it costs to move a skin of twenty thousand vertices.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Returns
-    -------
-    dict[str, float]
-        `skinned_vertices`, the times of a deformation with and without that of its driving points
-        and of a plain copy of the vertices, us, and `deform_per_copy`, with the driving points.
-    """
+    """Return what it costs to move a skin of twenty thousand vertices."""
     dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
     area = (2 if organ.hollow else 1) * 2.0 * math.pi * organ.mean_radius * organ.length
     skin = organ_skin(organ, edge_length=math.sqrt(area / VERTICES))
@@ -73,19 +61,7 @@ def skinning_figures(organ: Organ) -> dict[str, float]:
 
 
 def export_figures(organ: Organ) -> dict[str, float]:
-    """Return what a rigged organ costs.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Returns
-    -------
-    dict[str, float]
-        `export_keys` of each animation, `export_ms` from the organ to the file's bytes, its
-        `export_bytes` and `bytes_a_key` of the pull.
-    """
+    """Return what a rigged organ costs."""
     dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
     order = Order(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
 

@@ -16,13 +16,7 @@ LOOSEST = 1e-4
 
 
 def spring_chain_engine() -> Engine:
-    """Return the time of a settling to within `SETTLED`: 40 segments on the span.
-
-    Returns
-    -------
-    Engine
-        The time.
-    """
+    """Return the time of a settling to within `SETTLED`: 40 segments on the span."""
     chain = MassSpring(nodes=41).chain(DUCT, CENTRE)
     chain.pull(FORCE)
     chain.bend(Cubic().deflection(DUCT, CENTRE, FORCE))

@@ -9,22 +9,7 @@ REPEATS = 9
 
 
 def microseconds(action: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
-    """Return the shortest time of some runs, us for each of the things that a run does.
-
-    Parameters
-    ----------
-    action
-        What to run; once more at first, so that everything is compiled.
-    count
-        How many things it does.
-    repeats
-        Number of runs.
-
-    Returns
-    -------
-    float
-        The time.
-    """
+    """Return the shortest time of some runs, us for each of the things that a run does."""
     action()
     times: list[float] = []
     for _ in range(repeats):

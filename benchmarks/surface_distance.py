@@ -49,18 +49,7 @@ class TriangleSurface:
         self._tree = KDTree(middles)
 
     def distances(self, points: Points) -> Points:
-        """Return the distance of each point to the mesh.
-
-        Parameters
-        ----------
-        points
-            (N, 3) points.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) distances, 0 or more.
-        """
+        """Return the distance of each point to the mesh."""
         found = np.full(len(points), np.inf)
         left = np.arange(len(points))
         count = NEIGHBOURS
@@ -76,20 +65,7 @@ class TriangleSurface:
 
 
 def triangle_distances(points: Points, corners: Points) -> Points:
-    """Return the distance of each point to the nearest of some triangles, tried one by one.
-
-    Parameters
-    ----------
-    points
-        (N, 3) points.
-    corners
-        (F, 3, 3) corners of the triangles, one a row.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N,) distances.
-    """
+    """Return the distance of each point to the nearest of some triangles, tried one by one."""
     found = np.full(len(points), np.inf)
     every = np.broadcast_to(np.arange(len(corners)), (len(points), len(corners)))
     _walk(points, np.arange(len(points)), every, np.zeros(every.shape), corners, found)
@@ -138,22 +114,7 @@ def _triangle_distance(point, corners):  # pragma: no cover
 
 
 def spread_points(vertices: Points, faces: Faces, count: int) -> tuple[Points, NDArray[np.intp]]:
-    """Return points spread evenly over a mesh's area, always the same ones.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) vertices.
-    faces
-        (F, 3) triangles.
-    count
-        Number of points N.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.intp]]
-        (N, 3) points, and the (N,) triangle of each.
-    """
+    """Return points spread evenly over a mesh's area, always the same ones."""
     corners = np.asarray(vertices, dtype=np.float64)[faces]
     first, second, third = (corners[:, row] for row in range(3))
     ends = np.cumsum(np.linalg.norm(_normals(corners), axis=1))

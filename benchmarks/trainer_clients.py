@@ -31,20 +31,7 @@ STILL_SECONDS = 0.15
 
 
 async def pulling(address: str, start: asyncio.Event, stop: asyncio.Event) -> tuple[int, float]:
-    """Pull as one client does.
-
-    Parameters
-    ----------
-    address
-        The trainer's address.
-    start, stop
-        Between which frames are counted.
-
-    Returns
-    -------
-    tuple[int, float]
-        Frames of the duct that came, and the longest time between two of them, s.
-    """
+    """Pull as one client does."""
     async with connected(address) as connection:
         page = Page(connection)
         await page.open()
@@ -115,14 +102,7 @@ async def answer_seconds(address: str, moves: int) -> list[float]:
 
 
 def machine_speed() -> dict[str, float]:
-    """Return how fast this machine is now, so that other figures can be held against it.
-
-    Returns
-    -------
-    dict[str, float]
-        `plain_loop_ms` of a million additions in plain Python, and `exact_beam_us` of a warm call
-        of the exact beam; the least of five rounds each.
-    """
+    """Return how fast this machine is now, so that other figures can be held against it."""
     pull = Pull(Exact(shear=True, law="neo-hooke"), DUCT, 0.5 * DUCT.span)
     nowhere = np.empty(0)
 
@@ -143,19 +123,7 @@ def machine_speed() -> dict[str, float]:
 
 
 def client_figures() -> dict[str, float]:
-    """Return what each number of clients gets, and the share of a core they take.
-
-    Returns
-    -------
-    dict[str, float]
-        For n clients `steps_per_second_<n>` of every session, 1/s, and `missed_percent_<n>`, % of
-        its ticks that came later than the next was due; `drawn_per_second_<n>` and
-        `frames_per_second_<n>`, 1/s, of the client for whom the trainer drew and who received
-        fewest, `longest_gap_ms_<n>`, ms between two frames of any client, and
-        `processor_percent_<n>`, % of one core; `resident_mb_<n>`, the process's memory then, MB;
-        `answer_ms_95`, ms from a move of the slider to the duct's vertices, at the 95th percentile;
-        and those of `machine_speed`.
-    """
+    """Return what each number of clients gets, and the share of a core they take."""
     figures = machine_speed()
     with served_trainer() as served:
         answers = asyncio.run(answer_seconds(served.address, LATENCY_MOVES))

@@ -31,20 +31,7 @@ BYTES_AN_INPUT = 17
 
 
 def slopes(samples: Sequence[Takings], seconds: float) -> dict[str, float]:
-    """Return how fast what a trainer takes grows.
-
-    Parameters
-    ----------
-    samples
-        Its takings at even times.
-    seconds
-        From one to the next, s.
-
-    Returns
-    -------
-    dict[str, float]
-        `<figure>_a_minute` by least squares.
-    """
+    """Return how fast what a trainer takes grows."""
     minutes = seconds / 60.0 * np.arange(len(samples))
     return {
         f"{name}_a_minute": float(

@@ -25,18 +25,7 @@ PIXEL_MM, STEP_MM = 0.1, 0.1
 
 
 def draw_tube_images(folder: Path, count: int, distinct: int | None = None) -> None:
-    """Write a stack of PNG images of a bent tube, with its spacing.
-
-    Parameters
-    ----------
-    folder
-        Where to; it is made.
-    count
-        Number of images.
-    distinct
-        Number of drawings; the tube goes through them again and again, by links to one file each.
-        It is smooth where that is a multiple of `SMOOTH`. Default: as many as images.
-    """
+    """Write a stack of PNG images of a bent tube, with its spacing."""
     folder.mkdir(parents=True)
     distinct = count if distinct is None else min(distinct, count)
     rng = np.random.default_rng(512)
@@ -52,20 +41,7 @@ def draw_tube_images(folder: Path, count: int, distinct: int | None = None) -> N
 
 
 def tube_image(index: int, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return one section: a disc with an anti-aliased edge, in noise.
-
-    Parameters
-    ----------
-    index
-        Number of the section.
-    rng
-        Where the noise comes from.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (SIDE, SIDE) grey levels.
-    """
+    """Return one section: a disc with an anti-aliased edge, in noise."""
     turn = 2.0 * np.pi * index / PERIOD
     middle = 0.5 * (SIDE - 1.0) + SWAY * np.array([np.sin(turn), np.cos(0.5 * turn)])
     places = np.arange(SIDE)

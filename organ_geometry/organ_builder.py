@@ -136,55 +136,7 @@ def build_organ(
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
-    """Return the organ of a stack of images, and a report on every section.
-
-    Every section's edge points keep to the tolerance, measured on the organ that its file gives.
-
-    A section in which nothing continues the organ is left out, and so is one whose organ touches
-    the image's border or is not single-valued; its neighbours keep their places. The organ is
-    hollow if a lumen is found in every section that is found.
-
-    Parameters
-    ----------
-    stack
-        The images; they are read one at a time.
-    polarity
-        Whether the organ is brighter or darker than its background; "auto" decides once for the
-        whole stack.
-    threshold, method, seed
-        What the edge is and where the organ begins, see `trace_organ`.
-    edge_shift_mm
-        How far edges are moved out, where images show the organ too small, or in if negative.
-    tolerance_mm
-        Largest RMS distance of a section's edge points to the organ, mm. Default: 2 % of the mean
-        radius, but at least half a pixel, and more where the organ needs it, with a warning.
-    tolerance_px
-        The same in pixels, instead.
-    select
-        How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
-        section with the last key section.
-    effort
-        "quick" tries a few ways to keep it in few bytes, "full" many.
-    overall_mm
-        Largest RMS distance of all edge points together, mm. Default: the tolerance.
-    progress
-        Called after each image with the number done and the number of images.
-    name
-        What the organ is called. Default: the name of the folder or file.
-
-    Returns
-    -------
-    BuiltOrgan
-        The organ, decoded from its file's content, and the report.
-
-    Raises
-    ------
-    ToleranceTooSmall
-        If the tolerance given cannot be kept; the smallest that can is named.
-    ValueError
-        If the tolerance is negative or not finite, or given twice, the shift is not finite, an
-        image cannot be read, or fewer than two sections show an edge.
-    """
+    """Return the organ of a stack of images, and a report on every section."""
     started = time.perf_counter()
     tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
     _check(edge_shift_mm, select)
@@ -216,29 +168,7 @@ def organ_of_edges(
     overall_mm: float | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
-    """Return the organ of edges that `trace_organ` has found: no image is read again.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    edges
-        The edges that were found in them.
-    edge_shift_mm, tolerance_mm, tolerance_px, select, effort, overall_mm, name
-        As for `build_organ`.
-
-    Returns
-    -------
-    BuiltOrgan
-        What `build_organ` gives.
-
-    Raises
-    ------
-    ToleranceTooSmall
-        As of `build_organ`.
-    ValueError
-        As of `build_organ`, but for images.
-    """
+    """Return the organ of edges that `trace_organ` has found: no image is read again."""
     started = time.perf_counter()
     tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
     _check(edge_shift_mm, select)

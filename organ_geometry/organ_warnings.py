@@ -64,26 +64,7 @@ def organ_warnings(
     sections: tuple[SectionReport, ...],
     wanted_mm: float,
 ) -> Iterator[OrganWarning]:
-    """Yield what the organ's user should know.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    organ
-        The organ, as its file gives it.
-    fitted
-        The sections found.
-    sections
-        One report for each image.
-    wanted_mm
-        The tolerance that was wanted, mm.
-
-    Yields
-    ------
-    OrganWarning
-        The warnings.
-    """
+    """Yield what the organ's user should know."""
     radius = organ.mean_radius
     found = len(fitted)
     far = [one.index for one in sections if one.max_mm > FAR_SHARE * radius]

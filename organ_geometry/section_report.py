@@ -73,24 +73,7 @@ def section_reports(
     fitted: list[FittedSection],
     problems: dict[int, str],
 ) -> tuple[SectionReport, ...]:
-    """Return one report for each image, measured on the organ as its file gives it.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    encoded
-        The organ.
-    contours, fitted
-        The sections found, in space and each by itself.
-    problems
-        For each other image, why there is none.
-
-    Returns
-    -------
-    tuple[SectionReport, ...]
-        The reports, in the images' order.
-    """
+    """Return one report for each image, measured on the organ as its file gives it."""
     pixel = stack.mean_pixel
     away = section_distances(encoded.organ, contours, encoded.places)
     rms = root_mean_squares(away)
@@ -172,20 +155,7 @@ def _rms(distances: list[NDArray[np.float64]]) -> float:
 
 
 def pooled_rms(sections: tuple[SectionReport, ...], values: list[float]) -> float:
-    """Return the root mean square over all edge points of values that are one a section.
-
-    Parameters
-    ----------
-    sections
-        The sections' reports.
-    values
-        A root mean square for each of them.
-
-    Returns
-    -------
-    float
-        The root mean square of all, sections without edge points left out.
-    """
+    """Return the root mean square over all edge points of values that are one a section."""
     squares, points = 0.0, 0
     for section, value in zip(sections, values, strict=True):
         if section.problem is None:

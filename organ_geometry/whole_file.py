@@ -8,18 +8,7 @@ __all__ = ["check_target", "make_folder", "write_whole"]
 
 
 def check_target(path: Path) -> None:
-    """Raise if no file can be written there: better before long work than after it.
-
-    Parameters
-    ----------
-    path
-        Where a file is to be written.
-
-    Raises
-    ------
-    ValueError
-        If the folder is not there, or the path is a folder, a device or a pipe.
-    """
+    """Raise if no file can be written there: better before long work than after it."""
     if not path.parent.is_dir():
         raise ValueError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
@@ -29,20 +18,7 @@ def check_target(path: Path) -> None:
 
 
 def make_folder(path: Path, refusal: str) -> None:
-    """Make a folder, and those above it, where there is none.
-
-    Parameters
-    ----------
-    path
-        The folder.
-    refusal
-        What is said if it cannot be one, before the reason.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be one.
-    """
+    """Make a folder, and those above it, where there is none."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -50,20 +26,7 @@ def make_folder(path: Path, refusal: str) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and move it into place.
-
-    Parameters
-    ----------
-    path
-        The file; one that exists is replaced.
-    content
-        What is to be in it.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be written, with the reason; nothing is left behind.
-    """
+    """Write a file under a temporary name and move it into place."""
     check_target(path)
     path = path.resolve()  # a link stays one: what it points to is replaced
     beside: Path | None = None

@@ -103,41 +103,12 @@ class Beam:
         )
 
     def grasped_at(self, grasp: float) -> tuple[float, float]:
-        """Return the lengths of the two parts that a grasp divides the span into.
-
-        Parameters
-        ----------
-        grasp
-            Distance of the grasp from the first clamp, mm.
-
-        Returns
-        -------
-        tuple[float, float]
-            Lengths from the first clamp to the grasp and from there to the second, mm.
-        """
+        """Return the lengths of the two parts that a grasp divides the span into."""
         return parts(self.span, grasp)
 
 
 def parts(span: float, grasp: float) -> tuple[float, float]:
-    """Return the lengths of the two parts that a grasp divides a span into.
-
-    Parameters
-    ----------
-    span
-        Length between the clamps, mm.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    tuple[float, float]
-        Lengths from the first clamp to the grasp and from there to the second, mm.
-
-    Raises
-    ------
-    ValueError
-        If the grasp is not between the clamps.
-    """
+    """Return the lengths of the two parts that a grasp divides a span into."""
     if not 0.0 < finite(grasp, "grasp", "mm") < span:
         raise ValueError(
             f"grasp must lie between the clamps, above 0 and below {span:g} mm, got {grasp:g} mm"

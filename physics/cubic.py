@@ -51,22 +51,7 @@ class Cubic:
             raise ValueError(f"q must be 0 or above, got {self.q}")
 
     def stiffness(self, beam: Beam, grasp: float, deflection: float = 0.0) -> tuple[float, float]:
-        """Return k1, N/mm, and k3, N/mm^3, of F = k1 delta + k3 delta^3.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm; of no influence unless q is fitted.
-
-        Returns
-        -------
-        tuple[float, float]
-            k1 from bending, k3 from stretching.
-        """
+        """Return k1, N/mm, and k3, N/mm^3, of F = k1 delta + k3 delta^3."""
         a, b = beam.grasped_at(grasp)
         q = FITTED_Q.at(beam, grasp, deflection)[0] if isinstance(self.q, str) else self.q
         ratio = beam.span / (a * b)
@@ -75,53 +60,14 @@ class Cubic:
         return bending, stretching
 
     def implied_q(self, beam: Beam, grasp: float, force: float, deflection: float) -> float:
-        """Return the q with which the cubic has a deflection under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        deflection
-            Displacement of the grasp along the pull, mm, not 0.
-
-        Returns
-        -------
-        float
-            q, no unit; below zero where the force is less than bending alone takes.
-
-        Raises
-        ------
-        ValueError
-            If the deflection is zero.
-        """
+        """Return the q with which the cubic has a deflection under a force."""
         if finite(deflection, "deflection", "mm") == 0.0:
             raise ValueError("deflection must not be 0 mm: there every q is right")
         k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
         return (finite(force, "force", "N") - k1 * deflection) / (k3 * deflection**3)
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force: the one real root of the cubic, by sinh.
-
-        With q fitted it is no cubic, but still grows with the force and has one root.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-        """
+        """Return the deflection under a force: the one real root of the cubic, by sinh."""
         k1, k3 = self.stiffness(beam, grasp)
         force = finite(force, "force", "N")
         if isinstance(self.q, str):
@@ -191,22 +137,7 @@ class Cubic:
         return out
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the grasper's whole force at a deflection."""
         deflection = finite(deflection, "deflection", "mm")
         k1, k3 = self.stiffness(beam, grasp, deflection)
         return (k1 + k3 * deflection**2) * deflection

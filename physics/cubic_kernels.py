@@ -23,22 +23,7 @@ FAR = 1e9
 
 @njit(cache=True, error_model="numpy")
 def cubic_deflection(bending: float, stretching: float, force: float) -> float:
-    """Return the deflection under a force, within 1e-13 of the root wherever F/k1 is finite.
-
-    Parameters
-    ----------
-    bending
-        k1, N/mm, above 0.
-    stretching
-        k3, N/mm^3, not below 0.
-    force
-        F, the grasper's whole force, N.
-
-    Returns
-    -------
-    float
-        Displacement of the grasp along the pull, mm.
-    """
+    """Return the deflection under a force, within 1e-13 of the root wherever F/k1 is finite."""
     linear = force / bending
     half = 0.5 * abs(linear) * math.sqrt(stretching / bending)
     cube = half + (half if half > FAR else math.sqrt(half * half + 1.0 / 27.0))

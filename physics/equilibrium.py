@@ -70,18 +70,7 @@ class Equilibrium:
                 value.setflags(write=False)
 
     def part(self, where: slice) -> "Equilibrium":
-        """Return the same equilibrium at some of its stations.
-
-        Parameters
-        ----------
-        where
-            Which stations.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium; its arrays are views.
-        """
+        """Return the same equilibrium at some of its stations."""
         arrays: dict[str, NDArray[np.float64]] = {
             field.name: getattr(self, field.name)[where]
             for field in fields(self)

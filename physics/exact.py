@@ -149,58 +149,15 @@ class Exact:
             raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
 
     def solver(self, beam: Beam, grasp: float) -> "ExactSolver":
-        """Return a solver that starts each solution from the last one.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-
-        Returns
-        -------
-        ExactSolver
-            The solver, with the beam at rest.
-        """
+        """Return a solver that starts each solution from the last one."""
         return ExactSolver(beam, grasp, shear=self.shear, law=self.law, intervals=self.intervals)
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force, pulled up from rest.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-        """
+        """Return the deflection under a force, pulled up from rest."""
         return self.solver(beam, grasp).solve_force(force)
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection, pulled up from rest.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the grasper's whole force at a deflection, pulled up from rest."""
         return self.solver(beam, grasp).solve_deflection(deflection)
 
     def under_force(
@@ -364,23 +321,7 @@ class ExactSolver:
         return float(self._line[kernels.DEFLECTION]) * self._span
 
     def solve_force(self, force: float) -> float:
-        """Find the equilibrium under a force and return the deflection.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-
-        Raises
-        ------
-        BeyondLaw
-            If the law cannot carry the force; the beam is then at rest.
-        """
+        """Find the equilibrium under a force and return the deflection."""
         load = finite(force, "force", "N") / self._force_unit
         outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_FORCE, load)
         if outcome != kernels.FOUND:
@@ -388,23 +329,7 @@ class ExactSolver:
         return self.deflection
 
     def solve_deflection(self, deflection: float) -> float:
-        """Find the equilibrium at a deflection of the grasp and return the force.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            The grasper's whole force, N.
-
-        Raises
-        ------
-        BeyondLaw
-            If the law cannot carry the deflection; the beam is then at rest.
-        """
+        """Find the equilibrium at a deflection of the grasp and return the force."""
         self._line[kernels.COMPLIANCE] = 0.0
         load = finite(deflection, "deflection", "mm") / self._span
         outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_DEFLECTION, load)
@@ -413,22 +338,7 @@ class ExactSolver:
         return self.force
 
     def hold(self, first: Hold, second: Hold | None = None) -> None:
-        """Find the equilibrium of a beam that is held at its grasps.
-
-        Parameters
-        ----------
-        first
-            At the first grasp.
-        second
-            At the second one, which a solver with one grasp has not.
-
-        Raises
-        ------
-        BeyondLaw
-            If the law cannot carry it; the beam is then at rest.
-        ValueError
-            If there are not as many holds as grasps.
-        """
+        """Find the equilibrium of a beam that is held at its grasps."""
         if (second is None) != (self._second is None):
             raise ValueError("give one hold for each grasp")
         load, control = self._set(first, kernels.COMPLIANCE)

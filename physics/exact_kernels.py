@@ -183,18 +183,7 @@ def shrinkage(lam: float, shrink: float, poisson: float) -> tuple[float, float, 
 def fibre(
     lam: float, gam: float, j: float, g: float, ratio: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return j, p, p_lam, p_gam, q and q_gam of a neo-Hookean fibre of shear modulus g.
-
-    Its lateral faces are free: W = (G/2) ((lam^2 + gam^2)/j^2 + 2 j/lam - 3) + (K/2) (j^3 - 1)^2
-    is stationary in j, the cube root of the volume ratio, which gives
-    j^8 - j^5 + (G/3K) (j^3/lam - lam^2 - gam^2) = 0. One round of Halley's method triples the
-    digits of j, which need not be better than the rotations it goes with.
-
-    Returns
-    -------
-    tuple[float, float, float, float, float, float]
-        j, p, p_lam, p_gam, q and q_gam.
-    """
+    """Return j, p, p_lam, p_gam, q and q_gam of a neo-Hookean fibre of shear modulus g."""
     square = ratio * lam * (lam * lam + gam * gam)
     j2 = j * j
     j3 = j2 * j
@@ -288,21 +277,7 @@ def section_law(
     near_fibre: Five,
     far_fibre: Five,
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return n, q, m and n_lam, n_gam, q_gam, n_k, q_k, m_k of a neo-Hookean section.
-
-    Energy per length: the area times the mean energy of the fibres at 0 and +-y, of which each
-    outer one stands for the part `outer`, less what warping saves in shear,
-    deficit (t/lam)^2 gam^2 / (2 (1 + gam^2)). Its small-strain part, deficit gam^2 / 2 with
-    deficit = (1 - shear coefficient) G, falls with (t/lam)^2 in a stretched prism, because the
-    volume ties warping to shear by that factor; it fades in large shear, where an estimate of
-    second order would take more than there is and leave hollow sections without stiffness.
-    A fibre is given by p, p_lam, p_gam, q and q_gam.
-
-    Returns
-    -------
-    tuple[float, float, float, float, float, float, float, float, float]
-        n, q, m, n_lam, n_gam, q_gam, n_k, q_k and m_k.
-    """
+    """Return n, q, m and n_lam, n_gam, q_gam, n_k, q_k, m_k of a neo-Hookean section."""
     p0, s0, g0, q0, c0 = middle_fibre
     p1, s1, g1, q1, c1 = near_fibre
     p2, s2, g2, q2, c2 = far_fibre
@@ -488,17 +463,7 @@ def _fill(state: State, law: int, grasp: int, rounds: int) -> None:
 def _down(
     nodes: Array, elements: Array, points: Array, first: int, last: int, carry: Six
 ) -> tuple[Six, tuple[float, ...], int]:
-    """Sum the equations of a part's elements, eliminating its rotations on the way.
-
-    Columns: r residual, h, p the part's own force across, q that of the part before it, s that of
-    the one before that. `carry` is what the elements before have left in the row of the first node.
-
-    Returns
-    -------
-    tuple[Six, tuple[float, ...], int]
-        What is left for the row of the last node; the sums of x and y and those of the border, hh,
-        hp, pp, hq, pq, qq, hr, pr, qr, hs, ps, qs, ss, sr; the number of negative pivots.
-    """
+    """Sum the equations of a part's elements, eliminating its rotations on the way."""
     d0, r0, h0, p0, q0, s0 = carry
     x_sum = y_sum = 0.0
     s_hh = s_hp = s_pp = s_hq = s_pq = s_qq = s_hr = s_pr = s_qr = 0.0
@@ -689,16 +654,7 @@ def _whole_step(
     control: int,
     target: float,
 ) -> tuple[float, float]:
-    """One Newton step of a beam of two parts; return the updates of forces and rotations.
-
-    The parts share the rotation of node `grasp` and the force h; the forces across differ by the
-    pull. Unknown forces: h and both p; under a given pull its row is added to the other one's.
-
-    Returns
-    -------
-    tuple[float, float]
-        Relative sizes of the updates.
-    """
+    """One Newton step of a beam of two parts; return the updates of forces and rotations."""
     count = elements.shape[1]
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
@@ -761,16 +717,7 @@ def _three_part_step(
     control: int,
     target: float,
 ) -> tuple[float, float]:
-    """One Newton step of a beam with two grasps; see `_whole_step`.
-
-    The unknown forces are h and three p. Where a pull is given, the row of the p before it is
-    added to that of the p after it; what is left is factored as L D L^T.
-
-    Returns
-    -------
-    tuple[float, float]
-        Relative sizes of the updates.
-    """
+    """One Newton step of a beam with two grasps; see `_whole_step`."""
     count, second = elements.shape[1], int(line[SECOND])
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
@@ -938,17 +885,7 @@ def rest(state: State, law: int) -> None:
 
 @njit(cache=True)
 def climb(state: State, law: int, grasp: int, control: int, target: float) -> int:
-    """Pull the beam from rest until it meets the target; return the outcome.
-
-    It is pulled by deflection, which stays well-posed where a force would let go, in steps that
-    grow while they succeed. A force is met on the first stretch of the pull that reaches it, so
-    that no other branch can be taken for it.
-
-    Returns
-    -------
-    int
-        The outcome.
-    """
+    """Pull the beam from rest until it meets the target; return the outcome."""
     nodes, elements, points, fibres, line = state
     kept = (nodes.copy(), elements.copy(), points.copy(), fibres.copy(), line.copy())
     rest(state, law)
@@ -1013,16 +950,7 @@ def _shorter_part(elements: Array, grasp: int) -> float:
 
 @njit(cache=True, nogil=True)
 def solve(state: State, law: int, grasp: int, control: int, target: float) -> int:
-    """Find the equilibrium at a force or deflection, from the last one if that is near.
-
-    The step from the last one is not trusted when it fails, when it is long, or when force and
-    deflection did not move the same way; then the beam is pulled again from rest.
-
-    Returns
-    -------
-    int
-        The outcome.
-    """
+    """Find the equilibrium at a force or deflection, from the last one if that is near."""
     line = state[4]
     force = line[FORCE]
     deflection = line[DEFLECTION] + line[COMPLIANCE] * force
@@ -1045,15 +973,7 @@ def solve(state: State, law: int, grasp: int, control: int, target: float) -> in
 
 @njit(cache=True, nogil=True)
 def solve_both(state: State, law: int, grasp: int, control: int, target: float) -> int:
-    """Find the equilibrium of a beam with two grasps, from the last one if that leads there.
-
-    From rest both loads grow together, in steps that shrink where they fail.
-
-    Returns
-    -------
-    int
-        The outcome.
-    """
+    """Find the equilibrium of a beam with two grasps, from the last one if that leads there."""
     nodes, elements, points, fibres, line = state
     second = line[TARGET_2]
     if line[H] != 0.0:
@@ -1091,15 +1011,7 @@ SAMPLE_ROWS = 9
 def _neo_hooke_strains(
     state: State, i: int, n: float, q: float, kappa: float, moment: float, by_moment: bool
 ) -> tuple[float, float, float]:
-    """Return lam, gam and kappa of a section like that of point i under n and q.
-
-    Its curvature is given, or found from the moment; started from the strains at the point.
-
-    Returns
-    -------
-    tuple[float, float, float]
-        lam, gam and kappa.
-    """
+    """Return lam, gam and kappa of a section like that of point i under n and q."""
     _, _, points, fibres, line = state
     count = points.shape[1]
     lam, gam = points[LAM, i], points[GAM, i]

@@ -48,41 +48,11 @@ class Fem:
             raise ValueError(f"elements must be a whole number above 0, got {self.elements}")
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-        """
+        """Return the deflection under a force."""
         return self._pulled(beam, grasp, finite(force, "force", "N"), by_force=True).deflection
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the grasper's whole force at a deflection."""
         deflection = finite(deflection, "deflection", "mm")
         return self._pulled(beam, grasp, deflection, by_force=False).force
 

@@ -55,42 +55,14 @@ class FittedQ:
         positive(self.decline, "decline", "(no unit)")
 
     def at(self, beam: Beam, grasp: float, deflection: float) -> tuple[float, float]:
-        """Return q at a deflection, and how fast it changes.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        tuple[float, float]
-            q, and d(ln q)/d(ln delta), which is 0 at rest and nears -2; no units.
-        """
+        """Return q at a deflection, and how fast it changes."""
         length, gyration = lengths(beam, grasp)
         numbers = deflection / length, deflection / gyration, gyration / length
         return _law(self.crossover, self.decline, *numbers)
 
 
 def lengths(beam: Beam, grasp: float) -> tuple[float, float]:
-    """Return what the law measures a deflection by.
-
-    Parameters
-    ----------
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    tuple[float, float]
-        Length 2ab/S and radius of gyration sqrt(I/A), mm.
-    """
+    """Return what the law measures a deflection by."""
     a, b = beam.grasped_at(grasp)
     return 2.0 * a * b / beam.span, math.sqrt(beam.second_moment / beam.area)
 

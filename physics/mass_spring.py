@@ -57,20 +57,7 @@ class MassSpring:
         self.chain(Beam.round(span=1.0, diameter=0.1, modulus=1.0), 0.5)
 
     def chain(self, beam: Beam, grasp: float) -> MassSpringChain:
-        """Return the chain, straight and still.
-
-        Parameters
-        ----------
-        beam
-            The beam that it stands for.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-
-        Returns
-        -------
-        MassSpringChain
-            The chain.
-        """
+        """Return the chain, straight and still."""
         return MassSpringChain(
             beam,
             grasp,
@@ -81,41 +68,11 @@ class MassSpring:
         )
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-        """
+        """Return the deflection under a force."""
         return self.under_force(beam, grasp, force, NOWHERE).deflection
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the grasper's whole force at a deflection."""
         return self.under_deflection(beam, grasp, deflection, NOWHERE).force
 
     def under_force(

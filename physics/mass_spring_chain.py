@@ -219,38 +219,20 @@ class MassSpringChain:
         return largest_stable_step(self._integrator, self.highest_frequency, self._damping)
 
     def pull(self, force: float) -> None:
-        """Pull at the grasp with a force from now on.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-        """
+        """Pull at the grasp with a force from now on."""
         self._pull = finite(force, "force", "N")
         self._goal = None
         self._inverse_mass[self._grasped, 1] = 1.0 / self._mass[self._grasped]
 
     def hold(self, deflection: float) -> None:
-        """Hold the grasp; the next step leads it evenly to a deflection, where it stays.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-        """
+        """Hold the grasp; the next step leads it evenly to a deflection, where it stays."""
         self._goal = finite(deflection, "deflection", "mm")
         self._pull = 0.0
         self._inverse_mass[self._grasped, 1] = 0.0
         self._velocity[self._grasped, 1] = 0.0
 
     def bend(self, deflection: float) -> None:
-        """Put the masses, still, on the curve of the linear clamped beam.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-        """
+        """Put the masses, still, on the curve of the linear clamped beam."""
         curve = Cubic().under_deflection(self._beam, self._grasp, deflection, self._stations)
         self._moved[:, 0] = 0.0
         self._moved[:, 1] = curve.across
@@ -258,23 +240,7 @@ class MassSpringChain:
         self._velocity[:] = 0.0
 
     def step(self, seconds: float) -> int:
-        """Advance in time, in as many equal steps as stability asks for.
-
-        Parameters
-        ----------
-        seconds
-            Time, s.
-
-        Returns
-        -------
-        int
-            Number of steps taken.
-
-        Raises
-        ------
-        ValueError
-            If the time is not above zero or no step is stable.
-        """
+        """Advance in time, in as many equal steps as stability asks for."""
         positive(seconds, "seconds", "s")
         longest = STEP_MARGIN * self.largest_stable_step
         if longest == 0.0:
@@ -287,15 +253,7 @@ class MassSpringChain:
         return count
 
     def advance(self, step: float, count: int) -> None:
-        """Advance by steps of a given length, stable or not.
-
-        Parameters
-        ----------
-        step
-            Length of one step, s.
-        count
-            Number of steps.
-        """
+        """Advance by steps of a given length, stable or not."""
         positive(step, "step", "s")
         if self._goal is not None:
             way = self._goal - self._moved[self._grasped, 1]

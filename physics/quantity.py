@@ -9,27 +9,7 @@ __all__ = ["finite", "positive", "stations_on"]
 
 
 def finite(value: float, name: str, unit: str) -> float:
-    """Return the value as a float if it is a finite number.
-
-    Parameters
-    ----------
-    value
-        The number to check.
-    name
-        What it is called in the message.
-    unit
-        Its unit in the message.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    ValueError
-        If it is not finite.
-    """
+    """Return the value as a float if it is a finite number."""
     number = float(value)
     if not math.isfinite(number):
         raise ValueError(f"{name} must be a finite number of {unit}, got {number}")
@@ -37,27 +17,7 @@ def finite(value: float, name: str, unit: str) -> float:
 
 
 def positive(value: float, name: str, unit: str) -> float:
-    """Return the value as a float if it is finite and above zero.
-
-    Parameters
-    ----------
-    value
-        The number to check.
-    name
-        What it is called in the message.
-    unit
-        Its unit in the message.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    ValueError
-        If it is not finite or not above zero.
-    """
+    """Return the value as a float if it is finite and above zero."""
     number = float(value)
     if not (math.isfinite(number) and number > 0.0):
         raise ValueError(f"{name} must be above 0 {unit}, got {number} {unit}")

@@ -153,13 +153,7 @@ class RayleighBeam:
         )
 
     def buckling_force(self) -> float:
-        """Return the axial force at which the straight beam buckles.
-
-        Returns
-        -------
-        float
-            Force, below zero: compression, N. Its amount is never below the true one.
-        """
+        """Return the axial force at which the straight beam buckles."""
         shapes = self._shapes()
         bending = self.bending_stiffness * (shapes.T @ self._energy(2) @ shapes)
         coupling = shapes.T @ self._energy(1) @ shapes

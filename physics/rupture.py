@@ -117,25 +117,7 @@ def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.f
 
 
 def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
-    """Return the place of the highest stress among the stations, held against the threshold.
-
-    Parameters
-    ----------
-    equilibrium
-        A pulled beam, sampled where it may tear (`critical_stations`).
-    threshold
-        Stress T that the beam bears, MPa.
-
-    Returns
-    -------
-    RuptureCheck
-        Place, stresses and margin.
-
-    Raises
-    ------
-    ValueError
-        If the threshold is not above zero or the equilibrium has no station.
-    """
+    """Return the place of the highest stress among the stations, held against the threshold."""
     positive(threshold, "threshold", "MPa")
     total = equilibrium.total_stress
     if not total.size:
@@ -157,54 +139,14 @@ def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
 
 
 def calibrated_threshold(theory: Theory, beam: Beam, grasp: float, force: float) -> float:
-    """Return the threshold at which a beam breaks under a known force.
-
-    A threshold belongs to its theory: two theories that see the same break read other stresses.
-
-    Parameters
-    ----------
-    theory
-        The theory that reads the stresses.
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force at the break, N.
-
-    Returns
-    -------
-    float
-        Highest normal plus bending stress at that force, MPa.
-    """
+    """Return the threshold at which a beam breaks under a known force."""
     positive(force, "force at the break", "N")
     stations = critical_stations(beam, grasp)
     return float(theory.under_force(beam, grasp, force, stations).total_stress.max())
 
 
 def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> BreakEvent | None:
-    """Return the load at which a beam reaches its threshold.
-
-    The stress grows with the deflection, so the root is bracketed by doubling and halved down to
-    neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
-
-    Parameters
-    ----------
-    theory
-        The theory that reads the stresses.
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress T that the beam bears, MPa.
-
-    Returns
-    -------
-    BreakEvent | None
-        The load; None if the beam bears deflections of a thousand spans, or all that its theory
-        can follow.
-    """
+    """Return the load at which a beam reaches its threshold."""
     positive(threshold, "threshold", "MPa")
     stations = critical_stations(beam, grasp)
     pull = Pull(theory, beam, grasp)

@@ -27,46 +27,13 @@ class TautString:
     name: ClassVar[str] = "string"
 
     def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the grasper's whole force at a deflection."""
         a, b = beam.grasped_at(grasp)
         deflection = finite(deflection, "deflection", "mm")
         return _force_and_slope(beam, a, b, deflection)[0]
 
     def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force.
-
-        The force grows with the deflection and ever faster, so Newton's method, once above the
-        root, comes down to it without overshooting; it stops where rounding does.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float
-            Displacement of the grasp along the pull, mm.
-        """
+        """Return the deflection under a force."""
         a, b = beam.grasped_at(grasp)
         pull = abs(finite(force, "force", "N"))
         if pull == 0.0:

@@ -117,32 +117,7 @@ def weak_length(height: float, depth: float) -> float:
 
 
 def torn_beam(beam: Beam, station: float, tension_side: int, depth: float) -> Beam:
-    """Return a beam with a tear across part of its section.
-
-    Parameters
-    ----------
-    beam
-        The whole beam.
-    station
-        Where it is torn, mm from the first clamp.
-    tension_side
-        Side from which it is torn: 1 the side of the pull, -1 the side away from it.
-    depth
-        Depth of the tear as a part of the section's height, from 0 to below 1.
-
-    Returns
-    -------
-    Beam
-        The beam, with the ligament for a section over `weak_length`, half of it to each side of
-        the tear as far as there is beam; its `fibre_distances` are those of the front's edge. A
-        tear of no depth is no tear.
-
-    Raises
-    ------
-    ValueError
-        If the station is not on the beam, the side is neither 1 nor -1, or the depth is out of
-        range.
-    """
+    """Return a beam with a tear across part of its section."""
     if not 0.0 <= station <= beam.span:
         raise ValueError(f"station must be from 0 to the span of {beam.span} mm, got {station} mm")
     if tension_side not in (1, -1):
@@ -182,31 +157,7 @@ def tear_under_force(
     start: float = START,
     steps: int = 60,
 ) -> TearPath | None:
-    """Return how a beam tears under a force that does not give way.
-
-    Parameters
-    ----------
-    theory
-        The theory that reads the stresses, and to which the threshold belongs.
-    beam
-        The whole beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress T that the tissue bears, MPa.
-    force
-        The grasper's whole force, N; that at which the beam begins to tear when None.
-    start
-        Depth with which the tear begins; see `START`.
-    steps
-        Number of depths to compute from there to `DEEPEST`.
-
-    Returns
-    -------
-    TearPath | None
-        The path; it ends where the tear stands, is through, or the law finds no equilibrium. None
-        if the beam does not tear.
-    """
+    """Return how a beam tears under a force that does not give way."""
     tear = _tear(theory, beam, grasp, threshold, start, steps)
     if tear is None:
         return None
@@ -224,32 +175,7 @@ def tear_under_grip(
     start: float = START,
     steps: int = 60,
 ) -> TearPath | None:
-    """Return how a beam tears while a stiff grip holds it where it is.
-
-    Parameters
-    ----------
-    theory
-        The theory that reads the stresses, and to which the threshold belongs.
-    beam
-        The whole beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress T that the tissue bears, MPa.
-    deflection
-        Displacement at which the grasp is held, mm; that at which the beam begins to tear when
-        None.
-    start
-        Depth with which the tear begins; see `START`.
-    steps
-        Number of depths to compute from there to `DEEPEST`.
-
-    Returns
-    -------
-    TearPath | None
-        The path; it ends where the tear stands, is through, or the law finds no equilibrium. None
-        if the beam does not tear.
-    """
+    """Return how a beam tears while a stiff grip holds it where it is."""
     tear = _tear(theory, beam, grasp, threshold, start, steps)
     if tear is None:
         return None
@@ -267,32 +193,7 @@ def tear_by_pull(
     start: float = START,
     steps: int = 60,
 ) -> TearPath | None:
-    """Return how a beam tears while a stiff grip pulls it slowly further.
-
-    Where the tear stands the deflection grows until it goes on; where it runs the deflection stays.
-    Deflections and forces are those of the force-deflection curve from the break on.
-
-    Parameters
-    ----------
-    theory
-        The theory that reads the stresses, and to which the threshold belongs.
-    beam
-        The whole beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress T that the tissue bears, MPa.
-    start
-        Depth with which the tear begins; see `START`.
-    steps
-        Number of depths to compute from there to `DEEPEST`.
-
-    Returns
-    -------
-    TearPath | None
-        The path; it ends where the tear is through or the law finds no equilibrium. None if the
-        beam does not tear.
-    """
+    """Return how a beam tears while a stiff grip pulls it slowly further."""
     tear = _tear(theory, beam, grasp, threshold, start, steps)
     return None if tear is None else tear.pulled_through()
 

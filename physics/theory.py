@@ -104,29 +104,7 @@ def theory_named(
     shear: bool = False,
     law: Law | None = None,
 ) -> Theory:
-    """Return the theory of that name.
-
-    Parameters
-    ----------
-    name
-        One of `THEORIES`.
-    q
-        Factor of the axial coupling, or 'fitted', for the cubic only; its default when None.
-    shear
-        Whether sections shear, for the exact beam only.
-    law
-        Material law, for the exact beam only; linear when None. `neo-hooke` has shear in it.
-
-    Returns
-    -------
-    Theory
-        The theory.
-
-    Raises
-    ------
-    ValueError
-        If there is no theory of that name, or it has no such option.
-    """
+    """Return the theory of that name."""
     if name not in THEORIES:
         raise ValueError(f"unknown theory {name!r}; there are: {', '.join(THEORIES)}")
     if q is not None and name != "cubic":

@@ -122,20 +122,7 @@ class VaryingBeam(Beam):
 
     @classmethod
     def of(cls, beam: Beam, count: int = 2) -> "VaryingBeam":
-        """Return a constant beam as one of `count` equal sections.
-
-        Parameters
-        ----------
-        beam
-            The constant beam.
-        count
-            Number of sections, 2 or more.
-
-        Returns
-        -------
-        VaryingBeam
-            The same beam.
-        """
+        """Return a constant beam as one of `count` equal sections."""
         return cls(
             stations=np.linspace(0.0, beam.span, count),
             areas=np.full(count, beam.area),

@@ -159,20 +159,7 @@ def _state(facts: "dict[str, object]", *, torn: bool) -> str:
 
 
 def write_file(order: "Order", path: Path) -> dict[str, object]:
-    """Write an order to a file.
-
-    Parameters
-    ----------
-    order
-        The order.
-    path
-        The file.
-
-    Returns
-    -------
-    dict[str, object]
-        What was written.
-    """
+    """Write an order to a file."""
     delivery = order.write(path)
     return {
         "file": str(path),
@@ -189,27 +176,7 @@ def write_file(order: "Order", path: Path) -> dict[str, object]:
 
 
 def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
-    """Return the page that plays an order.
-
-    Parameters
-    ----------
-    order
-        The order.
-    path
-        Where it is to be written.
-    edge_length
-        Wanted length of the triangles' edges, mm; the player's own when None.
-
-    Returns
-    -------
-    bytes
-        The page.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be written there, or the order does not move.
-    """
+    """Return the page that plays an order."""
     from app.trainer.player import order_page, page_edge_length
     from organ_geometry.whole_file import check_target
 

@@ -10,50 +10,14 @@ __all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
 
 
 def chosen(option: str, text: str, offered: tuple[str, ...]) -> str:
-    """Return a choice, if it is one of those offered.
-
-    Parameters
-    ----------
-    option
-        The option's name.
-    text
-        What was given.
-    offered
-        What may be given.
-
-    Returns
-    -------
-    str
-        The choice.
-
-    Raises
-    ------
-    ValueError
-        If it is none of them.
-    """
+    """Return a choice, if it is one of those offered."""
     if text not in offered:
         raise ValueError(f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}")
     return text
 
 
 def pixel_pair(text: str | None) -> tuple[float, float] | None:
-    """Return "0.1" as (0.1, 0.1) and "0.1,0.2" as (0.1, 0.2).
-
-    Parameters
-    ----------
-    text
-        A pixel's width, or width and height, mm.
-
-    Returns
-    -------
-    tuple[float, float] | None
-        Width and height, mm; None for no text.
-
-    Raises
-    ------
-    ValueError
-        If it is not one number or two.
-    """
+    """Return "0.1" as (0.1, 0.1) and "0.1,0.2" as (0.1, 0.2)."""
     if text is None:
         return None
     sizes = _numbers(text)
@@ -65,23 +29,7 @@ def pixel_pair(text: str | None) -> tuple[float, float] | None:
 
 
 def window_levels(text: str | None) -> tuple[float, float] | None:
-    """Return "-150,500" as (-150, 500).
-
-    Parameters
-    ----------
-    text
-        Lowest and highest value kept.
-
-    Returns
-    -------
-    tuple[float, float] | None
-        The two; None for no text.
-
-    Raises
-    ------
-    ValueError
-        If it is not two numbers.
-    """
+    """Return "-150,500" as (-150, 500)."""
     if text is None:
         return None
     levels = _numbers(text)
@@ -93,24 +41,7 @@ def window_levels(text: str | None) -> tuple[float, float] | None:
 
 
 def seed_point(text: str | None) -> "Seed | None":
-    """Return "120,95" as (120, 95), and "120,95,30" likewise.
-
-    Parameters
-    ----------
-    text
-        Column and row of a pixel of the organ, from 0, in the first image; or these and the number
-        of the image, from 0.
-
-    Returns
-    -------
-    Seed | None
-        The two, px, or three; None for no text.
-
-    Raises
-    ------
-    ValueError
-        If it is not two numbers, or three of which the last is whole.
-    """
+    """Return "120,95" as (120, 95), and "120,95,30" likewise."""
     if text is None:
         return None
     point = _numbers(text)
@@ -125,23 +56,7 @@ def seed_point(text: str | None) -> "Seed | None":
 
 
 def region(text: str | None) -> "Region | None":
-    """Return "0,0,9,9" as (0, 0, 9, 9), and six numbers likewise.
-
-    Parameters
-    ----------
-    text
-        First and last columns and rows, and perhaps images, from 0.
-
-    Returns
-    -------
-    Region | None
-        The region; None for no text.
-
-    Raises
-    ------
-    ValueError
-        If it is not four or six whole numbers.
-    """
+    """Return "0,0,9,9" as (0, 0, 9, 9), and six numbers likewise."""
     if text is None:
         return None
     try:

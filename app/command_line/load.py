@@ -33,18 +33,7 @@ __all__ = [
 
 
 def organ_from(path: Path | None) -> "Organ":
-    """Return the organ in a file, or the shipped one.
-
-    Parameters
-    ----------
-    path
-        An `.organ` file; the shipped phantom's images when None.
-
-    Returns
-    -------
-    Organ
-        The organ.
-    """
+    """Return the organ in a file, or the shipped one."""
     if path is None:
         return shipped_organ()
     from organ_geometry.coding.organ_file import read_organ
@@ -53,13 +42,7 @@ def organ_from(path: Path | None) -> "Organ":
 
 
 def shipped_organ() -> "Organ":
-    """Return the organ that ships with the trainer: nothing need be built before the first page.
-
-    Returns
-    -------
-    Organ
-        The bile-duct phantom.
-    """
+    """Return the organ that ships with the trainer: nothing need be built before the first page."""
     from assets import BILE_DUCT
     from organ_geometry.coding.organ_file import read_organ
 
@@ -67,27 +50,7 @@ def shipped_organ() -> "Organ":
 
 
 def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":
-    """Return the theory that the options ask for.
-
-    Parameters
-    ----------
-    name
-        Name of the theory.
-    q
-        A number or "fitted", for the cubic.
-    shear, law
-        For the exact beam.
-
-    Returns
-    -------
-    Theory
-        The theory.
-
-    Raises
-    ------
-    ValueError
-        If there is no such theory, or it has no such option.
-    """
+    """Return the theory that the options ask for."""
     from physics import theory_named
 
     if law not in (None, "linear", "neo-hooke"):
@@ -101,18 +64,7 @@ def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> 
 
 
 def theory_options(theory: "Theory") -> dict[str, object]:
-    """Return what a theory was asked for beyond its name.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-
-    Returns
-    -------
-    dict[str, object]
-        q of the cubic; shear and law of the exact beam; nothing else.
-    """
+    """Return what a theory was asked for beyond its name."""
     from physics import Cubic, Exact
 
     if isinstance(theory, Cubic):
@@ -130,29 +82,7 @@ def equilibrium(
     force: float | None,
     deflection: float | None,
 ) -> "Equilibrium":
-    """Return a beam under the load that the options ask for.
-
-    Parameters
-    ----------
-    theory
-        The theory.
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm; the middle when None.
-    force, deflection
-        N and mm: one of them.
-
-    Returns
-    -------
-    Equilibrium
-        The beam, sampled at every place where the stress can be highest.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of force and deflection is given.
-    """
+    """Return a beam under the load that the options ask for."""
     from physics import critical_stations
 
     if (force is None) == (deflection is None):

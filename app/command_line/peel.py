@@ -42,19 +42,7 @@ def peel(
 def report_history(
     history: "History", threshold: float | None, output: Path | None, *, as_json: bool
 ) -> None:
-    """Write a history as CSV where asked for, and print it.
-
-    Parameters
-    ----------
-    history
-        What happened.
-    threshold
-        Stress that the wall bears, MPa, or None.
-    output
-        The CSV file, or None.
-    as_json
-        Whether to print JSON.
-    """
+    """Write a history as CSV where asked for, and print it."""
     import numpy as np
 
     from organ_geometry.whole_file import write_whole

@@ -52,33 +52,7 @@ class BuildProcess:
         progress: Progress,
         wanted: Callable[[], bool],
     ) -> Made:
-        """Have something made, and wait for it.
-
-        Parameters
-        ----------
-        work
-            A function of a module, called with `args` and a progress in the process.
-        *args
-            What can be pickled.
-        progress
-            Called here with what the work tells its own progress.
-        wanted
-            Asked now and then; once it says no, the process is ended.
-
-        Returns
-        -------
-        Made
-            What the work returns.
-
-        Raises
-        ------
-        Abandoned
-            If it was not wanted any more, or this has been stopped.
-        RuntimeError
-            If the process ended by itself, of a lack of memory perhaps.
-        ValueError
-            As the work raises it.
-        """
+        """Have something made, and wait for it."""
         with self._lock:
             if self._stopped.is_set() or not wanted():
                 raise Abandoned

@@ -37,26 +37,7 @@ def edge_picture(
     inside: bool = True,
     seed: tuple[float, float] | None = None,
 ) -> NDArray[np.uint8]:
-    """Return a picture of a section.
-
-    Parameters
-    ----------
-    image
-        (H, W) grey levels, stretched to what a screen shows.
-    section
-        The edges, or None where nothing was found.
-    region
-        Columns and rows that are looked at; what is beyond is dark. None for all.
-    inside
-        Whether the image is one of those that are looked at.
-    seed
-        A pixel that is marked by a cross, column and row, or None.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (h, w, 3) RGB, about `WIDTH` wide but no higher than `HIGHEST`; pixels are square.
-    """
+    """Return a picture of a section."""
     rows, columns = image.shape
     scale = min(WIDTH / columns, HIGHEST / rows)
     size = max(1, round(columns * scale)), max(1, round(rows * scale))

@@ -17,24 +17,7 @@ class UnknownImageError(ValueError):
 
 
 def image_extents(content: bytes) -> list[tuple[int, int]]:
-    """Return the size of each image in a file, as its header states it.
-
-    Parameters
-    ----------
-    content
-        A PNG, JPEG, TIFF or BMP file (PNG 3rd edition, 11.2.1; ITU-T T.81, B.2.2; TIFF 6.0,
-        section 2, and BigTIFF; BITMAPINFOHEADER).
-
-    Returns
-    -------
-    list[tuple[int, int]]
-        (width, height) of each page, px; one, but for a TIFF.
-
-    Raises
-    ------
-    UnknownImageError
-        If it is something else, or its header is broken.
-    """
+    """Return the size of each image in a file, as its header states it."""
     try:
         if content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR":
             return [struct.unpack_from(">II", content, 16)]

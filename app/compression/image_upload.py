@@ -70,33 +70,7 @@ class UploadBounds:
 
 
 def unpack_upload(name: str, content: bytes, folder: Path, bounds: UploadBounds) -> Path:
-    """Write the images that were sent into a folder of their own.
-
-    Parameters
-    ----------
-    name
-        What the file is called; the organ is called like it.
-    content
-        The file: a zip of images, with or without a ``spacing.json``, of a DICOM series or of a
-        volume; a TIFF; or a DICOM, NIfTI, NRRD or MetaImage file.
-    folder
-        An empty folder; nothing is written elsewhere, whatever the file says.
-    bounds
-        The most that may be sent.
-
-    Returns
-    -------
-    Path
-        The folder of the images, or the file, for `read_image_stack`. How many voxels a medical
-        file has is not known yet.
-
-    Raises
-    ------
-    UploadRefusedError
-        If it is none of these, is too large, or a zip that has links, encrypted or damaged files,
-        names that lead elsewhere, or images of several organs; or if a header names voxels that
-        were not sent.
-    """
+    """Write the images that were sent into a folder of their own."""
     if len(content) > bounds.file_bytes:
         raise UploadRefusedError(
             f"the file has {_mib(len(content))} and the most is {_mib(bounds.file_bytes)}: "

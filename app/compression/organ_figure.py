@@ -32,18 +32,7 @@ _WALL, _LUMEN, _OUTER, _KEY, _DRIVING = "#f3e3d3", "#cc79a7", "#4d4d4d", "#0072b
 
 
 def check_figure_target(path: Path) -> None:
-    """Refuse a file that no figure can be written to, before any work is done.
-
-    Parameters
-    ----------
-    path
-        Where the figure shall be.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is no figure's, matplotlib is not installed, or the place cannot be written.
-    """
+    """Refuse a file that no figure can be written to, before any work is done."""
     if path.suffix.lower() not in FIGURE_SUFFIXES:
         raise ValueError(f"a figure must end in {', '.join(FIGURE_SUFFIXES)}, not {path}")
     check_target(path)
@@ -54,24 +43,7 @@ def check_figure_target(path: Path) -> None:
 def draw_organ_figure(
     organ: Organ, edges: list[NDArray[np.float64]], path: Path, *, title: str
 ) -> None:
-    """Draw all sections, the key and driving points, and the kept sections, side by side.
-
-    Parameters
-    ----------
-    organ
-        The decompressed organ.
-    edges
-        Edge points (N, 3) of each section that was found, mm, in space.
-    path
-        The picture to write, PNG, SVG or PDF.
-    title
-        What stands above it.
-
-    Raises
-    ------
-    ValueError
-        If matplotlib is not installed or the file cannot be written.
-    """
+    """Draw all sections, the key and driving points, and the kept sections, side by side."""
     check_figure_target(path)
     from matplotlib.figure import Figure
 

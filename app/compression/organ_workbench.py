@@ -115,18 +115,7 @@ class OpenedStack:
         return self.stack if self.recut else self.whole
 
     def picture(self, index: int) -> NDArray[np.uint8]:
-        """Return an image with its edges, the region and the seed drawn over it.
-
-        Parameters
-        ----------
-        index
-            Number of the shown image, from 0.
-
-        Returns
-        -------
-        NDArray[np.uint8]
-            (h, w, 3) RGB, see `edge_picture`.
-        """
+        """Return an image with its edges, the region and the seed drawn over it."""
         image, section = self.shown.image(index), self.section(index)
         if self.recut:
             return edge_picture(image, section)
@@ -142,35 +131,13 @@ class OpenedStack:
         )
 
     def section(self, index: int) -> TracedSection | None:
-        """Return the edges in an image, in pixels of the region.
-
-        Parameters
-        ----------
-        index
-            Number of the shown image, from 0.
-
-        Returns
-        -------
-        TracedSection | None
-            The edges, or None if there are none.
-        """
+        """Return the edges in an image, in pixels of the region."""
         wanted = index - self._first
         found = () if self.traced is None else self.traced.sections
         return next((section for section in found if section.index == wanted), None)
 
     def problem(self, index: int) -> str | None:
-        """Return why nothing was found in an image.
-
-        Parameters
-        ----------
-        index
-            Number of the shown image, from 0.
-
-        Returns
-        -------
-        str | None
-            The reason; None if an edge was found.
-        """
+        """Return why nothing was found in an image."""
         if self.traced is None:
             return "choose the organ's label"
         if not 0 <= index - self._first < len(self.stack):
@@ -223,53 +190,13 @@ class OrganWorkbench:
         self._lock = threading.Lock()
 
     def open_folder(self, source: Path, progress: Progress | None = None) -> OpenedStack:
-        """Take the images in a folder of this machine.
-
-        Parameters
-        ----------
-        source
-            The folder.
-        progress
-            Called after each image with the number done and the number of images.
-
-        Returns
-        -------
-        OpenedStack
-            The images and their edges.
-
-        Raises
-        ------
-        ValueError
-            If they cannot be read.
-        Abandoned
-            If the workbench is closed meanwhile.
-        """
+        """Take the images in a folder of this machine."""
         opened = self._made(progress, _opened, source, (None, None), OrganChoice(), self._bounds)
         self._take(opened, None)
         return opened
 
     def choose(self, choice: OrganChoice, progress: Progress | None = None) -> OpenedStack:
-        """Find another organ in the images. What was found before stays if this cannot be.
-
-        Parameters
-        ----------
-        choice
-            Which is meant. Of labels without one chosen, a seed takes the label that it is on.
-        progress
-            Called after each image with the number done and the number of images.
-
-        Returns
-        -------
-        OpenedStack
-            The images and their edges.
-
-        Raises
-        ------
-        ValueError
-            If there are no images, or the choice does not fit them.
-        Abandoned
-            If the workbench is closed meanwhile.
-        """
+        """Find another organ in the images. What was found before stays if this cannot be."""
         before = self.opened
         if before is None:
             raise ValueError(_NO_IMAGES)
@@ -294,29 +221,7 @@ class OrganWorkbench:
         slice_mm: float | None = None,
         progress: Progress | None = None,
     ) -> OpenedStack:
-        """Take images that were sent. Those before them stay if these cannot be taken.
-
-        Parameters
-        ----------
-        name, content
-            A zip or a TIFF.
-        pixel_mm, slice_mm
-            Pixel's side and distance of the images; as a ``spacing.json`` says where not given.
-        progress
-            Called after each image with the number done and the number of images.
-
-        Returns
-        -------
-        OpenedStack
-            The images and their edges.
-
-        Raises
-        ------
-        ImageStackError
-            If they cannot be read, in one line and without paths of this machine.
-        Abandoned
-            If the workbench is closed meanwhile.
-        """
+        """Take images that were sent. Those before them stay if these cannot be taken."""
         folder = TemporaryDirectory(prefix="bluntdissect-", ignore_cleanup_errors=True)
         try:
             place = Path(folder.name)
@@ -336,30 +241,7 @@ class OrganWorkbench:
     def build(
         self, tolerance_px: float | None = None, progress: Progress | None = None
     ) -> BuiltOrgan:
-        """Build the organ of the images, with the bytes that `compress` writes for them.
-
-        Parameters
-        ----------
-        tolerance_px
-            Largest RMS distance of a section's edge points to the organ, px; as `build_organ`
-            finds suitable when None.
-        progress
-            Called after each image with the number done and the number of images.
-
-        Returns
-        -------
-        BuiltOrgan
-            The organ.
-
-        Raises
-        ------
-        PromiseRefusedError
-            If the threshold cannot be kept.
-        ValueError
-            If there are no images, or no organ in them.
-        Abandoned
-            If the workbench is closed meanwhile.
-        """
+        """Build the organ of the images, with the bytes that `compress` writes for them."""
         self.built = None
         opened = self.opened
         if opened is None:

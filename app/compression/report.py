@@ -101,13 +101,7 @@ class Facts:
     sections: tuple[SectionReport, ...]
 
     def as_json(self) -> dict[str, object]:
-        """Return the facts as JSON takes them.
-
-        Returns
-        -------
-        dict[str, object]
-            The facts by name; None for what was not found.
-        """
+        """Return the facts as JSON takes them."""
         return {
             **{
                 one.name: getattr(self, one.name)
@@ -125,24 +119,7 @@ class Facts:
 
 
 def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -> Facts:
-    """Return what compressing a stack gave.
-
-    Parameters
-    ----------
-    built
-        The organ.
-    images
-        The images it was found in.
-    stack
-        Where they are.
-    output
-        The organ file, written.
-
-    Returns
-    -------
-    Facts
-        The facts.
-    """
+    """Return what compressing a stack gave."""
     bytes_out = output.stat().st_size
     pixel = images.mean_pixel
     return Facts(
@@ -177,20 +154,7 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
 
 
 def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
-    """Yield the report of one stack.
-
-    Parameters
-    ----------
-    said
-        The facts.
-    every_section
-        Whether every section is listed first.
-
-    Yields
-    ------
-    str
-        The lines.
-    """
+    """Yield the report of one stack."""
     if every_section:
         yield from section_lines(said.sections)
         yield ""
@@ -233,18 +197,7 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
 
 
 def remark_lines(said: Facts) -> Iterator[str]:
-    """Yield what is doubtful about an organ, and what else its user should know.
-
-    Parameters
-    ----------
-    said
-        The facts.
-
-    Yields
-    ------
-    str
-        The lines.
-    """
+    """Yield what is doubtful about an organ, and what else its user should know."""
     if said.doubts:
         yield f"{'doubtful':<10} {DOUBTFUL}; look at it with --figure before it is used:"
     yield from (f"{'doubtful':<10} {doubt}" for doubt in said.doubts)
@@ -252,18 +205,7 @@ def remark_lines(said: Facts) -> Iterator[str]:
 
 
 def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:
-    """Yield the table of all sections.
-
-    Parameters
-    ----------
-    sections
-        One report for each image.
-
-    Yields
-    ------
-    str
-        The lines.
-    """
+    """Yield the table of all sections."""
     yield (
         f"{'section':<24} {'edge points':>11} {'lumen':>5} {'kept':>4} "
         f"{'fit RMS px':>10} {'fit RMS mm':>10} {'in y px':>7} {'in y mm':>7} "
@@ -283,18 +225,7 @@ def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:
 
 
 def summary_lines(every: Sequence[Facts]) -> Iterator[str]:
-    """Yield the table of many stacks, one a line.
-
-    Parameters
-    ----------
-    every
-        What was found for each.
-
-    Yields
-    ------
-    str
-        The lines.
-    """
+    """Yield the table of many stacks, one a line."""
     width = max([len("organ file"), *(len(said.file) for said in every)])
     yield (
         f"{'organ file':<{width}} {'in':>5} {'found':>5} {'kept':>5} {'RMS mm':>8} {'RMS px':>7} "

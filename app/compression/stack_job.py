@@ -77,13 +77,7 @@ class Failed:
     reason: str
 
     def as_json(self) -> dict[str, object]:
-        """Return the failure as JSON takes it.
-
-        Returns
-        -------
-        dict[str, object]
-            The stack and the reason, under "error".
-        """
+        """Return the failure as JSON takes it."""
         return {"stack": str(self.stack), "error": self.reason}
 
 
@@ -105,26 +99,7 @@ def _check_job(job: StackJob) -> None:
 
 
 def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = None) -> Facts:
-    """Build a stack's organ and write its file, and its figure where one is wanted.
-
-    Parameters
-    ----------
-    job
-        The stack.
-    progress
-        Called after each image with the number done and the number of images.
-
-    Returns
-    -------
-    Facts
-        What was found and written.
-
-    Raises
-    ------
-    ValueError
-        If the images cannot be read, show no organ, or a file has another suffix, cannot be
-        written or would be taken for one of them.
-    """
+    """Build a stack's organ and write its file, and its figure where one is wanted."""
     _check_job(job)
     with _unpacked(job.stack) as source:
         images = read_image_stack(source, **job.reading)
@@ -171,32 +146,7 @@ def jobs_into(
     reading: dict[str, Any],
     building: dict[str, Any],
 ) -> list[StackJob]:
-    """Return a job for each stack, with file names that differ.
-
-    A file is called like its stack. Where two are called alike, the folder that a stack is in
-    comes before its name.
-
-    Parameters
-    ----------
-    folder
-        Where the organ files go.
-    stacks
-        Where the images are.
-    figures
-        Where the figures go, or None.
-    recut, reading, building
-        As in a `StackJob`.
-
-    Returns
-    -------
-    list[StackJob]
-        The jobs.
-
-    Raises
-    ------
-    ValueError
-        If a stack is given twice, or two would give the same file.
-    """
+    """Return a job for each stack, with file names that differ."""
     places = [stack.resolve() for stack in stacks]
     for place, stack in zip(places, stacks, strict=True):
         if places.count(place) > 1:
@@ -216,18 +166,7 @@ def jobs_into(
 
 
 def compress_all(jobs: Sequence[StackJob]) -> Iterator[Facts | Failed]:
-    """Compress many stacks, one process a core; one that fails does not stop the others.
-
-    Parameters
-    ----------
-    jobs
-        The stacks.
-
-    Yields
-    ------
-    Facts | Failed
-        What came of each stack, in the order in which they are done.
-    """
+    """Compress many stacks, one process a core; one that fails does not stop the others."""
     workers = min(len(jobs), _cores())
     # A process that starts anew holds no locks of threads that it does not have.
     context = multiprocessing.get_context("spawn")

@@ -41,22 +41,7 @@ class Delivery:
 
     @classmethod
     def of(cls, kind: str, snapshot: Snapshot, files: tuple[Path, ...] = ()) -> "Delivery":
-        """Return what a snapshot's file is.
-
-        Parameters
-        ----------
-        kind
-            What it is, in words.
-        snapshot
-            The snapshot.
-        files
-            The files, where they are known already.
-
-        Returns
-        -------
-        Delivery
-            What was written.
-        """
+        """Return what a snapshot's file is."""
         surfaces = snapshot.surfaces
         return cls(
             kind,

@@ -90,25 +90,7 @@ class Motion:
 
     @classmethod
     def of(cls, name: str, keys: Iterable[MotionKey]) -> "Motion":
-        """Return the motion of a series of keys, a recorded run for example.
-
-        Parameters
-        ----------
-        name
-            What it is called.
-        keys
-            The keys in the order of their times.
-
-        Returns
-        -------
-        Motion
-            The motion.
-
-        Raises
-        ------
-        ValueError
-            If there is no key, or time does not grow.
-        """
+        """Return the motion of a series of keys, a recorded run for example."""
         series = list(keys)
         if not series:
             raise ValueError(f"motion {name!r} has no key")
@@ -126,18 +108,7 @@ class Motion:
 
 
 def check_frames(frames: int) -> None:
-    """Raise if a motion cannot have so many keys.
-
-    Parameters
-    ----------
-    frames
-        Keys of a pull.
-
-    Raises
-    ------
-    ValueError
-        If they are fewer than two or more than a viewer has use for.
-    """
+    """Raise if a motion cannot have so many keys."""
     if not 2 <= frames <= MOST_FRAMES:
         raise ValueError(
             f"frames must be 2 (rest and pulled) to {MOST_FRAMES:,} (half a minute at 60 a "
@@ -148,31 +119,7 @@ def check_frames(frames: int) -> None:
 def pull_motion(
     dissection: Dissection, theory: Theory, *, grasp: float, force: float, frames: int
 ) -> Motion:
-    """Return the motion from rest to a force, in equilibrium all the way.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that bends it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force at the end, N; it grows evenly in time.
-    frames
-        How many keys.
-
-    Returns
-    -------
-    Motion
-        `pull`, of two seconds.
-
-    Raises
-    ------
-    ValueError
-        If there cannot be so many keys, or no equilibrium is found.
-    """
+    """Return the motion from rest to a force, in equilibrium all the way."""
     check_frames(frames)
     pull = Pull(theory, dissection.beam, grasp)
     stations = dissection.beam_stations
@@ -193,28 +140,7 @@ def tear_motion(
     frames: int,
     run_step: float = RUN_STEP,
 ) -> Motion:
-    """Return the motion from rest over the break until both pieces lie still.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that bends it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    event
-        The load at which it breaks.
-    frames
-        How many keys the pull has.
-    run_step
-        Time between keys while the front runs, s.
-
-    Returns
-    -------
-    Motion
-        `tear`: the pull to the break, then the tear's course (`tear_course`).
-    """
+    """Return the motion from rest over the break until both pieces lie still."""
     pull = pull_motion(dissection, theory, grasp=grasp, force=event.force, frames=frames)
     at_break = Pull(theory, dissection.beam, grasp).to_force(event.force, dissection.beam_stations)
     run, settled = tear_course.RUN_SECONDS, tear_course.SETTLED_SECONDS

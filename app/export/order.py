@@ -89,19 +89,7 @@ class Order:
         return break_event(self.theory, self.dissection.beam, self.grasp, self.strength)
 
     def check(self, path: Path) -> None:
-        """Raise if the order cannot be written there: better before long work than after it.
-
-        Parameters
-        ----------
-        path
-            Where to.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is unknown or does not go with the order, there are too few or too many
-            frames, or no file can be written there.
-        """
+        """Raise if the order cannot be written there: better before long work than after it."""
         self._check_kind(path)
         if path.suffix.lower() == ".pvd":
             check_series_path(path)
@@ -129,23 +117,7 @@ class Order:
             )
 
     def write(self, path: Path) -> Delivery:
-        """Write the order to a file, whole or not at all.
-
-        Parameters
-        ----------
-        path
-            The file; its suffix says which kind.
-
-        Returns
-        -------
-        Delivery
-            What was written.
-
-        Raises
-        ------
-        ValueError
-            If the order cannot be carried out, with the reason.
-        """
+        """Write the order to a file, whole or not at all."""
         self.check(path)
         suffix = path.suffix.lower()
         if suffix == ".pvd":
@@ -155,23 +127,7 @@ class Order:
         return replace(delivery, files=(path,))
 
     def content(self, suffix: str) -> bytes:
-        """Return what a file of the order would hold.
-
-        Parameters
-        ----------
-        suffix
-            The kind of file, with its dot.
-
-        Returns
-        -------
-        bytes
-            The content.
-
-        Raises
-        ------
-        ValueError
-            If the order cannot be carried out, with the reason; a series is many files.
-        """
+        """Return what a file of the order would hold."""
         self._check_kind(Path(f"organ{suffix}"))
         if suffix.lower() == ".pvd":
             raise ValueError("a .pvd is a series of files; write it to a folder")
@@ -186,18 +142,7 @@ class Order:
         return self._still(suffix)
 
     def last_force(self) -> float:
-        """Return the force that a motion, a series or a curve goes to.
-
-        Returns
-        -------
-        float
-            The force that is given, else the one at the break, N.
-
-        Raises
-        ------
-        ValueError
-            If it is past the break, or there is neither.
-        """
+        """Return the force that a motion, a series or a curve goes to."""
         if self.force is not None:
             return borne_force(self.dissection, self.break_event, self.force)
         if self.break_event is None:
@@ -208,18 +153,7 @@ class Order:
         return self.break_event.force
 
     def motions(self) -> list[Motion]:
-        """Return the organ's motions.
-
-        Returns
-        -------
-        list[Motion]
-            `pull` to the last force, and `tear` where the organ can break.
-
-        Raises
-        ------
-        ValueError
-            If there is no force to go to, or too few or too many frames.
-        """
+        """Return the organ's motions."""
         dissection, theory, grasp = self.dissection, self.theory, self.grasp
         found = [
             pull_motion(
@@ -256,13 +190,7 @@ class Order:
         )
 
     def pieces(self) -> tuple[TornPiece, TornPiece] | None:
-        """Return the two pieces that the organ tears into.
-
-        Returns
-        -------
-        tuple[TornPiece, TornPiece] | None
-            The pieces; None if it does not break.
-        """
+        """Return the two pieces that the organ tears into."""
         if self.break_event is None:
             return None
         return self.dissection.torn_at(

@@ -42,27 +42,7 @@ class RecordedRun:
 
     @classmethod
     def of(cls, replay: Replay, *, frames: int) -> "RecordedRun":
-        """Return a run as it is made again, from its first tick to its end.
-
-        A run ends with its tear; what the pieces do after it is shown tick by tick.
-
-        Parameters
-        ----------
-        replay
-            The run; it is at its end afterwards.
-        frames
-            Keys up to the end or the tear, evenly in time; a run of fewer ticks has a key for each.
-
-        Returns
-        -------
-        RecordedRun
-            The run.
-
-        Raises
-        ------
-        ValueError
-            If there cannot be so many keys, or the run has no tick.
-        """
+        """Return a run as it is made again, from its first tick to its end."""
         check_frames(frames)
         ticks, session = replay.log.ticks, replay.session
         if not ticks:
@@ -95,41 +75,14 @@ class RecordedRun:
         return self.readings[-1].phase is not Phase.INTACT
 
     def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
-        """Return the two pieces that the duct tore into.
-
-        Parameters
-        ----------
-        edge_length
-            Wanted length of the triangles' edges, mm.
-
-        Returns
-        -------
-        tuple[TornPiece, TornPiece] | None
-            The pieces; None if it did not tear.
-        """
+        """Return the two pieces that the duct tore into."""
         if not self.torn:
             return None
         check = self.readings[-1].check
         return self.dissection.torn_at(check, edge_length=edge_length, seed=self.seed)
 
     def rigged(self, *, edge_length: float) -> bytes:
-        """Return the run as a binary glTF (`rigged_organ`).
-
-        Parameters
-        ----------
-        edge_length
-            Wanted length of the triangles' edges, mm.
-
-        Returns
-        -------
-        bytes
-            The file, with the animation `run`.
-
-        Raises
-        ------
-        ValueError
-            If the edges are too short.
-        """
+        """Return the run as a binary glTF (`rigged_organ`)."""
         organ = self.dissection.organ
         return rigged_organ(
             organ_skin(organ, edge_length=edge_length),

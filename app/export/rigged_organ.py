@@ -88,32 +88,7 @@ def rigged_organ(
     *,
     radius: float,
 ) -> bytes:
-    """Return an organ as a binary glTF that moves.
-
-    Parameters
-    ----------
-    skin
-        The whole organ's skin.
-    driving
-        The driving points.
-    motions
-        What it does, each an animation of its name; one that tears it needs the pieces.
-    pieces
-        The two pieces that it tears into, or None.
-    radius
-        The organ's mean radius, mm: what a rim is shown exactly by.
-
-    Returns
-    -------
-    bytes
-        The file: meshes `organ`, `first_piece` and `second_piece`, metres, y up.
-
-    Raises
-    ------
-    ValueError
-        If a transform is not rigid, a motion needs pieces that are not given, or the skin has more
-        vertices than viewers move.
-    """
+    """Return an organ as a binary glTF that moves."""
     if len(skin.vertices) > MOST_VERTICES:
         raise ValueError(
             f"edge_length gives {len(skin.vertices):,} vertices and viewers move at most "

@@ -14,31 +14,13 @@ __all__ = ["color_map", "stress_colors"]
 
 
 def color_map() -> NDArray[np.uint8]:
-    """Return the map.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (256, 3) sRGB, from no stress to the threshold.
-    """
+    """Return the map."""
     return cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_CIVIDIS)[
         :, 0, ::-1
     ].astype(np.uint8)
 
 
 def stress_colors(distance_to_break: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
-    """Return the colour of a stress.
-
-    Parameters
-    ----------
-    distance_to_break
-        (V,) 1 without stress, which is dark blue, to 0 at the threshold, which is yellow; what
-        is pressed together has the colour of no stress.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (V, 3) sRGB, 0 to 255.
-    """
+    """Return the colour of a stress."""
     place = 255.0 * np.clip(1.0 - distance_to_break, 0.0, 1.0)
     return color_map()[np.rint(place).astype(np.intp)]

@@ -23,28 +23,7 @@ def curve_table(
     frames: int,
     threshold: float,
 ) -> bytes:
-    """Return the force-deflection curve, with the highest stress at each force.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that bends it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The last force, N; the first is none.
-    frames
-        How many rows.
-    threshold
-        Stress at which it tears, MPa.
-
-    Returns
-    -------
-    bytes
-        CSV: force, deflection, the stresses where they are highest, distance to break and station.
-    """
+    """Return the force-deflection curve, with the highest stress at each force."""
     beam = dissection.beam
     stations = critical_stations(beam, grasp)
     pull = Pull(theory, beam, grasp)
@@ -78,27 +57,7 @@ def curve_table(
 def axis_table(
     dissection: Dissection, theory: Theory, *, grasp: float, force: float, threshold: float
 ) -> bytes:
-    """Return the pulled axis, station by station.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that bends it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force, N.
-    threshold
-        Stress at which it tears, MPa.
-
-    Returns
-    -------
-    bytes
-        CSV: station on the beam at rest, place and rotation in the beam's frame, place where the
-        organ's images stand, what the beam carries and its stresses.
-    """
+    """Return the pulled axis, station by station."""
     beam = dissection.beam
     stations = critical_stations(beam, grasp, AXIS_STATIONS)
     pulled = Pull(theory, beam, grasp).to_force(force, stations)

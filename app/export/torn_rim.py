@@ -37,24 +37,7 @@ class RimShapes:
 def rim_shapes(
     piece: TornPiece, bound: BoundSkin, motions: list[Motion], *, tolerance: float
 ) -> RimShapes:
-    """Return the shapes that show a torn rim through motions.
-
-    Parameters
-    ----------
-    piece
-        The piece.
-    bound
-        Its skin, bound to the driving points.
-    motions
-        The motions.
-    tolerance
-        Largest distance from the rim as it is, mm.
-
-    Returns
-    -------
-    RimShapes
-        As few shapes as reach the tolerance.
-    """
+    """Return the shapes that show a torn rim through motions."""
     near = np.flatnonzero(piece.retreat.any(axis=1))
     index, weight = bound.index[near], bound.weight[near, np.newaxis, np.newaxis]
     rows: list[NDArray[np.float64]] = []

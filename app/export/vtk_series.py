@@ -15,18 +15,7 @@ __all__ = ["check_series_path", "snapshot_content", "write_series"]
 
 
 def snapshot_content(snapshot: Snapshot) -> bytes:
-    """Return a snapshot as a VTP file, both pieces of a torn organ in one.
-
-    Parameters
-    ----------
-    snapshot
-        The snapshot.
-
-    Returns
-    -------
-    bytes
-        The file, with `displacement_mm` and the stresses at each vertex.
-    """
+    """Return a snapshot as a VTP file, both pieces of a torn organ in one."""
     surfaces = list(snapshot.surfaces.values())
     before = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     figures = [_figures(surface) for surface in surfaces]
@@ -54,19 +43,7 @@ def _figures(surface: StillSurface) -> dict[str, NDArray[np.float32]]:
 
 
 def check_series_path(path: Path) -> None:
-    """Raise if a series cannot be written there.
-
-    Parameters
-    ----------
-    path
-        Where the .pvd is to be written.
-
-    Raises
-    ------
-    ValueError
-        If its folder is not there, or the folder that its frames go to is there already: frames of
-        an earlier series could not be told from new ones.
-    """
+    """Raise if a series cannot be written there."""
     check_target(path)
     frames = _frames_folder(path)
     if frames.exists() and not path.is_file():
@@ -74,26 +51,7 @@ def check_series_path(path: Path) -> None:
 
 
 def write_series(snapshots: Iterable[Snapshot], path: Path) -> list[Path]:
-    """Write snapshots as a series over the force, whole or not at all.
-
-    Parameters
-    ----------
-    snapshots
-        The snapshots, their forces growing.
-    path
-        The .pvd; the frames go to a folder beside it, which has its name and `_frames`. An earlier
-        series of the same name is replaced.
-
-    Returns
-    -------
-    list[Path]
-        The files that were written, the .pvd first.
-
-    Raises
-    ------
-    ValueError
-        If they cannot be written, with the reason; nothing is left behind.
-    """
+    """Write snapshots as a series over the force, whole or not at all."""
     check_series_path(path)
     folder = _frames_folder(path)
     fresh = folder.with_name(f".{folder.name}.part")

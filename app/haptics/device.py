@@ -110,30 +110,11 @@ class Device(Protocol):
     limits: DeviceLimits
 
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
-        """Give a force and fill in the state that the device is in.
-
-        Parameters
-        ----------
-        force
-            (3,) N: right, forward and up.
-        state
-            Filled, if there is a new one.
-
-        Returns
-        -------
-        bool
-            Whether there is a new one; `DeviceError` says that there will be none any more.
-        """
+        """Give a force and fill in the state that the device is in."""
         ...
 
     def trouble(self) -> str | None:
-        """Return what has been wrong since this was last asked, in one line; None if nothing.
-
-        Returns
-        -------
-        str | None
-            The line.
-        """
+        """Return what has been wrong since this was last asked, in one line; None if nothing."""
         ...
 
     def close(self) -> None:
@@ -142,36 +123,12 @@ class Device(Protocol):
 
 
 def device_names() -> list[str]:
-    """Return the devices that are installed.
-
-    Returns
-    -------
-    list[str]
-        Names.
-    """
+    """Return the devices that are installed."""
     return sorted({entry.name for entry in importlib.metadata.entry_points(group=GROUP)})
 
 
 def open_device(name: str, options: DeviceOptions) -> Device:
-    """Return an open device.
-
-    Parameters
-    ----------
-    name
-        One of `device_names`.
-    options
-        What it is opened with.
-
-    Returns
-    -------
-    Device
-        The device.
-
-    Raises
-    ------
-    DeviceError
-        If there is none of that name, or it cannot be opened.
-    """
+    """Return an open device."""
     for entry in importlib.metadata.entry_points(group=GROUP):
         if entry.name == name:
             opener = cast("Callable[[DeviceOptions], Device]", entry.load())

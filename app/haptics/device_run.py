@@ -82,18 +82,7 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
         )
 
     def unpacked(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Return places and bits.
-
-        Returns
-        -------
-        tuple[NDArray[np.int64], NDArray[np.uint8]]
-            (N, H, 3) in `PLACE_UNIT`, and (N, H).
-
-        Raises
-        ------
-        ValueError
-            If the inputs are not those of so many periods.
-        """
+        """Return places and bits."""
         try:
             content = zlib.decompress(base64.b64decode(self.inputs, validate=True))
         except (zlib.error, binascii.Error) as error:
@@ -134,17 +123,7 @@ class Recorder:
         return self._digest.hexdigest()
 
     def keep(self, units: NDArray[np.int64], inputs: list[int], given: NDArray[np.float64]) -> None:
-        """Keep a period.
-
-        Parameters
-        ----------
-        units
-            (H, 3) places.
-        inputs
-            (H,) bits.
-        given
-            (H, 3) the forces that they came to, N.
-        """
+        """Keep a period."""
         place = self._count % CHUNK
         if place == 0:
             self._chunks.append(
@@ -159,13 +138,7 @@ class Recorder:
         self._count += 1
 
     def packed(self) -> str:
-        """Return the inputs for a `DeviceRun`.
-
-        Returns
-        -------
-        str
-            Base64.
-        """
+        """Return the inputs for a `DeviceRun`."""
         table = np.zeros((4, self._hands, self._count), "<i4")
         if not self._count:
             return base64.b64encode(zlib.compress(table.tobytes(), 9)).decode()
@@ -179,23 +152,7 @@ class Recorder:
 
 
 def read_device_run(content: bytes) -> DeviceRun:
-    """Return the run in a file.
-
-    Parameters
-    ----------
-    content
-        JSON.
-
-    Returns
-    -------
-    DeviceRun
-        The run.
-
-    Raises
-    ------
-    ValueError
-        If it is none, or of another version.
-    """
+    """Return the run in a file."""
     try:
         run = msgspec.json.decode(content, type=DeviceRun)
     except msgspec.MsgspecError as error:

@@ -20,23 +20,7 @@ STIFFEST = 5.0
 
 
 def passive_coupling(damping: float, rate: int) -> float:
-    """Return the stiffest coupling that a device can show at a rate without giving energy.
-
-    A spring K sampled with the period T is passive on a device with the friction b while
-    b > K T / 2 (Colgate and Schenkel 1997, J. Robotic Systems 14:37).
-
-    Parameters
-    ----------
-    damping
-        b, N s/m.
-    rate
-        1/T, Hz.
-
-    Returns
-    -------
-    float
-        2 b/T, at most `STIFFEST`, N/mm.
-    """
+    """Return the stiffest coupling that a device can show at a rate without giving energy."""
     return min(2e-3 * damping * rate, STIFFEST)
 
 
@@ -76,31 +60,7 @@ class DuctChoice:
         grasp: float | None = None,
         second: float | None = None,
     ) -> "DuctChoice":
-        """Return a choice.
-
-        Parameters
-        ----------
-        preset
-            The preset.
-        organ
-            The organ, for a preset with the organ's own sections.
-        theory
-            The theory.
-        grasp
-            Where the first hook is, mm from the first clamp; the middle when None.
-        second
-            Where a second one is, mm; none when None.
-
-        Returns
-        -------
-        DuctChoice
-            The choice.
-
-        Raises
-        ------
-        ValueError
-            If the preset needs an organ and there is none, or brings a beam and there is one.
-        """
+        """Return a choice."""
         if isinstance(preset.beam, RoundBeam):
             if organ is not None:
                 raise ValueError(f"preset {preset.name} brings its own beam; leave out --organ")
@@ -116,18 +76,7 @@ class DuctChoice:
         return cls(preset, beam, organ, theory, grasps, preset.threshold(theory, beam))
 
     def felt(self, coupling: float) -> FeltDuct:
-        """Return what is felt.
-
-        Parameters
-        ----------
-        coupling
-            Stiffness of the virtual coupling, N/mm.
-
-        Returns
-        -------
-        FeltDuct
-            The duct at rest.
-        """
+        """Return what is felt."""
         return FeltDuct(
             self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
         )
@@ -141,20 +90,7 @@ class DuctChoice:
         coupling: float,
         assist: float,
     ) -> DeviceRun:
-        """Return what was recorded, as a file has it.
-
-        Parameters
-        ----------
-        recorder
-            What the loop was given.
-        settings, limits, coupling, assist
-            How it ran.
-
-        Returns
-        -------
-        DeviceRun
-            The run.
-        """
+        """Return what was recorded, as a file has it."""
         return DeviceRun(
             preset=self.preset.name,
             organ_sha256=None if self.organ is None else OrganIdentity.of(self.organ).sha256,
@@ -177,20 +113,7 @@ class DuctChoice:
 
 
 def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorder]:
-    """Make a run again, period by period.
-
-    Parameters
-    ----------
-    run
-        The run.
-    choice
-        The duct that it was on.
-
-    Returns
-    -------
-    tuple[ServoLoop, Recorder]
-        The loop at its end, and what it was given: the digests of the forces can be compared.
-    """
+    """Make a run again, period by period."""
     places, bits = run.unpacked()
     hands = places.shape[1]
     model = choice.felt(run.coupling_N_per_mm)

@@ -61,15 +61,7 @@ class FeltModel(Protocol):
     torn: bool
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
-        """Advance by one period.
-
-        Parameters
-        ----------
-        hands
-            (H, 3) where the hands are, less where their hooks are at rest, mm.
-        held
-            (H,) which of them hold the duct.
-        """
+        """Advance by one period."""
         ...
 
 
@@ -163,15 +155,7 @@ class FeltDuct:
             self._solver.rest()
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
-        """Find the equilibrium with the hands where they are; see `FeltModel`.
-
-        Parameters
-        ----------
-        hands
-            (H, 3) mm; along the clamps and sideways the hooks slide.
-        held
-            (H,) which of them hold the duct.
-        """
+        """Find the equilibrium with the hands where they are; see `FeltModel`."""
         self._steps += 1
         heights = self._heights
         for hook in range(len(heights)):
@@ -243,16 +227,5 @@ class FeltDuct:
         return check_rupture(solver.sample(self._critical), self.threshold).broken
 
     def solved_force(self, deflection: float) -> float:
-        """Return the theory's force at a place, solved from rest and without the coupling.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the only hook, mm.
-
-        Returns
-        -------
-        float
-            Force, N.
-        """
+        """Return the theory's force at a place, solved from rest and without the coupling."""
         return self.theory.force(self.beam, self.grasps[0], deflection)

@@ -14,18 +14,7 @@ __all__ = ["felt_run", "least_limits"]
 
 
 def least_limits(devices: Sequence[Device]) -> DeviceLimits:
-    """Return the bounds that keep every device within its own.
-
-    Parameters
-    ----------
-    devices
-        One or more.
-
-    Returns
-    -------
-    DeviceLimits
-        The least of each bound.
-    """
+    """Return the bounds that keep every device within its own."""
     limits = [device.limits for device in devices]
     return DeviceLimits(
         min(each.force for each in limits),
@@ -47,37 +36,7 @@ def felt_run(
     seconds: float | None = None,
     scheduling: str = ORDINARY,
 ) -> tuple[ServoReport, DeviceRun]:
-    """Open devices and let them feel a duct until the time is over or somebody stops it.
-
-    Parameters
-    ----------
-    choice
-        The duct.
-    opened
-        Names of the devices and what they are opened with, one for each hook from the first.
-    settings
-        How the loop runs.
-    stopped
-        Why it shall end, or None.
-    coupling
-        Stiffness of the virtual coupling, N/mm; `passive_coupling` when None.
-    assist
-        How far a second hook without a device is led, mm.
-    seconds
-        For how long; None for ever.
-    scheduling
-        How this process is scheduled.
-
-    Returns
-    -------
-    tuple[ServoReport, DeviceRun]
-        What was done, and what it is made again from.
-
-    Raises
-    ------
-    DeviceError
-        If a device cannot be opened.
-    """
+    """Open devices and let them feel a duct until the time is over or somebody stops it."""
     devices: list[Device] = []
     try:
         for name, options in opened:

@@ -46,20 +46,7 @@ class ForceDimensionDevice:
         dhd.enableForce(True)
 
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
-        """Give a force and read the state; see `Device`.
-
-        Parameters
-        ----------
-        force
-            (3,) N.
-        state
-            Filled if the device answers.
-
-        Returns
-        -------
-        bool
-            Whether it does.
-        """
+        """Give a force and read the state; see `Device`."""
         dhd = self._dhd
         right, forward, up = force.tolist()
         given = dhd.setForce([-forward, right, up])
@@ -72,13 +59,7 @@ class ForceDimensionDevice:
         return True
 
     def trouble(self) -> str | None:
-        """Return what the SDK said last; see `Device`.
-
-        Returns
-        -------
-        str | None
-            The line.
-        """
+        """Return what the SDK said last; see `Device`."""
         line, self._trouble = self._trouble, None
         return line
 
@@ -89,23 +70,7 @@ class ForceDimensionDevice:
 
 
 def open_force_dimension(options: DeviceOptions) -> ForceDimensionDevice:
-    """Return the first device that Force Dimension's SDK finds.
-
-    Parameters
-    ----------
-    options
-        None of them is of use here.
-
-    Returns
-    -------
-    ForceDimensionDevice
-        The device.
-
-    Raises
-    ------
-    DeviceError
-        If the bindings, the SDK or a device is missing.
-    """
+    """Return the first device that Force Dimension's SDK finds."""
     del options
     try:
         dhd = importlib.import_module("forcedimension_core.dhd")

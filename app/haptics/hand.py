@@ -118,23 +118,7 @@ class HandScript(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_hand(path: Path) -> HandScript:
-    """Return the hand in a TOML file.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    HandScript
-        The hand.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read, or something in it is not a hand's.
-    """
+    """Return the hand in a TOML file."""
     try:
         return msgspec.toml.decode(path.read_bytes(), type=HandScript)
     except OSError as error:

@@ -93,25 +93,7 @@ class HaplyDevice:
         self.limits = LIMITS
 
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
-        """Send a force and wait for the state that answers it; see `Device`.
-
-        Parameters
-        ----------
-        force
-            (3,) N.
-        state
-            Filled if a state came in time.
-
-        Returns
-        -------
-        bool
-            Whether one did.
-
-        Raises
-        ------
-        DeviceError
-            If the service has gone.
-        """
+        """Send a force and wait for the state that answers it; see `Device`."""
         now = time.perf_counter()
         # A service that is behind is not sent more, but for a sign of life now and then.
         if not self._sent or now - self._sent[-1] > STALE_SECONDS:
@@ -134,13 +116,7 @@ class HaplyDevice:
                 return False
 
     def trouble(self) -> str | None:
-        """Return what was wrong last; see `Device`.
-
-        Returns
-        -------
-        str | None
-            The line.
-        """
+        """Return what was wrong last; see `Device`."""
         line, self._trouble = self._trouble, None
         return line
 
@@ -268,16 +244,5 @@ class HaplyDevice:
 
 
 def open_haply(options: DeviceOptions) -> HaplyDevice:
-    """Return the first Inverse3 of a service.
-
-    Parameters
-    ----------
-    options
-        The service's address and the period.
-
-    Returns
-    -------
-    HaplyDevice
-        The device.
-    """
+    """Return the first Inverse3 of a service."""
     return HaplyDevice(options)

@@ -140,22 +140,7 @@ class InverseConfig(Struct):
 
     @classmethod
     def simulated(cls, device_id: str, version: Version, preset: str) -> "InverseConfig":
-        """Return the config of a device that is none of metal.
-
-        Parameters
-        ----------
-        device_id
-            Its name.
-        version
-            Of the messages.
-        preset
-            Of the workspace.
-
-        Returns
-        -------
-        InverseConfig
-            The config.
-        """
+        """Return the config of a device that is none of metal."""
         config = cls(port="simulated", extended_device_id=device_id)
         config.device_info.id = device_id
         if version == "3.1":
@@ -189,20 +174,7 @@ class InverseState(Struct):
     mode: str | UnsetType = UNSET
 
     def driven(self, force: Vector, place: Vector | None, acting: Vector) -> "InverseState":
-        """Return the state as version 3.5 has it.
-
-        Parameters
-        ----------
-        force, place
-            What is commanded, N or m.
-        acting
-            Force of the motors, N.
-
-        Returns
-        -------
-        InverseState
-            The state with all its fields but `mode`.
-        """
+        """Return the state as version 3.5 has it."""
         idle = force == Vector() and place is None
         mode = "position" if place is not None else "force"
         return InverseState(
@@ -258,18 +230,7 @@ class GripState(Struct):
 
     @classmethod
     def with_pressed(cls, bits: int) -> "GripState":
-        """Return the state of a grip that lies still with some buttons pressed.
-
-        Parameters
-        ----------
-        bits
-            As `pressed`.
-
-        Returns
-        -------
-        GripState
-            The state.
-        """
+        """Return the state of a grip that lies still with some buttons pressed."""
         return cls(buttons=_Buttons(bool(bits & 1), bool(bits & 2), bool(bits & 4)))
 
 
@@ -291,13 +252,7 @@ class Grip(Struct):
     status: _GripStatus | UnsetType = UNSET
 
     def introduced(self) -> "Grip":
-        """Return it as the inventory has it.
-
-        Returns
-        -------
-        Grip
-            The same with its config.
-        """
+        """Return it as the inventory has it."""
         return Grip(self.device_id, _GripConfig(), self.state, self.status)
 
 
@@ -390,24 +345,7 @@ class ClientMessage(Struct):
     def of_force(
         cls, device_id: str, force: Vector, version: Version, *, profile: str | None = None
     ) -> "ClientMessage":
-        """Return the message that gives one Inverse3 a force.
-
-        Parameters
-        ----------
-        device_id
-            Which one.
-        force
-            Force, N.
-        version
-            Of the messages.
-        profile
-            Name by which the session is registered, in its first message only.
-
-        Returns
-        -------
-        ClientMessage
-            The message.
-        """
+        """Return the message that gives one Inverse3 a force."""
         command = ForceCommand(values=force) if version == "3.1" else ForceCommand(vector=force)
         session = UNSET
         if profile is not None:
@@ -420,23 +358,7 @@ _client = msgspec.json.Decoder(ClientMessage)
 
 
 def read_service_message(content: bytes | str) -> ServiceMessage:
-    """Return an inventory or a state.
-
-    Parameters
-    ----------
-    content
-        JSON.
-
-    Returns
-    -------
-    ServiceMessage
-        The message.
-
-    Raises
-    ------
-    ProtocolError
-        If it is none, or a cursor's place or speed is no number.
-    """
+    """Return an inventory or a state."""
     try:
         message = _service.decode(content)
     except msgspec.MsgspecError as error:
@@ -453,23 +375,7 @@ def read_service_message(content: bytes | str) -> ServiceMessage:
 
 
 def read_client_message(content: bytes | str) -> ClientMessage:
-    """Return what a client wants.
-
-    Parameters
-    ----------
-    content
-        JSON.
-
-    Returns
-    -------
-    ClientMessage
-        The message.
-
-    Raises
-    ------
-    ProtocolError
-        If it is none, or a force or place in it is no number.
-    """
+    """Return what a client wants."""
     try:
         message = _client.decode(content)
     except msgspec.MsgspecError as error:

@@ -50,23 +50,7 @@ SILENT = logging.Logger("bluntdissect.haptics", logging.CRITICAL + 1)
 
 
 def websocket_address(address: str) -> tuple[str, int]:
-    """Return host and port of an address like ws://127.0.0.1:10001.
-
-    Parameters
-    ----------
-    address
-        The address.
-
-    Returns
-    -------
-    tuple[str, int]
-        Host and port.
-
-    Raises
-    ------
-    ValueError
-        If it is another kind of address.
-    """
+    """Return host and port of an address like ws://127.0.0.1:10001."""
     parts = urlsplit(address)
     try:
         port = parts.port
@@ -107,40 +91,11 @@ class VirtualService:
         self._origin[:], self._preset = 0.0, "defaults"
 
     def inventory(self, session: int) -> bytes:
-        """Return the message with which a connection begins.
-
-        Parameters
-        ----------
-        session
-            Number of the session.
-
-        Returns
-        -------
-        bytes
-            JSON.
-        """
+        """Return the message with which a connection begins."""
         return self._encoder.encode(self._message(session, introduced=True))
 
     def answer(self, content: bytes | str, session: int) -> bytes:
-        """Return the one state that answers a message, after having done what it says.
-
-        Parameters
-        ----------
-        content
-            What has come.
-        session
-            Number of the session.
-
-        Returns
-        -------
-        bytes
-            JSON.
-
-        Raises
-        ------
-        ProtocolError
-            If it was no message. The device has then no force; the state is still due.
-        """
+        """Return the one state that answers a message, after having done what it says."""
         try:
             message = read_client_message(content)
         except ProtocolError:
@@ -152,18 +107,7 @@ class VirtualService:
         return self._encoder.encode(self._message(session, introduced=introduced))
 
     def state(self, session: int) -> bytes:
-        """Return the present state.
-
-        Parameters
-        ----------
-        session
-            Number of the session.
-
-        Returns
-        -------
-        bytes
-            JSON.
-        """
+        """Return the present state."""
         return self._encoder.encode(self._message(session, introduced=False))
 
     def leave(self) -> None:
@@ -236,13 +180,7 @@ class VirtualService:
         return ServiceMessage(UNSET if old else session, [inverse], [grip])
 
     def devices(self) -> bytes:
-        """Return the answer to GET /devices.
-
-        Returns
-        -------
-        bytes
-            JSON.
-        """
+        """Return the answer to GET /devices."""
         message = msgspec.to_builtins(self._message(0, introduced=True))
         message.pop("session_id", None)
         return self._encoder.encode({**message, "verse_grip": []})
@@ -269,18 +207,7 @@ class HaplyServer:
         self._sessions = self._open = 0
 
     async def start(self, host: str, port: int) -> Server:
-        """Serve.
-
-        Parameters
-        ----------
-        host, port
-            Where.
-
-        Returns
-        -------
-        Server
-            The server, which closes as a context.
-        """
+        """Serve."""
         return await serve(
             self._attend,
             host,
@@ -292,15 +219,7 @@ class HaplyServer:
         )
 
     def run(self, host: str, port: int, ready: Callable[[int], None]) -> None:
-        """Serve until the process is told to end.
-
-        Parameters
-        ----------
-        host, port
-            Where; port 0 takes a free one.
-        ready
-            Told the port once it is open.
-        """
+        """Serve until the process is told to end."""
 
         async def forever() -> None:
             async with await self.start(host, port) as server:

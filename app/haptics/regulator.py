@@ -147,13 +147,7 @@ class Regulator:
         self.regulate(still, still, 0.0, 0.0, False)  # compiled before it is felt
 
     def start(self, places: NDArray[np.float64]) -> None:
-        """Begin where the hands are.
-
-        Parameters
-        ----------
-        places
-            (H, 3) m.
-        """
+        """Begin where the hands are."""
         self._memory[0] = places
 
     def regulate(
@@ -164,21 +158,7 @@ class Regulator:
         energy: float,
         live: bool,
     ) -> None:
-        """Find the forces for the next period.
-
-        Parameters
-        ----------
-        places
-            (H, 3) where the devices are, m.
-        model
-            (H, 3) forces of the model on the hands, N.
-        modelled
-            Work of the hands on the model since the last time, N mm of the hands.
-        energy
-            What the model has stored and spent, N mm of the hands.
-        live
-            Whether a force may be given: not while states are missing or a clutch is pressed.
-        """
+        """Find the forces for the next period."""
         _regulate(
             places, model, modelled, energy, live,
             self._memory, self.given, self.books, self._figures,

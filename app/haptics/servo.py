@@ -36,13 +36,7 @@ MOST_CHECKS = 2000
 
 
 def real_time() -> str:
-    """Ask that other processes wait for this one, which sleeps most of the time.
-
-    Returns
-    -------
-    str
-        How this process is scheduled: asking takes a privilege that few users have.
-    """
+    """Ask that other processes wait for this one, which sleeps most of the time."""
     with contextlib.suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
         return "before other processes (SCHED_FIFO)"
@@ -97,22 +91,7 @@ class Servo:
         stopped: Callable[[], str | None],
         watched: Callable[[], None] | None = None,
     ) -> ServoReport:
-        """Run until the time is over or somebody stops it; then there is no force.
-
-        Parameters
-        ----------
-        seconds
-            For how long; None for ever.
-        stopped
-            Asked each period; why it shall end, or None.
-        watched
-            Called after each period, for who shows what happens.
-
-        Returns
-        -------
-        ServoReport
-            What was done.
-        """
+        """Run until the time is over or somebody stops it; then there is no force."""
         collected = gc.isenabled()
         gc.collect()
         gc.freeze()
@@ -218,18 +197,7 @@ class Servo:
                 self._checks.append((float(model.hooks[0, 2]), float(model.forces[0, 2])))
 
     def report(self, ended: str) -> ServoReport:
-        """Return what was done.
-
-        Parameters
-        ----------
-        ended
-            Why it ended.
-
-        Returns
-        -------
-        ServoReport
-            The report.
-        """
+        """Return what was done."""
         loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
         scale = loop.settings.scale
         assist, held = loop.assist_work / scale, (model.stored + model.spent) / scale

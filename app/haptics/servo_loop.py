@@ -162,13 +162,7 @@ class ServoLoop:
         self.feel(model)
 
     def feel(self, model: FeltModel) -> None:
-        """Begin anew, on a model at rest: where the hands are next is where their hooks rest.
-
-        Parameters
-        ----------
-        model
-            What is felt from now on.
-        """
+        """Begin anew, on a model at rest: where the hands are next is where their hooks rest."""
         hands, hooks, limits = self.hands, len(model.forces), self._limits
         self.model = model
         self.regulator = Regulator(
@@ -193,28 +187,12 @@ class ServoLoop:
         self._begun = False
 
     def assist(self, hook: int, height: float) -> None:
-        """Lead a hook that no device leads.
-
-        Parameters
-        ----------
-        hook
-            Which one.
-        height
-            Where it is led, mm along the pull from its rest; 0 lets go.
-        """
+        """Lead a hook that no device leads."""
         self.hooks_led[hook, 2] = height
         self._held[hook] = height > 0.0
 
     def step(self, units: NDArray[np.int64], inputs: list[int]) -> None:
-        """Go one period on.
-
-        Parameters
-        ----------
-        units
-            (H, 3) where the devices are, in `PLACE_UNIT`.
-        inputs
-            (H,) bits of each hand.
-        """
+        """Go one period on."""
         places = self._places
         if not self._begun:
             places[:] = units * PLACE_UNIT

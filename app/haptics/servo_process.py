@@ -121,31 +121,14 @@ class ServoProcess:
         self.device = said[1]
 
     def feel(self, setting: FeltSetting | None) -> int:
-        """Have another duct felt, at rest; where the hand is then is where its hook rests.
-
-        Parameters
-        ----------
-        setting
-            The duct; None for none, without a force.
-
-        Returns
-        -------
-        int
-            The generation of its snapshots.
-        """
+        """Have another duct felt, at rest; where the hand is then is where its hook rests."""
         self._generation, self.unfelt = self._generation + 1, None
         with suppress(OSError):
             self._pipe.send((self._generation, setting))
         return self._generation
 
     def snapshot(self) -> HookSnapshot:
-        """Return where the hook is now.
-
-        Returns
-        -------
-        HookSnapshot
-            The last whole snapshot.
-        """
+        """Return where the hook is now."""
         row = self._row
         while True:
             before = row[NUMBER]

@@ -33,25 +33,13 @@ class TimeHistogram:
         self._largest = 0.0
 
     def add(self, seconds: float) -> None:
-        """Count a time.
-
-        Parameters
-        ----------
-        seconds
-            s.
-        """
+        """Count a time."""
         place = int(1e6 * seconds)
         self._counts[min(max(place, 0), BINS - 1)] += 1
         self._largest = max(self._largest, 1e6 * seconds)
 
     def percentiles(self) -> Percentiles:
-        """Return the percentiles so far.
-
-        Returns
-        -------
-        Percentiles
-            All zero when nothing was counted.
-        """
+        """Return the percentiles so far."""
         total: NDArray[np.int64] = np.cumsum(self._counts)
         count = int(total[-1])
         if not count:
@@ -178,13 +166,7 @@ class ServoReport(Struct, frozen=True):
     forces_sha256: str
 
     def lines(self) -> list[tuple[str, str]]:
-        """Return the report in words.
-
-        Returns
-        -------
-        list[tuple[str, str]]
-            Names and figures.
-        """
+        """Return the report in words."""
 
         def times(of: Percentiles) -> str:
             return (

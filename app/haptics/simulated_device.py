@@ -143,15 +143,7 @@ class SimulatedDevice:
         self._force = np.zeros(3)
 
     def advance(self, steps: int, force: NDArray[np.float64]) -> None:
-        """Let time pass.
-
-        Parameters
-        ----------
-        steps
-            How many `STEP`.
-        force
-            (3,) force that arrives at the device meanwhile, N.
-        """
+        """Let time pass."""
         limit = self.script.device.force_limit_N
         size = math.sqrt(float(force @ force))
         self._force[:] = force if size <= limit else force * (limit / size)

@@ -55,16 +55,5 @@ class VirtualDevice:
 
 
 def open_virtual(options: DeviceOptions) -> VirtualDevice:
-    """Return a simulated device.
-
-    Parameters
-    ----------
-    options
-        The hand and the period.
-
-    Returns
-    -------
-    VirtualDevice
-        The device.
-    """
+    """Return a simulated device."""
     return VirtualDevice(options)

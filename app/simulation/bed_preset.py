@@ -63,24 +63,7 @@ class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         from_mm: float | None = None,
         to_mm: float | None = None,
     ) -> Bed:
-        """Return this bed under a beam.
-
-        Parameters
-        ----------
-        beam
-            The beam; its mean radius tells how much surface the bed holds.
-        seed
-            Of what is scattered.
-        strands
-            How many; as many for each mm as usual when None.
-        from_mm, to_mm
-            Where it lies, mm from the first end; under the whole beam when None.
-
-        Returns
-        -------
-        Bed
-            The bed.
-        """
+        """Return this bed under a beam."""
         a = 0.0 if from_mm is None else from_mm
         b = beam.span if to_mm is None else to_mm
         around = math.radians(self.around_deg)
@@ -126,23 +109,7 @@ def bed_presets() -> dict[str, BedPreset]:
 
 
 def bed_named(name: str) -> BedPreset:
-    """Return the bed of that name.
-
-    Parameters
-    ----------
-    name
-        One of `bed_presets`.
-
-    Returns
-    -------
-    BedPreset
-        The bed.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
+    """Return the bed of that name."""
     if name not in bed_presets():
         raise ValueError(f"unknown bed {name!r}; there are: {', '.join(bed_presets())}")
     return bed_presets()[name]
@@ -151,23 +118,7 @@ def bed_named(name: str) -> BedPreset:
 def beam_in_space(
     dissection: Dissection, *, elements: int, nodes_at: Sequence[float] = ()
 ) -> SpaceBeam:
-    """Return the beam in space that stands for a duct: as it lies where it has its own sections.
-
-    Parameters
-    ----------
-    dissection
-        The duct between its clamps.
-    elements
-        How many elements.
-    nodes_at
-        Where hooks take hold, mm from the first clamp.
-
-    Returns
-    -------
-    SpaceBeam
-        A straight round bar for a preset of one; else along the organ's axis, in the frame of the
-        pull, with its sections' areas and second moments about both axes.
-    """
+    """Return the beam in space that stands for a duct: as it lies where it has its own sections."""
     beam, preset = dissection.beam, dissection.preset
     if isinstance(preset.beam, RoundBeam):
         return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)

@@ -62,29 +62,7 @@ class Dissection:
 
     @classmethod
     def of(cls, organ: Organ, preset: Preset) -> "Dissection":
-        """Return the dissection of an organ with a preset.
-
-        A round beam clamps the middle of the organ over its span, or from where it says; a beam of
-        the organ's own sections clamps it at its ends, or where it says.
-
-        Parameters
-        ----------
-        organ
-            The organ.
-        preset
-            The preset.
-
-        Returns
-        -------
-        Dissection
-            The dissection.
-
-        Raises
-        ------
-        ValueError
-            If the organ is shorter than the preset's span or does not reach its clamps, or a wall
-            is thicker than the organ.
-        """
+        """Return the dissection of an organ with a preset."""
         clamps = _clamps(organ, preset)
         frame = pull_frame(organ, clamps)
         if isinstance(preset.beam, RoundBeam):
@@ -102,18 +80,7 @@ class Dissection:
         return isinstance(self.preset.beam, OrganBeam)
 
     def section(self, theory: Theory) -> str:
-        """Return which section a theory solves, in words.
-
-        Parameters
-        ----------
-        theory
-            The theory.
-
-        Returns
-        -------
-        str
-            The section and the mm between the clamps, for reports and the panel.
-        """
+        """Return which section a theory solves, in words."""
         kind, beam = self.preset.beam, self.beam
         drawn = "hollow" if self.organ.hollow else "full"
         if isinstance(kind, RoundBeam):
@@ -143,68 +110,23 @@ class Dissection:
     def sections_at(
         self, stations: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> SectionProperties:
-        """Return the organ's sections, with the preset's wall if it has one.
-
-        Parameters
-        ----------
-        stations
-            (S,) distances from the first clamp, mm.
-        direction
-            (3,) direction of the pull.
-
-        Returns
-        -------
-        SectionProperties
-            Areas, second moments and fibre distances.
-        """
+        """Return the organ's sections, with the preset's wall if it has one."""
         kind = self.preset.beam
         wall = kind.wall_mm if isinstance(kind, OrganBeam) else None
         return _sections(self.organ, self.clamps[0] + stations, direction, wall)
 
     def axis_point(self, station: float) -> NDArray[np.float64]:
-        """Return a point of the axis at rest.
-
-        Parameters
-        ----------
-        station
-            Distance from the first clamp, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (3,) the point, mm.
-        """
+        """Return a point of the axis at rest."""
         return self.organ.axis_at(np.array([self.clamps[0] + station]))[0]
 
     def rest_transforms(self) -> NDArray[np.float64]:
-        """Return the transforms of the driving points at rest.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (D, 3, 4) zeros (`DrivingPoints.transforms`).
-        """
+        """Return the transforms of the driving points at rest."""
         return np.zeros((self.driving.stations.size, 3, 4))
 
     def move(
         self, pulled: Equilibrium, out: NDArray[np.float64], *, part: float = 1.0
     ) -> NDArray[np.float64]:
-        """Write the transforms of the driving points that follow a pulled beam.
-
-        Parameters
-        ----------
-        pulled
-            The beam, sampled at `beam_stations`.
-        out
-            (D, 3, 4) receives the transforms.
-        part
-            Part of the displacement and rotation to show: 1 the pulled beam, 0 rest.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            `out`.
-        """
+        """Write the transforms of the driving points that follow a pulled beam."""
         return self.driving.transforms(
             part * (pulled.along - pulled.stations),
             part * pulled.across,
@@ -216,22 +138,7 @@ class Dissection:
     def torn_at(
         self, check: RuptureCheck, *, edge_length: float, seed: int = 1
     ) -> tuple[TornPiece, TornPiece]:
-        """Return the two pieces that the organ tears into.
-
-        Parameters
-        ----------
-        check
-            Where it tears, and on which side first.
-        edge_length
-            Wanted length of the triangles' edges, mm.
-        seed
-            Chooses the rim's raggedness.
-
-        Returns
-        -------
-        tuple[TornPiece, TornPiece]
-            The piece in the first clamp and the one in the second.
-        """
+        """Return the two pieces that the organ tears into."""
         return torn_pieces(
             self.organ,
             min(self.clamps[0] + check.station, self.clamps[1]),
@@ -292,19 +199,7 @@ def holds(organ: Organ, length: float) -> bool:
 
 
 def default_preset(organ: Organ) -> Preset:
-    """Return the preset that an organ gets when nobody chooses one.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Returns
-    -------
-    Preset
-        For the shipped duct, which is drawn to the thesis's measures, the thesis's; for every
-        other organ its own sections, of an assumed material.
-    """
+    """Return the preset that an organ gets when nobody chooses one."""
     shipped = bool(organ.encoded) and organ.encoded == _shipped()
     return preset_named(THESIS_PRESET if shipped else ASSUMED_PRESET)
 
@@ -318,30 +213,7 @@ def _shipped() -> bytes:
 def _organ_beam(
     organ: Organ, preset: Preset, clamps: tuple[float, float], pull: NDArray[np.float64]
 ) -> VaryingBeam:
-    """Return the beam of an organ's own sections between two clamps.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    preset
-        The material, and the wall if it is not as the images show it.
-    clamps
-        Arc lengths of the clamps, mm.
-    pull
-        (3,) direction of the pull.
-
-    Returns
-    -------
-    VaryingBeam
-        The beam. For theories of one section it has the key section, or the one at a clamp, with
-        the smallest second moment over fibre distance, which bending stresses most.
-
-    Raises
-    ------
-    ValueError
-        If the preset's wall is thicker than the organ.
-    """
+    """Return the beam of an organ's own sections between two clamps."""
     assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
     span, wall = clamps[1] - clamps[0], preset.beam.wall_mm
     keys = organ.key_stations
@@ -391,21 +263,7 @@ def _sections(
 
 
 def pull_frame(organ: Organ, clamps: tuple[float, float]) -> NDArray[np.float64]:
-    """Return the frame that a clamped organ is pulled in.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    clamps
-        Arc lengths of the clamps, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3, 3) columns: from clamp to clamp, lateral, and along the pull, which is the images'
-        up at the middle as far as it is across the organ.
-    """
+    """Return the frame that a clamped organ is pulled in."""
     middle = 0.5 * (clamps[0] + clamps[1])
     first, last = organ.axis_at(np.array(clamps))
     along: NDArray[np.float64] = (last - first) / np.linalg.norm(last - first)

@@ -52,13 +52,7 @@ class DrawnDuct:
         return self._transforms
 
     def follow(self, dissection: Dissection) -> None:
-        """Show the whole organ, moved by a dissection's driving points from now on.
-
-        Parameters
-        ----------
-        dissection
-            The dissection.
-        """
+        """Show the whole organ, moved by a dissection's driving points from now on."""
         self._dissection = dissection
         self._bound = self.skin.bound_to(dissection.driving)
         self._transforms = dissection.rest_transforms()
@@ -69,25 +63,13 @@ class DrawnDuct:
         self.show((Surface("skin", self.skin, self.skin.vertices.copy()),))
 
     def show(self, surfaces: tuple[Surface, ...]) -> None:
-        """Show other surfaces.
-
-        Parameters
-        ----------
-        surfaces
-            The surfaces.
-        """
+        """Show other surfaces."""
         self.surfaces = surfaces
         self._stress = None
         self.shape += 1
 
     def draw(self, pulled: PulledDuct) -> None:
-        """Write the surfaces' vertices as the duct is now.
-
-        Parameters
-        ----------
-        pulled
-            The duct.
-        """
+        """Write the surfaces' vertices as the duct is now."""
         if pulled.tear is not None:
             pulled.tear.draw(self._transforms)
             return
@@ -97,22 +79,7 @@ class DrawnDuct:
     def write_stress(
         self, pulled: PulledDuct, surface: int, out: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Write the stress at each vertex of a surface.
-
-        Parameters
-        ----------
-        pulled
-            The duct.
-        surface
-            Which of `surfaces`.
-        out
-            (V,) receives the stress, MPa.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            `out`.
-        """
+        """Write the stress at each vertex of a surface."""
         if self._stress is None:
             self._stress = tuple(
                 SurfaceStress(self._dissection, each.skin) for each in self.surfaces

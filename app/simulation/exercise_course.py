@@ -26,18 +26,7 @@ REACTION_SECONDS = 0.25
 
 
 def exercises_for(duct: GraspedDuct) -> tuple[Exercise, ...]:
-    """Return the exercises for a duct.
-
-    Parameters
-    ----------
-    duct
-        The duct, its grasp and its threshold.
-
-    Returns
-    -------
-    tuple[Exercise, ...]
-        Hold a stretch, approach the break and dissect gently; none for a duct that cannot break.
-    """
+    """Return the exercises for a duct."""
     event = duct.breaks_at
     working, most = (duct.loaded_to(1.0 / each) for each in (WORKING_SAFETY, LEAST_SAFETY))
     if event is None or working is None or most is None:
@@ -72,20 +61,7 @@ def exercises_for(duct: GraspedDuct) -> tuple[Exercise, ...]:
 
 
 def goal_band(exercise: Exercise, duct: GraspedDuct) -> tuple[float, float] | None:
-    """Return the deflections between which an exercise's goal lies.
-
-    Parameters
-    ----------
-    exercise
-        The exercise.
-    duct
-        The duct as it is held: the margin to a break is elsewhere for each grasp.
-
-    Returns
-    -------
-    tuple[float, float] | None
-        Of the grasp, mm; None for an exercise without such a goal.
-    """
+    """Return the deflections between which an exercise's goal lies."""
     event = duct.breaks_at
     if not isinstance(exercise, ApproachBreak) or event is None:
         return exercise.band

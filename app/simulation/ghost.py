@@ -68,15 +68,7 @@ class Ghost:
         return self._axis
 
     def follow(self, grasp: float, load: Load) -> None:
-        """Bear the session's load.
-
-        Parameters
-        ----------
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        load
-            The session's load.
-        """
+        """Bear the session's load."""
         if self._duct is None or self._duct.grasp != grasp:
             self._duct = GraspedDuct(self.model, grasp, self.model.threshold)
         try:
@@ -97,18 +89,7 @@ class Ghost:
         np.add(positions, moved + np.outer(driven.across, frame[:, 2]), out=self._axis)
 
     def reading(self, force: float, deflection: float) -> GhostReading | None:
-        """Return what the ghost says beside the session.
-
-        Parameters
-        ----------
-        force, deflection
-            The session's own, N and mm.
-
-        Returns
-        -------
-        GhostReading | None
-            The reading; None where the ghost's theory ends before the load.
-        """
+        """Return what the ghost says beside the session."""
         if self._duct is None or self._ends:
             return None
         pulled = self._duct.pulled

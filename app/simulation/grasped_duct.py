@@ -83,29 +83,14 @@ class GraspedDuct:
         self.bear(Load("force", 0.0))
 
     def renewed(self) -> "GraspedDuct":
-        """Return the same duct at rest, as if it had never been pulled.
-
-        Returns
-        -------
-        GraspedDuct
-            The duct; where it breaks is not sought again.
-        """
+        """Return the same duct at rest, as if it had never been pulled."""
         duct = GraspedDuct(self.model, self.grasp, self.threshold)
         if "breaks_at" in self.__dict__:
             duct.__dict__["breaks_at"] = self.breaks_at
         return duct
 
     def bear(self, load: Load) -> None:
-        """Find the equilibrium under a load.
-
-        Where the theory ends before the load, `NoEquilibrium` is raised and the last
-        equilibrium kept.
-
-        Parameters
-        ----------
-        load
-            The load.
-        """
+        """Find the equilibrium under a load."""
         if load.kind == "force":
             pulled = self._pull.to_force(load.amount, self.stations)
         else:
@@ -120,18 +105,7 @@ class GraspedDuct:
         return self.loaded_to(1.0)
 
     def loaded_to(self, part: float) -> BreakEvent | None:
-        """Return the load under which the highest stress is a part of the threshold.
-
-        Parameters
-        ----------
-        part
-            The stress, in thresholds.
-
-        Returns
-        -------
-        BreakEvent | None
-            The load; None if the theory does not come so far.
-        """
+        """Return the load under which the highest stress is a part of the threshold."""
         beam = self.model.dissection.beam
         return break_event(self.model.theory, beam, self.grasp, part * self.threshold)
 
@@ -144,52 +118,19 @@ class GraspedDuct:
         return PAST_BREAK * event.deflection
 
     def hook(self, part: float = 1.0) -> tuple[float, float, float]:
-        """Return where the axis at the grasp is.
-
-        Parameters
-        ----------
-        part
-            Part of the displacement to show.
-
-        Returns
-        -------
-        tuple[float, float, float]
-            mm from the first clamp along the clamps, sideways and along the pull.
-        """
+        """Return where the axis at the grasp is."""
         x, y, z = self._rest
         slide = float(self.pulled.along[self._grasped]) - self.grasp
         return x + part * slide, y, z + part * self.pulled.deflection
 
     def across(self, station: float) -> float:
-        """Return how far the axis is pulled at a station.
-
-        Parameters
-        ----------
-        station
-            Distance from the first clamp, mm.
-
-        Returns
-        -------
-        float
-            Displacement along the pull, mm; that of the grasp at the grasp.
-        """
+        """Return how far the axis is pulled at a station."""
         if station == self.grasp:
             return self.pulled.deflection
         return float(np.interp(station, self.driven.stations, self.driven.across))
 
     def station_at(self, place: NDArray[np.float64]) -> float:
-        """Return where along the duct a place in space is.
-
-        Parameters
-        ----------
-        place
-            (3,) mm from the first clamp along the clamps, sideways and along the pull.
-
-        Returns
-        -------
-        float
-            Station of the nearest point of the pulled axis, mm from the first clamp.
-        """
+        """Return where along the duct a place in space is."""
         dissection, driven = self.model.dissection, self.driven
         positions = dissection.driving.positions
         axis = (positions - dissection.axis_point(0.0)) @ dissection.frame
@@ -206,20 +147,7 @@ class GraspedDuct:
     def curve(
         self, count: int, *, deepest: float = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the theory's force-deflection curve, past the break and past a deflection.
-
-        Parameters
-        ----------
-        count
-            Number of points.
-        deepest
-            A deflection that the curve shall pass, mm.
-
-        Returns
-        -------
-        tuple[NDArray[np.float64], NDArray[np.float64]]
-            (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
-        """
+        """Return the theory's force-deflection curve, past the break and past a deflection."""
         last = max(self.deflection_limit, PAST_BREAK * deepest)
         deflections = np.linspace(0.0, last, count)
         pull = Pull(self.model.theory, self.model.dissection.beam, self.grasp)

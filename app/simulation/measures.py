@@ -194,23 +194,7 @@ class MeasureTaker:
         deflection: float = 0.0,
         came_from: Place | None = None,
     ) -> None:
-        """Take one tick.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-        hook
-            Where the axis at the grasp is, mm.
-        distance_to_break
-            1 at rest, 0 at the threshold.
-        held
-            Whether the grasper holds the duct.
-        deflection
-            Displacement of the grasp, mm.
-        came_from
-            Where a hold that starts with this tick took the duct, mm; `hook` when None.
-        """
+        """Take one tick."""
         self.ticks += 1
         size = abs(force)
         if size > 0.0:
@@ -243,13 +227,7 @@ class MeasureTaker:
         self._held = 0
 
     def tear(self, event: BreakEvent) -> None:
-        """Take what broke, at the present tick.
-
-        Parameters
-        ----------
-        event
-            The load at the break and the criterion there.
-        """
+        """Take what broke, at the present tick."""
         check = event.check
         self._tear = TearMeasures(
             criterion="normal stress + bending stress > threshold",
@@ -264,13 +242,7 @@ class MeasureTaker:
         )
 
     def measures(self) -> Measures:
-        """Return the measures so far.
-
-        Returns
-        -------
-        Measures
-            The measures.
-        """
+        """Return the measures so far."""
         loaded = self._loaded > 0
         return Measures(
             time_s=self.seconds,

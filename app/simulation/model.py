@@ -42,20 +42,7 @@ class Model:
 
     @classmethod
     def of(cls, dissection: Dissection, theory: Theory) -> Self:
-        """Return the model of a dissection by a theory.
-
-        Parameters
-        ----------
-        dissection
-            The organ between its clamps.
-        theory
-            The theory.
-
-        Returns
-        -------
-        Self
-            The model; as `NoEquilibrium` it is refused if the theory ends before the break.
-        """
+        """Return the model of a dissection by a theory."""
         beam = dissection.beam
         threshold = dissection.preset.threshold(theory, beam)
         middle = 0.5 * beam.span

@@ -331,18 +331,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rod: list[RodTable] = []
 
     def played(self) -> tuple[History, SpaceBeam]:
-        """Move the hands along their paths.
-
-        Returns
-        -------
-        tuple[History, SpaceBeam]
-            What happened, and the beam at rest.
-
-        Raises
-        ------
-        ValueError
-            If something in it is wrong; `NoEquilibrium`, which is one, if a step has none.
-        """
+        """Move the hands along their paths."""
         hands = [each.made() for each in self.hand]
         if not hands and not self.rod:
             raise ValueError("a scene needs a [[hand]] or a [[rod]]")
@@ -363,23 +352,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_scene(path: Path) -> PeelScene:
-    """Return the scene in a file.
-
-    Parameters
-    ----------
-    path
-        A TOML file.
-
-    Returns
-    -------
-    PeelScene
-        The scene.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a file; it says where.
-    """
+    """Return the scene in a file."""
     try:
         return msgspec.toml.decode(path.read_bytes(), type=PeelScene)
     except msgspec.MsgspecError as error:

@@ -153,18 +153,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return presets().get(self.name) == self
 
     def round_beam(self) -> Beam:
-        """Return the beam of a preset that brings its own.
-
-        Returns
-        -------
-        Beam
-            The round bar or tube.
-
-        Raises
-        ------
-        ValueError
-            If the preset takes the organ's own sections.
-        """
+        """Return the beam of a preset that brings its own."""
         if not isinstance(self.beam, RoundBeam):
             raise ValueError(f"preset {self.name} needs an organ: its beam is the organ's own")
         return Beam.round(
@@ -176,21 +165,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
     def threshold(self, theory: Theory, beam: Beam) -> float:
-        """Return the stress at which the duct tears in a theory.
-
-        Parameters
-        ----------
-        theory
-            The theory that reads the stresses.
-        beam
-            The beam.
-
-        Returns
-        -------
-        float
-            Threshold T, MPa: the strength as it is given, or what the theory reads at the known
-            break.
-        """
+        """Return the stress at which the duct tears in a theory."""
         if self.break_stress_MPa is not None:
             return self.break_stress_MPa
         assert self.break_force_N is not None  # noqa: S101 (checked when it was made)

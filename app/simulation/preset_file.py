@@ -29,26 +29,7 @@ def preset_toml(preset: Preset) -> bytes:
 
 
 def read_preset(content: bytes, name: str) -> Preset:
-    """Return the preset in a file.
-
-    Parameters
-    ----------
-    content
-        The file's bytes.
-    name
-        What the file is called, for the message.
-
-    Returns
-    -------
-    Preset
-        The preset.
-
-    Raises
-    ------
-    ValueError
-        If it is no TOML with one preset, or a number in it is missing, of the wrong kind or out of
-        its limits.
-    """
+    """Return the preset in a file."""
     if len(content) > MOST_BYTES:
         raise ValueError(f"{name} is no preset: it has more than {MOST_BYTES:,} bytes")
     try:
@@ -62,23 +43,7 @@ def read_preset(content: bytes, name: str) -> Preset:
 
 
 def chosen_preset(text: str) -> Preset:
-    """Return the preset that somebody names: one that ships, or a file's.
-
-    Parameters
-    ----------
-    text
-        The name of a preset or the path of a preset file.
-
-    Returns
-    -------
-    Preset
-        The preset.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name, or the file cannot be read or is no preset.
-    """
+    """Return the preset that somebody names: one that ships, or a file's."""
     if text in presets():
         return preset_named(text)
     if Path(text).suffix.lower() != SUFFIX:

@@ -90,18 +90,7 @@ class PullControl:
         return False
 
     def pull_with(self, force: float) -> bool:
-        """Go to a force.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        bool
-            Whether this is another wish than before; no pull at all is none on a free duct.
-        """
+        """Go to a force."""
         if self.mode == "free" and force == 0.0:
             return False
         if self.mode == "force" and force == self.force_wanted:
@@ -112,56 +101,27 @@ class PullControl:
         return True
 
     def grab(self, deflection: float) -> None:
-        """Take the duct by hand, where it is.
-
-        Parameters
-        ----------
-        deflection
-            How far it is pulled there, mm.
-        """
+        """Take the duct by hand, where it is."""
         self.mode, self.speed = "hand", 0.0
         self.force = max(self.force, 0.0)
         self.deflection = self.deflection_wanted = deflection
 
     def regrasp(self, deflection: float) -> None:
-        """Hold another place: the force stays, a displacement is the duct's at that place.
-
-        Parameters
-        ----------
-        deflection
-            How far the duct is pulled there, mm.
-        """
+        """Hold another place: the force stays, a displacement is the duct's at that place."""
         if self.mode == "hand":
             self.grab(max(0.0, deflection))
         elif self.mode == "free":
             self.deflection, self.speed = deflection, 0.0
 
     def lead_to(self, deflection: float) -> bool:
-        """Lead the grasp to a deflection.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        bool
-            Whether this is another wish than before; none unless a hand holds the duct.
-        """
+        """Lead the grasp to a deflection."""
         if self.mode != "hand" or deflection == self.deflection_wanted:
             return False
         self.deflection_wanted = deflection
         return True
 
     def let_go(self) -> bool:
-        """Let the duct spring back.
-
-        Returns
-        -------
-        bool
-            Whether anybody held it.
-        """
+        """Let the duct spring back."""
         if not self.holds and self.force_wanted == 0.0:
             return False
         self.mode, self.force_wanted = "free", 0.0
@@ -170,18 +130,7 @@ class PullControl:
         return True
 
     def advance(self, force_per_second: float) -> Load:
-        """Advance by one tick.
-
-        Parameters
-        ----------
-        force_per_second
-            How fast a force grows or falls, N/s.
-
-        Returns
-        -------
-        Load
-            What is imposed now.
-        """
+        """Advance by one tick."""
         if self.mode == "force":
             most = force_per_second * TICK_SECONDS
             self.force += min(max(self.force_wanted - self.force, -most), most)
@@ -192,30 +141,14 @@ class PullControl:
         return self.load
 
     def felt(self, force: float, deflection: float) -> None:
-        """Take what the beam answers with.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force in equilibrium, N.
-        deflection
-            Displacement of the grasp, mm.
-        """
+        """Take what the beam answers with."""
         if self.mode == "force":
             self.deflection = deflection
         else:
             self.force = force
 
     def stop_at(self, force: float, deflection: float) -> None:
-        """Stay where the duct was last in equilibrium, and wish for nothing more.
-
-        Parameters
-        ----------
-        force
-            The force there, N.
-        deflection
-            The deflection there, mm.
-        """
+        """Stay where the duct was last in equilibrium, and wish for nothing more."""
         self.force, self.deflection, self.speed = force, deflection, 0.0
         if self.mode == "free":
             self.mode, self.force, self.force_wanted = "force", 0.0, 0.0
@@ -225,13 +158,7 @@ class PullControl:
             self.force_wanted = force
 
     def ease(self) -> Load:
-        """Give way to a load that no theory carries.
-
-        Returns
-        -------
-        Load
-            A smaller one, where the grasper now stays.
-        """
+        """Give way to a load that no theory carries."""
         self.stop_at(0.9 * self.force, 0.9 * self.deflection)
         return self.load
 

@@ -82,66 +82,22 @@ class PulledDuct:
         return self._stale or not self.control.at_rest or self._wishes_pending
 
     def takes(self, figure: float) -> bool:
-        """Return whether a number can be a wish now.
-
-        Parameters
-        ----------
-        figure
-            The number.
-
-        Returns
-        -------
-        bool
-            Whether it is finite and the duct whole.
-        """
+        """Return whether a number can be a wish now."""
         return self.tear is None and math.isfinite(figure)
 
     def ask_force(self, force: float) -> float | None:
-        """Ask for a force; the pull grows or falls to it.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        float | None
-            The wish, N.
-        """
+        """Ask for a force; the pull grows or falls to it."""
         wanted = min(max(float(force), 0.0), self.model.force_limit)
         return wanted if self.control.pull_with(wanted) else None
 
     def grab(self, station: float) -> float:
-        """Take the duct by hand, as far out as it is there.
-
-        Parameters
-        ----------
-        station
-            Distance from the first clamp, mm.
-
-        Returns
-        -------
-        float
-            The place, mm.
-        """
+        """Take the duct by hand, as far out as it is there."""
         self.grasp_wanted = _within(station, self.grasp_range)
         self.control.grab(max(0.0, self.grasped.across(self.grasp_wanted)))
         return self.grasp_wanted
 
     def lead_to(self, deflection: float) -> float | None:
-        """Lead the hand that holds the duct.
-
-        Parameters
-        ----------
-        deflection
-            Wanted displacement of the grasp along the pull, mm.
-
-        Returns
-        -------
-        float | None
-            The wish, mm.
-        """
+        """Lead the hand that holds the duct."""
         wanted = _within(deflection, (0.0, self.grasped.deflection_limit))
         return wanted if self.control.lead_to(wanted) else None
 
@@ -166,18 +122,7 @@ class PulledDuct:
         return wanted
 
     def ask_threshold(self, threshold: float) -> float | None:
-        """Ask for another stress at which the duct tears.
-
-        Parameters
-        ----------
-        threshold
-            Normal plus bending stress, MPa.
-
-        Returns
-        -------
-        float | None
-            The wish, MPa.
-        """
+        """Ask for another stress at which the duct tears."""
         wanted, before = _within(threshold, self.threshold_range), self.threshold_wanted
         self.threshold_wanted = wanted
         return None if wanted == before else wanted
@@ -199,13 +144,7 @@ class PulledDuct:
         self._refresh()
 
     def reset(self) -> bool:
-        """Let go of the duct and make it whole.
-
-        Returns
-        -------
-        bool
-            Whether it was torn.
-        """
+        """Let go of the duct and make it whole."""
         torn, self.tear = self.tear is not None, None
         self.control, self.deepest = PullControl(), 0.0
         self._stale = True
@@ -227,13 +166,7 @@ class PulledDuct:
         self._stale = True
 
     def tick(self) -> bool:
-        """Advance by one tick.
-
-        Returns
-        -------
-        bool
-            Whether anything has changed.
-        """
+        """Advance by one tick."""
         if self.tear is None:
             return self._pull()
         if self.tear.settled:
@@ -244,13 +177,7 @@ class PulledDuct:
         return True
 
     def reading(self) -> Reading:
-        """Return what the instruments show now.
-
-        Returns
-        -------
-        Reading
-            The reading.
-        """
+        """Return what the instruments show now."""
         tear, control, duct = self.tear, self.control, self.grasped
         phase, shown = Phase.INTACT, 1.0
         force, breaks_at = control.grip_force, duct.breaks_at

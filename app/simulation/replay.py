@@ -127,23 +127,11 @@ class Replay:
         return self.log.ticks + (AFTER_TEAR if self._tore else 0)
 
     def seek(self, seconds: float) -> None:
-        """Go to a moment; an earlier one is reached from the start.
-
-        Parameters
-        ----------
-        seconds
-            s from the first pull; the nearest tick of the run is taken.
-        """
+        """Go to a moment; an earlier one is reached from the start."""
         self.seek_tick(round(min(max(seconds, 0.0), 1e9) * TICKS_PER_SECOND))
 
     def seek_tick(self, tick: int) -> None:
-        """Go to a tick.
-
-        Parameters
-        ----------
-        tick
-            Ticks from the first pull; a later one than the last is the last.
-        """
+        """Go to a tick."""
         if tick < self._at:
             self._restart()
         while self._at < min(tick, self.log.ticks):
@@ -162,24 +150,12 @@ class Replay:
                 self._at += rest
 
     def run_file(self) -> RunFile:
-        """Return the run as it has come out here, made to its end.
-
-        Returns
-        -------
-        RunFile
-            The same log, with the measures and the outcome of this replay.
-        """
+        """Return the run as it has come out here, made to its end."""
         self.seek_tick(self.log.ticks)
         return RunFile.of(self.log, self._session.measures(), self._session.run.outcome)
 
     def series(self) -> Series:
-        """Return what the instruments showed, tick by tick; the replay is then at its end.
-
-        Returns
-        -------
-        Series
-            One row a tick of the run.
-        """
+        """Return what the instruments showed, tick by tick; the replay is then at its end."""
         self._restart()
         rows = np.empty((self.log.ticks, 7))
         held = np.empty(self.log.ticks, dtype=np.bool_)
@@ -242,36 +218,12 @@ class Replay:
 
 
 def replayed(run: RunFile, organ: Organ) -> RunFile:
-    """Return a run as it comes out when it is made again.
-
-    Parameters
-    ----------
-    run
-        The run.
-    organ
-        The organ that it was made on.
-
-    Returns
-    -------
-    RunFile
-        The same log with the measures found now; a `RunFileError` says if that cannot be.
-    """
+    """Return a run as it comes out when it is made again."""
     return Replay(run.log, organ, vertices=300).run_file()
 
 
 def loading_rates(series: Series) -> NDArray[np.float64]:
-    """Return the rate of loading at each tick, as the measure of that name takes it.
-
-    Parameters
-    ----------
-    series
-        A run.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (T,) N/s over the last `RATE_SECONDS` of a hold; 0 while nobody holds the duct.
-    """
+    """Return the rate of loading at each tick, as the measure of that name takes it."""
     force, held = np.abs(series.force), series.held
     ticks = np.arange(len(force))
     # The first tick of the hold that a tick belongs to; a regrasp goes on with the same hold here.
@@ -281,18 +233,7 @@ def loading_rates(series: Series) -> NDArray[np.float64]:
 
 
 def series_csv(series: Series) -> str:
-    """Return a series as comma-separated values, its numbers to the last bit.
-
-    Parameters
-    ----------
-    series
-        The series.
-
-    Returns
-    -------
-    str
-        A line of names with units, then one line a tick.
-    """
+    """Return a series as comma-separated values, its numbers to the last bit."""
     lines = [Series.HEADER]
     for tick, phase in enumerate(series.phase):
         numbers = (

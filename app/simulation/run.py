@@ -145,25 +145,11 @@ class Run:
         return feedback_visible(self.feedback, self.seconds, over=self._over)
 
     def start(self, point: StartingPoint) -> None:
-        """Start the clock, with the first pull.
-
-        Parameters
-        ----------
-        point
-            What it starts from.
-        """
+        """Start the clock, with the first pull."""
         self._start = point
 
     def note(self, kind: InputKind, value: float | Theory | None = None) -> None:
-        """Note an input; nothing before the start and once it is over.
-
-        Parameters
-        ----------
-        kind
-            What was asked for.
-        value
-            Its number, or the theory.
-        """
+        """Note an input; nothing before the start and once it is over."""
         if not self.going:
             return
         number, ticks = KINDS.index(kind), self.ticks
@@ -196,23 +182,7 @@ class Run:
         held: bool,
         torn: BreakEvent | None,
     ) -> None:
-        """Take one tick; nothing before the start and once it is over.
-
-        Parameters
-        ----------
-        force, deflection
-            N and mm at the grasp.
-        hook
-            The axis at the grasp, mm.
-        distance_to_break
-            1 at rest, 0 at the break.
-        came_from
-            Where the axis at the grasp was before this tick, mm.
-        held
-            Whether the grasper holds the duct.
-        torn
-            The break, at the tick at which the duct tears.
-        """
+        """Take one tick; nothing before the start and once it is over."""
         if not self.going:
             return
         taker = self._taker
@@ -237,35 +207,11 @@ class Run:
         self._over = True
 
     def measures(self) -> Measures:
-        """Return the measures so far.
-
-        Returns
-        -------
-        Measures
-            The measures.
-        """
+        """Return the measures so far."""
         return self._taker.measures()
 
     def log(self, organ: OrganIdentity, seed: int) -> RunLog:
-        """Return the log so far.
-
-        Parameters
-        ----------
-        organ
-            The organ.
-        seed
-            The session's seed.
-
-        Returns
-        -------
-        RunLog
-            The log.
-
-        Raises
-        ------
-        ValueError
-            If nothing has been pulled yet or a theory has no name.
-        """
+        """Return the log so far."""
         start = self._start
         if start is None:
             raise ValueError("a run starts with the first pull; there has been none")

@@ -68,18 +68,7 @@ class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, organ: Organ) -> "OrganIdentity":
-        """Return an organ's identity.
-
-        Parameters
-        ----------
-        organ
-            The organ.
-
-        Returns
-        -------
-        OrganIdentity
-            The same for equal geometry, whatever the organ is called.
-        """
+        """Return an organ's identity."""
         digest = hashlib.sha256()
         for array in (organ.axis, organ.frames, organ.keys, organ.outer, organ.lumen):
             if array is not None:
@@ -190,34 +179,11 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, log: RunLog, measures: Measures, outcome: Outcome | None) -> "RunFile":
-        """Return a file of this version.
-
-        Parameters
-        ----------
-        log, measures, outcome
-            Its content.
-
-        Returns
-        -------
-        RunFile
-            The file.
-        """
+        """Return a file of this version."""
         return cls(FORMAT, VERSION, log, measures, outcome)
 
     def agrees_with(self, found: "RunFile") -> bool:
-        """Return whether a run made again has come out as this file says, to the bit.
-
-        Parameters
-        ----------
-        found
-            The run as it came out.
-
-        Returns
-        -------
-        bool
-            Whether outcome and measures are the same: of a file of version 1 those that it has,
-            but for a smoothness that is not said any more (docs/measures.md).
-        """
+        """Return whether a run made again has come out as this file says, to the bit."""
         measures = self.measures
         if self.version < VERSION:
             now = found.measures
@@ -231,13 +197,7 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what a run is computed with.
-
-    Returns
-    -------
-    dict[str, str]
-        By name.
-    """
+    """Return the versions of what a run is computed with."""
     found = {"python": platform.python_version()}
     for name in ("bluntdissect", "numpy", "numba"):
         try:
@@ -248,40 +208,12 @@ def versions() -> dict[str, str]:
 
 
 def run_json(run: RunFile) -> bytes:
-    """Return a run as JSON, its numbers to the last bit.
-
-    Parameters
-    ----------
-    run
-        The run.
-
-    Returns
-    -------
-    bytes
-        UTF-8.
-    """
+    """Return a run as JSON, its numbers to the last bit."""
     return msgspec.json.encode(run)
 
 
 def read_run(content: bytes) -> RunFile:
-    """Return the run in a JSON file, checked.
-
-    Parameters
-    ----------
-    content
-        The file's bytes.
-
-    Returns
-    -------
-    RunFile
-        The run.
-
-    Raises
-    ------
-    RunFileError
-        If it is no run, one of another version or tick, too long, or has an input out of order or
-        of the wrong kind.
-    """
+    """Return the run in a JSON file, checked."""
     if len(content) > MOST_BYTES:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     try:

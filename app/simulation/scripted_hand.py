@@ -56,20 +56,7 @@ CLUMSY = Manner(1.2, 0.1, ((0.2, 0.7), (0.15, 1.9)), 4.0)
 
 
 def do_exercise(session: Session, manner: Manner) -> None:
-    """Do the exercise that was started, until it is over.
-
-    Parameters
-    ----------
-    session
-        Its session; an exercise waits in it that has a goal's band.
-    manner
-        How the hand moves.
-
-    Raises
-    ------
-    ValueError
-        If there is no such exercise.
-    """
+    """Do the exercise that was started, until it is over."""
     run, band = session.run, session.goal
     if run.exercise is None or band is None:
         raise ValueError("a scripted hand does an exercise with a band of deflections")

@@ -35,34 +35,12 @@ class Session(ChosenSession):
     """
 
     def step(self, seconds: float) -> bool:
-        """Advance the duct by as many ticks as real time asks for, and draw it.
-
-        Parameters
-        ----------
-        seconds
-            Real time since the last step, s.
-
-        Returns
-        -------
-        bool
-            Whether anything has changed since the last step, or is about to.
-        """
+        """Advance the duct by as many ticks as real time asks for, and draw it."""
         with self._lock:
             return self.advance(self._clock.ticks(seconds)) or self._pulled.moving
 
     def advance(self, ticks: int = 1) -> bool:
-        """Advance the duct by a number of ticks, and draw it as it is then.
-
-        Parameters
-        ----------
-        ticks
-            How many.
-
-        Returns
-        -------
-        bool
-            Whether anything has changed.
-        """
+        """Advance the duct by a number of ticks, and draw it as it is then."""
         with self._lock:
             changed = False
             for _ in range(ticks):
@@ -74,24 +52,12 @@ class Session(ChosenSession):
             return changed
 
     def reading(self) -> Reading:
-        """Return what the instruments show now.
-
-        Returns
-        -------
-        Reading
-            The reading.
-        """
+        """Return what the instruments show now."""
         with self._lock:
             return self._pulled.reading()
 
     def ghost_reading(self) -> GhostReading | None:
-        """Return what the ghost's theory says beside this one.
-
-        Returns
-        -------
-        GhostReading | None
-            The reading; None without a ghost, and where its theory ends before the load.
-        """
+        """Return what the ghost's theory says beside this one."""
         with self._lock:
             if self.ghost is None:
                 return None
@@ -99,89 +65,33 @@ class Session(ChosenSession):
             return self.ghost.reading(control.grip_force, grasped.pulled.deflection)
 
     def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
-        """Write the stress along the organ at each vertex of a surface.
-
-        Normal plus bending stress by the beam; on the pieces of a tear what they carry until the
-        front has crossed.
-
-        Parameters
-        ----------
-        out
-            (V,) receives the stress, MPa.
-        surface
-            Which of `surfaces`.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            `out`.
-        """
+        """Write the stress along the organ at each vertex of a surface."""
         with self._lock:
             return self._drawn.write_stress(self._pulled, surface, out)
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the chosen theory's force-deflection curve, past the break and past this pull.
-
-        Parameters
-        ----------
-        count
-            Number of points.
-
-        Returns
-        -------
-        tuple[NDArray[np.float64], NDArray[np.float64]]
-            (count,) deflections, mm, and (count,) forces, N; fewer where the theory ends.
-        """
+        """Return the chosen theory's force-deflection curve, past the break and past this pull."""
         with self._lock:
             duct, deepest = self._pulled.grasped, self._pulled.deepest
         return duct.curve(count, deepest=deepest)
 
     def measures(self) -> Measures:
-        """Return the measures of this run so far.
-
-        Returns
-        -------
-        Measures
-            The measures.
-        """
+        """Return the measures of this run so far."""
         with self._lock:
             return self._run.measures()
 
     def run_file(self) -> RunFile:
-        """Return this run so far, to keep, download and replay.
-
-        Returns
-        -------
-        RunFile
-            The run, its measures and its outcome; a `ValueError` says if nothing was pulled yet.
-        """
+        """Return this run so far, to keep, download and replay."""
         with self._lock:
             return self._file(self._run)
 
     def last_run_file(self) -> RunFile | None:
-        """Return the run before this one: a reset does not take its result away.
-
-        Returns
-        -------
-        RunFile | None
-            The run; None if there was none.
-        """
+        """Return the run before this one: a reset does not take its result away."""
         with self._lock:
             return None if self._last_run is None else self._file(self._last_run)
 
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
-        """Return this session's judged runs of one exercise from the same start, oldest first.
-
-        Parameters
-        ----------
-        run
-            The run that they are compared with; it is not among them.
-
-        Returns
-        -------
-        list[RunFile]
-            At most `MOST_TRIES`.
-        """
+        """Return this session's judged runs of one exercise from the same start, oldest first."""
         with self._lock:
             tries = [self._file(each) for each in self._tries if each.exercise == run.log.exercise]
         return [each for each in tries if each.log.start == run.log.start and each != run]

@@ -31,32 +31,14 @@ class ChosenSession(HandledSession):
         return shipped if own.ships else [*shipped, own]
 
     def exercises_offered(self) -> tuple[Exercise, ...]:
-        """Return the exercises for this duct, with `task_grasp` and the present threshold.
-
-        Returns
-        -------
-        tuple[Exercise, ...]
-            The exercises; their numbers follow from the duct's own break.
-        """
+        """Return the exercises for this duct, with `task_grasp` and the present threshold."""
         with self._lock:
             pulled = self._pulled
             duct = GraspedDuct(pulled.model, self.task_grasp, pulled.threshold_wanted)
         return exercises_for(duct)
 
     def choose_preset(self, preset: Preset | str) -> None:
-        """Start anew with another preset; a torn duct is reset first, by `reset`.
-
-        Parameters
-        ----------
-        preset
-            The preset, or the name of one that ships.
-
-        Raises
-        ------
-        ValueError
-            If there is none of that name, the organ is too short for it, or the theory ends before
-            its break; nothing changes.
-        """
+        """Start anew with another preset; a torn duct is reset first, by `reset`."""
         chosen = preset_named(preset) if isinstance(preset, str) else preset
         dissection = Dissection.of(self._organ, chosen)
         model = Model.of(dissection, self.theory)
@@ -65,27 +47,7 @@ class ChosenSession(HandledSession):
                 self._start(model)
 
     def prepare_organ(self, organ: Organ) -> Callable[[], None]:
-        """Prepare another organ, solved by its own sections.
-
-        The material stays where this preset takes an organ's own sections as they are drawn; else
-        it is that of `default_preset`.
-
-        Parameters
-        ----------
-        organ
-            The organ.
-
-        Returns
-        -------
-        Callable[[], None]
-            Starts anew with the organ, at once; runs made before are gone, as they cannot be made
-            again on it. To be called by whoever draws the session: the surfaces are others then.
-
-        Raises
-        ------
-        ValueError
-            If the organ cannot be clamped, or the theory ends before its break.
-        """
+        """Prepare another organ, solved by its own sections."""
         drawn = DrawnDuct(organ, self._vertices)
         preset = self.dissection.preset
         if preset.beam != OrganBeam():  # a bar, or a wall and clamps of the organ before
@@ -106,18 +68,7 @@ class ChosenSession(HandledSession):
         return start
 
     def choose_theory(self, theory: Theory) -> None:
-        """Solve the duct by another theory, with that theory's own threshold.
-
-        Parameters
-        ----------
-        theory
-            The theory.
-
-        Raises
-        ------
-        ValueError
-            If the theory ends before the preset's break; nothing changes.
-        """
+        """Solve the duct by another theory, with that theory's own threshold."""
         # Outside the lock: a theory's first solution may have to be compiled.
         model = Model.of(self.dissection, theory)
         with self._lock:
@@ -131,18 +82,7 @@ class ChosenSession(HandledSession):
                     self._new_run(self._run.exercise, self._run.feedback, self._run.exercise_inputs)
 
     def choose_ghost(self, theory: Theory | None) -> None:
-        """Lay the duct by another theory over this one, under the same load.
-
-        Parameters
-        ----------
-        theory
-            The other theory; None takes the ghost away.
-
-        Raises
-        ------
-        ValueError
-            If the theory ends before the preset's break; nothing changes.
-        """
+        """Lay the duct by another theory over this one, under the same load."""
         model = None if theory is None else Model.of(self.dissection, theory)
         with self._lock:
             if model is not None and model.dissection is not self.dissection:
@@ -151,13 +91,7 @@ class ChosenSession(HandledSession):
             self._pulled.touch()
 
     def show_chain(self, shown: bool) -> None:
-        """Set the mass-spring chain beside the beam, or take it away.
-
-        Parameters
-        ----------
-        shown
-            Whether it shall be there.
-        """
+        """Set the mass-spring chain beside the beam, or take it away."""
         with self._lock:
             if shown != (self._chain is not None):
                 self._chain = self._new_chain() if shown else None
@@ -170,20 +104,7 @@ class ChosenSession(HandledSession):
         grasp: float | None = None,
         inputs: ExerciseInputs = "hand",
     ) -> None:
-        """Start anew with an exercise; its time runs from the first pull.
-
-        Parameters
-        ----------
-        exercise
-            The exercise.
-        feedback
-            When the trainee sees the figures.
-        grasp
-            Where it starts, mm from the first clamp; `task_grasp` when None.
-        inputs
-            What counts until it is over. With "hand", wishes for a force, another grasp or another
-            threshold come to nothing.
-        """
+        """Start anew with an exercise; its time runs from the first pull."""
         with self._lock:
             self.reset()
             if grasp is not None:

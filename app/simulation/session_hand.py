@@ -16,13 +16,7 @@ class HandledSession(SessionState):
     """
 
     def set_force(self, force: float) -> None:
-        """Ask for a force; the pull grows or falls to it in the next steps.
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-        """
+        """Ask for a force; the pull grows or falls to it in the next steps."""
         with self._lock:
             if self._slider_takes(force):
                 if force > 0.0:
@@ -30,36 +24,12 @@ class HandledSession(SessionState):
                 self._note("force", self._pulled.ask_force(force))
 
     def station_at(self, place: tuple[float, float, float]) -> float:
-        """Return where along the duct a place in space is, for a hand to take hold there.
-
-        Parameters
-        ----------
-        place
-            mm from the first clamp along the clamps, sideways and along the pull, as
-            `Reading.hook`.
-
-        Returns
-        -------
-        float
-            Station of the nearest point of the axis as it lies now, mm from the first clamp.
-        """
+        """Return where along the duct a place in space is, for a hand to take hold there."""
         with self._lock:
             return self._pulled.grasped.station_at(np.array(place, dtype=np.float64))
 
     def grab(self, station: float) -> float | None:
-        """Take the duct by hand, at a place and as far out as it is there.
-
-        Parameters
-        ----------
-        station
-            Distance from the first clamp, mm; the nearest in `grasp_range` is taken.
-
-        Returns
-        -------
-        float | None
-            Displacement of the duct there, mm, from which the hand goes on; None if nothing was
-            taken hold of.
-        """
+        """Take the duct by hand, at a place and as far out as it is there."""
         with self._lock:
             if not self._pulled.takes(station):
                 return None
@@ -68,32 +38,13 @@ class HandledSession(SessionState):
             return self._pulled.control.deflection
 
     def hand_to(self, deflection: float) -> None:
-        """Lead the hand that holds the duct; the grasp follows in the next steps.
-
-        The hand sets the displacement, the beam answers with the force. A hook pulls and does not
-        push: below zero the duct lies where it is at rest.
-
-        Parameters
-        ----------
-        deflection
-            Wanted displacement of the grasp along the pull, mm.
-        """
+        """Lead the hand that holds the duct; the grasp follows in the next steps."""
         with self._lock:
             if self._pulled.takes(deflection):
                 self._note("hand", self._pulled.lead_to(deflection))
 
     def hand_to_place(self, place: tuple[float, float, float]) -> None:
-        """Lead the hand to a place in space.
-
-        The beam bends in one plane, so of the hand's way only the part along the pull counts: what
-        it moves along the clamps or sideways slides over the duct.
-
-        Parameters
-        ----------
-        place
-            mm from the first clamp along the clamps, sideways and along the pull, as
-            `Reading.hook`.
-        """
+        """Lead the hand to a place in space."""
         with self._lock:
             dissection = self.dissection
             rest = dissection.axis_point(self.grasp) - dissection.axis_point(0.0)
@@ -106,13 +57,7 @@ class HandledSession(SessionState):
                 self._run.note("let-go")
 
     def set_grasp(self, grasp: float) -> None:
-        """Ask for another grasp, taken with the next step.
-
-        Parameters
-        ----------
-        grasp
-            Distance from the first clamp, mm.
-        """
+        """Ask for another grasp, taken with the next step."""
         with self._lock:
             if self._slider_takes(grasp):
                 if self._run.over:
@@ -120,13 +65,7 @@ class HandledSession(SessionState):
                 self._note("grasp", self._pulled.ask_grasp(grasp))
 
     def set_threshold(self, threshold: float) -> None:
-        """Ask for another stress at which the duct tears, taken with the next step.
-
-        Parameters
-        ----------
-        threshold
-            Normal plus bending stress, MPa.
-        """
+        """Ask for another stress at which the duct tears, taken with the next step."""
         with self._lock:
             if self._slider_takes(threshold):
                 self._note("threshold", self._pulled.ask_threshold(threshold))

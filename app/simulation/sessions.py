@@ -64,24 +64,7 @@ class Sessions:
             return token in self._kept
 
     def claim(self, token: str | None = None) -> tuple[str, Session]:
-        """Return the session that a client left, or a new one.
-
-        Parameters
-        ----------
-        token
-            The client's token from before. A token that is not known, has expired or whose
-            session another client is using now gets a new session.
-
-        Returns
-        -------
-        tuple[str, Session]
-            The token to come back with, and the session.
-
-        Raises
-        ------
-        SessionsFullError
-            If there are `most` sessions and none of them has been left.
-        """
+        """Return the session that a client left, or a new one."""
         with self._lock:
             self._expire()
             kept = None if token is None else self._kept.get(token)
@@ -103,13 +86,7 @@ class Sessions:
         return token, session
 
     def leave(self, token: str) -> None:
-        """Say that a session's client has gone; it is kept for a while.
-
-        Parameters
-        ----------
-        token
-            Its token.
-        """
+        """Say that a session's client has gone; it is kept for a while."""
         with self._lock:
             kept = self._kept.get(token)
             if kept is not None and kept.left_at is None:

@@ -100,18 +100,7 @@ class PulledOrgan:
         self._driven, self._loaded = slice(0, driven.size), slice(driven.size, None)
 
     def under(self, force: float) -> Snapshot:
-        """Return the organ under a force, whether it bears it or not (`borne_force`).
-
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-
-        Returns
-        -------
-        Snapshot
-            The organ, whole.
-        """
+        """Return the organ under a force, whether it bears it or not (`borne_force`)."""
         dissection = self._dissection
         pulled = self._pull.to_force(force, self._stations)
         vertices = np.empty_like(self.skin.vertices)
@@ -123,27 +112,7 @@ class PulledOrgan:
 
 
 def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:
-    """Return a force that an organ bears.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    event
-        The load at which it breaks, None if it does not.
-    force
-        The force, N.
-
-    Returns
-    -------
-    float
-        The force.
-
-    Raises
-    ------
-    ValueError
-        If it is no number or past the break.
-    """
+    """Return a force that an organ bears."""
     if not math.isfinite(force):
         raise ValueError(f"force must be a finite number of N, got {force}")
     if event is not None and abs(force) > event.force:
@@ -162,31 +131,7 @@ def torn_snapshot(
     edge_length: float,
     seed: int = 1,
 ) -> Snapshot:
-    """Return the two pieces of an organ that has torn and swung back.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    event
-        The load at which it breaks, None if it does not.
-    force
-        A force that tears it, N, or None.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    seed
-        Chooses the raggedness of the torn rim.
-
-    Returns
-    -------
-    Snapshot
-        The pieces, which bear nothing, and the force at the break.
-
-    Raises
-    ------
-    ValueError
-        If the force does not tear it, or none does.
-    """
+    """Return the two pieces of an organ that has torn and swung back."""
     if event is None:
         raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
     if force is not None and not math.isfinite(force):

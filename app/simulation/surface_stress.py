@@ -40,18 +40,7 @@ class Stresses:
 
     @classmethod
     def none(cls, count: int) -> "Stresses":
-        """Return those of a surface that bears nothing.
-
-        Parameters
-        ----------
-        count
-            Number of vertices V.
-
-        Returns
-        -------
-        Stresses
-            The stresses.
-        """
+        """Return those of a surface that bears nothing."""
         nothing = np.zeros(count, dtype=np.float32)
         return cls(nothing, nothing, nothing, np.ones(count, dtype=np.float32))
 
@@ -85,40 +74,12 @@ class SurfaceStress:
     def write(
         self, pulled: Equilibrium, out: NDArray[np.float32], *, part: float = 1.0
     ) -> NDArray[np.float32]:
-        """Write the stress at each vertex.
-
-        Parameters
-        ----------
-        pulled
-            The beam, sampled at stations in any order.
-        out
-            (V,) receives the stress, MPa, above zero in tension.
-        part
-            Part of it to write.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            `out`.
-        """
+        """Write the stress at each vertex."""
         self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, part, out)
         return out
 
     def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
-        """Return the stresses at each vertex, apart.
-
-        Parameters
-        ----------
-        pulled
-            The beam, sampled at stations in any order.
-        threshold
-            Stress at which the organ tears, MPa.
-
-        Returns
-        -------
-        Stresses
-            The stresses.
-        """
+        """Return the stresses at each vertex, apart."""
         normal, bending = (np.empty(self._share.size, dtype=np.float32) for _ in range(2))
         nothing = np.zeros(pulled.stations.size)
         self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
@@ -162,22 +123,7 @@ class SurfaceStress:
 
 
 def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far out in its section each vertex lies along a direction.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    skin
-        Its skin, or a piece's.
-    direction
-        (3,) unit direction of the pull; what of it lies in a section counts there.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (V,) distance from the axis along it over the section's outermost, from -1 to 1.
-    """
+    """Return how far out in its section each vertex lies along a direction."""
     stations, ring = np.unique(skin.stations, return_inverse=True)
     normals = organ.frames_at(stations)[:, :, 2]
     up = direction - normals * (normals @ direction)[:, None]

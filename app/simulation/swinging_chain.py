@@ -80,29 +80,12 @@ class SwingingChain:
         return math.ceil(TICK_SECONDS / (0.9 * self._chain.largest_stable_step))
 
     def start_from(self, deflection: float) -> None:
-        """Put the masses, still, on the linear beam's curve.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-        """
+        """Put the masses, still, on the linear beam's curve."""
         self._chain.bend(deflection)
         self._still = False
 
     def advance(self, load: Load) -> bool:
-        """Advance by one tick.
-
-        Parameters
-        ----------
-        load
-            What the grasper imposes.
-
-        Returns
-        -------
-        bool
-            Whether it has moved.
-        """
+        """Advance by one tick."""
         if load == self._load and self._still:
             return False
         if load != self._load:

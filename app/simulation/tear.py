@@ -85,13 +85,7 @@ class Tear:
         self._ticks += 1
 
     def draw(self, transforms: NDArray[np.float64]) -> None:
-        """Write the pieces' vertices as they are now.
-
-        Parameters
-        ----------
-        transforms
-            (D, 3, 4) receives the transforms of the driving points.
-        """
+        """Write the pieces' vertices as they are now."""
         self._dissection.move(self.driven, transforms, part=tear_course.swing(self._elapsed))
         for surface, piece, bound in zip(self.surfaces, self._pieces, self._bound, strict=True):
             bound.deform(transforms, surface.vertices)

@@ -30,23 +30,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
-        """Return the choice that gives a theory.
-
-        Parameters
-        ----------
-        theory
-            The theory.
-
-        Returns
-        -------
-        TheoryChoice
-            The choice.
-
-        Raises
-        ------
-        ValueError
-            If it is none that has a name.
-        """
+        """Return the choice that gives a theory."""
         if isinstance(theory, Cubic):
             choice = cls(theory.name, q=theory.q)
         elif isinstance(theory, Exact):
@@ -58,11 +42,5 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
         return choice
 
     def theory(self) -> Theory:
-        """Return the theory.
-
-        Returns
-        -------
-        Theory
-            The theory; a `ValueError` says if there is none such.
-        """
+        """Return the theory."""
         return theory_named(self.name, q=self.q, shear=self.shear, law=self.law)

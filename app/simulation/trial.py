@@ -81,13 +81,7 @@ class Trial(ABC):
         self.standing = ""
 
     def take(self, figures: Figures) -> None:
-        """Judge one tick.
-
-        Parameters
-        ----------
-        figures
-            What the instruments show.
-        """
+        """Judge one tick."""
         if self.outcome is not None:
             return
         self._ticks += 1
@@ -97,18 +91,7 @@ class Trial(ABC):
 
     @abstractmethod
     def judge(self, figures: Figures) -> Outcome | None:
-        """Return how one more tick ends the exercise, or None; set `progress`.
-
-        Parameters
-        ----------
-        figures
-            What the instruments show.
-
-        Returns
-        -------
-        Outcome | None
-            The outcome.
-        """
+        """Return how one more tick ends the exercise, or None; set `progress`."""
         ...
 
 
@@ -274,18 +257,7 @@ class _Stay:
 
 
 def trial_of(exercise: Exercise) -> Trial:
-    """Return a fresh go at an exercise.
-
-    Parameters
-    ----------
-    exercise
-        The exercise.
-
-    Returns
-    -------
-    Trial
-        The trial.
-    """
+    """Return a fresh go at an exercise."""
     if isinstance(exercise, HoldStretch):
         return _Hold(exercise)
     if isinstance(exercise, ApproachBreak):

@@ -41,19 +41,7 @@ class Aids:
         self._radius, self._first = 0.0, np.zeros(3)
 
     def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
-        """Draw what is wanted as it is now.
-
-        Parameters
-        ----------
-        session
-            The session that is shown.
-        reading
-            Its reading.
-        figures
-            Whether the trainee is to see the figures.
-        overlay
-            Whether the model's points are wanted.
-        """
+        """Draw what is wanted as it is now."""
         dissection, whole = session.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
             if dissection is not self._dissection:
@@ -86,15 +74,7 @@ class Aids:
             arrow.show(foot, reading.force * up, at_break=at_break)
 
     def say_standing(self, session: Session, *, figures: bool) -> None:
-        """Say at the goal what is to be done now; it passes with time alone.
-
-        Parameters
-        ----------
-        session
-            The session that is shown.
-        figures
-            Whether the trainee is to see the figures: the seconds left are one.
-        """
+        """Say at the goal what is to be done now; it passes with time alone."""
         if self._goal is not None:
             self._goal.say((figures and session.run.standing) or "Goal")
 

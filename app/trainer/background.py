@@ -21,15 +21,7 @@ class Background:
         self._at: Hashable | None = None
 
     def do(self, kind: Hashable, work: Callable[[], None]) -> None:
-        """Have something done soon.
-
-        Parameters
-        ----------
-        kind
-            Work of a kind that has not begun is replaced by newer work of its kind.
-        work
-            What to do.
-        """
+        """Have something done soon."""
         with self._lock:
             waiting = kind in self._newest
             self._newest[kind] = work
@@ -40,18 +32,7 @@ class Background:
                 self._thread.start()
 
     def others_before(self, kind: Hashable) -> int:
-        """Return how many works of other kinds come before one that is asked for now.
-
-        Parameters
-        ----------
-        kind
-            The kind of the one.
-
-        Returns
-        -------
-        int
-            Their number, with the one that is being done.
-        """
+        """Return how many works of other kinds come before one that is asked for now."""
         with self._lock:
             return sum(each not in (kind, None) for each in (self._at, *self._newest))
 

@@ -125,15 +125,7 @@ class ClientView:
         self._panel.close()
 
     def tick(self, seconds: float, *, draws: bool = True) -> None:
-        """Advance the session, or its replay, and show what has changed.
-
-        Parameters
-        ----------
-        seconds
-            Time since the last tick, s.
-        draws
-            Whether there is time to show it; what is not shown now is shown the next time.
-        """
+        """Advance the session, or its replay, and show what has changed."""
         workplace = self.workplace
         workplace.take_organ()
         if workplace.take_home():

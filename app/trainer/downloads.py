@@ -42,18 +42,7 @@ class Download:
 
 
 def order_on_screen(session: Session) -> Order:
-    """Return a session's duct as an order: its theory, grasp, force and threshold, or its tear.
-
-    Parameters
-    ----------
-    session
-        The session.
-
-    Returns
-    -------
-    Order
-        The order. A duct that springs back has the force that would hold it there.
-    """
+    """Return a session's duct as an order: its theory, grasp, force and threshold, or its tear."""
     dissection, grasp, reading = session.dissection, session.grasp, session.reading()
     order = Order(
         dissection,
@@ -78,29 +67,7 @@ def order_on_screen(session: Session) -> Order:
 
 
 def download(session: Session, suffix: str) -> Download:
-    """Return what is on the screen as a file. It takes up to some seconds: not in the clock.
-
-    Still meshes are as the duct is now, in two if it is torn. What moves, the model and the page,
-    pulls the duct to where it is now; a duct at rest or torn is pulled to its break, and tears. The
-    curve goes to the break. Where nothing breaks, the largest force of the grasper is the end.
-
-    Parameters
-    ----------
-    session
-        The session.
-    suffix
-        The kind of file, one of `SUFFIXES`.
-
-    Returns
-    -------
-    Download
-        The file, called what the organ is called.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind, or the file cannot be made, with the reason.
-    """
+    """Return what is on the screen as a file. It takes up to some seconds: not in the clock."""
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
     return Download(f"{_file_name(session)}{suffix}", _content(session, suffix))

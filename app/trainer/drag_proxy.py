@@ -121,17 +121,7 @@ class DragProxy:
     def set_duct(
         self, skins: Sequence[Skin], frame: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> None:
-        """Let a duct be dragged.
-
-        Parameters
-        ----------
-        skins
-            The whole duct's skin, or those of its pieces.
-        frame
-            (3, 3) orthonormal columns: along the duct, lateral, along the pull.
-        origin
-            (3,) the first clamp's place on the axis, mm.
-        """
+        """Let a duct be dragged."""
         self._frame, self._origin = frame, origin
         self._remove_tubes()
         for number, skin in enumerate(skins):
@@ -141,13 +131,7 @@ class DragProxy:
             self._listen(tube.mesh, tube.hold)
 
     def set_hook(self, radius: float) -> None:
-        """Let the hook be dragged.
-
-        Parameters
-        ----------
-        radius
-            Of the duct that it fits, mm.
-        """
+        """Let the hook be dragged."""
         solid = grip_solid(radius)
         self._hook = self._client.scene.add_mesh_simple(
             "/stage/hook/grip",
@@ -158,13 +142,7 @@ class DragProxy:
         self._listen(self._hook, self._grab_hook)
 
     def follow(self, surfaces: Sequence[NDArray[np.float32]]) -> None:
-        """Move the tubes with the duct.
-
-        Parameters
-        ----------
-        surfaces
-            (V, 3) vertices of each deformed skin, mm.
-        """
+        """Move the tubes with the duct."""
         for tube, vertices in zip(self._tubes, surfaces, strict=True):
             tube.follow(vertices)
 

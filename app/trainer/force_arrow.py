@@ -48,17 +48,7 @@ class ForceArrow:
     def show(
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
     ) -> None:
-        """Draw a force.
-
-        Parameters
-        ----------
-        foot
-            (3,) where it acts, mm.
-        force
-            (3,) N.
-        at_break
-            Force at the break, N: the arrow's scale.
-        """
+        """Draw a force."""
         size = float(np.linalg.norm(force))
         length = self._length * min(size / at_break, 1.5) if at_break > 0.0 else 0.0
         drawn = self._visible and size > 0.0

@@ -53,15 +53,7 @@ class GoalBand:
         high: NDArray[np.float64],
         along: NDArray[np.float64],
     ) -> None:
-        """Draw the band.
-
-        Parameters
-        ----------
-        low, high
-            (3,) where the duct's upper edge is in the lower and upper end of the goal, mm.
-        along
-            (3,) half of the band's length along the duct, mm.
-        """
+        """Draw the band."""
         place = low.tobytes(), high.tobytes()
         if place == self._place:
             return
@@ -72,13 +64,7 @@ class GoalBand:
         self._label.position = high - LABEL_ASIDE * along
 
     def say(self, text: str) -> None:
-        """Write at the band what is to be done now.
-
-        Parameters
-        ----------
-        text
-            A few words.
-        """
+        """Write at the band what is to be done now."""
         if text != self._label.text:
             self._label.text = text
 

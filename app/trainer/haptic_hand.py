@@ -17,18 +17,7 @@ TAKEN, LEFT = 0.3, 0.05
 
 
 def felt_in(session: Session) -> FeltSetting:
-    """Return what a hand feels of a session's duct.
-
-    Parameters
-    ----------
-    session
-        The session.
-
-    Returns
-    -------
-    FeltSetting
-        Its duct, theory, grasp and threshold.
-    """
+    """Return what a hand feels of a session's duct."""
     return FeltSetting(session.theory, session.dissection.beam, session.grasp, session.threshold)
 
 
@@ -50,13 +39,7 @@ class HapticHand:
         self._told: str | None = None
 
     def attend(self, workplace: Workplace | None) -> None:
-        """Go one tick on.
-
-        Parameters
-        ----------
-        workplace
-            The page whose hook the hand holds now; None while there is no page.
-        """
+        """Go one tick on."""
         servo = self._servo
         if workplace is not self._workplace:
             self._leave()

@@ -44,18 +44,7 @@ class Metronome:
         self.work = 0.0
 
     def wait(self, stop: threading.Event) -> float | None:
-        """Wait for the next beat.
-
-        Parameters
-        ----------
-        stop
-            Ends the wait.
-
-        Returns
-        -------
-        float | None
-            Time since the last beat, s, 0 at the first; None if it was stopped.
-        """
+        """Wait for the next beat."""
         now = self._clock()
         if not self.beats:
             self._due = self._last = now

@@ -52,13 +52,7 @@ class Ghost:
         self._mesh.visible = visible
 
     def show(self, vertices: NDArray[np.float32]) -> None:
-        """Draw the other duct.
-
-        Parameters
-        ----------
-        vertices
-            (V, 3) the skin's vertices as the other duct deforms them, mm.
-        """
+        """Draw the other duct."""
         self._mesh.vertices = vertices[: self._count]
 
     def remove(self) -> None:
@@ -109,13 +103,7 @@ class Chain:
         self._links.visible = self._nodes.visible = visible
 
     def show(self, nodes: NDArray[np.floating[Any]]) -> None:
-        """Draw the chain.
-
-        Parameters
-        ----------
-        nodes
-            (count, 3) places of its nodes, mm.
-        """
+        """Draw the chain."""
         places = np.asarray(nodes, np.float32)
         self._nodes.points = places
         self._links.points = np.stack([places[:-1], places[1:]], axis=1)

@@ -101,15 +101,7 @@ class Overlay:
             part.visible = visible
 
     def show(self, transforms: NDArray[np.float64], pull: NDArray[np.float64]) -> None:
-        """Draw the points and sections where the driving points have taken them.
-
-        Parameters
-        ----------
-        transforms
-            (D, 3, 4) transforms of the driving points less the identity.
-        pull
-            (3,) unit vector of the pull: driving points are drawn on that side of the wall.
-        """
+        """Draw the points and sections where the driving points have taken them."""
         points, lines, driving = self._parts
         self._bound.deform(transforms, self._rings)
         points.points = self._rings[self._key_index]

@@ -26,23 +26,7 @@ _OVERLAY = """
 
 
 def titled_page(page: str, title: str, notes: Sequence[str]) -> str:
-    """Return a page with a title over its picture and in the browser's tab.
-
-    Parameters
-    ----------
-    page
-        The page, in HTML.
-    title
-        Its title.
-    notes
-        Lines below the title.
-
-    Returns
-    -------
-    str
-        The page, with an empty line of the name `caption`; it also says that it is not clinically
-        validated and not a medical device.
-    """
+    """Return a page with a title over its picture and in the browser's tab."""
     shown = html.escape(title)
     lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
     overlay = _OVERLAY.replace("@title", shown).replace("@notes", lines)

@@ -108,43 +108,14 @@ class _Body:
 
 
 def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
-    """Return the edges that a page shows an organ with where nobody asks for others.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    vertices
-        How many vertices there shall be, about.
-
-    Returns
-    -------
-    float
-        Length of the triangles' edges, mm.
-    """
+    """Return the edges that a page shows an organ with where nobody asks for others."""
     walls = 2 if organ.hollow else 1
     area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
     return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
 def order_page(order: Order) -> str:
-    """Return a page that plays an order: the pull to its force, or to the break and the tear.
-
-    Parameters
-    ----------
-    order
-        The order; what its edges are long counts, its frames do not.
-
-    Returns
-    -------
-    str
-        The page, in HTML.
-
-    Raises
-    ------
-    ValueError
-        If the force is past the break or the edges are too short.
-    """
+    """Return a page that plays an order: the pull to its force, or to the break and the tear."""
     dissection, theory, grasp = order.dissection, order.theory, order.grasp
     event, force = order.break_event, order.last_force()
     tears = event is not None and order.force is None
@@ -181,29 +152,7 @@ def player_page(
     edge_length: float,
     pieces: tuple[TornPiece, TornPiece] | None = None,
 ) -> str:
-    """Return a page that plays a motion of an organ, a recorded run for example.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    scenes
-        The motion, and what is written to it.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    pieces
-        The two pieces that it tears into, or None.
-
-    Returns
-    -------
-    str
-        The page, in HTML.
-
-    Raises
-    ------
-    ValueError
-        If the edges are so short, or the keys so many, that the page would be too large.
-    """
+    """Return a page that plays a motion of an organ, a recorded run for example."""
     skin = organ_skin(dissection.organ, edge_length=edge_length)
     if len(skin.vertices) > MOST_VERTICES:
         raise ValueError(
@@ -360,22 +309,7 @@ def _hooks(dissection: Dissection, motion: Motion, grasp: float) -> NDArray[np.f
 
 
 def caption(force: float, deflection: float, left: float) -> str:
-    """Return what is written over a whole organ.
-
-    Parameters
-    ----------
-    force
-        The grasper's whole force, N.
-    deflection
-        Displacement of the grasp, mm.
-    left
-        Distance to break, 1 to 0.
-
-    Returns
-    -------
-    str
-        The caption.
-    """
+    """Return what is written over a whole organ."""
     return f"F {force:.3g} N   lifted {deflection:.1f} mm   distance to break {100.0 * left:.0f} %"
 
 

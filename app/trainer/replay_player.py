@@ -80,13 +80,7 @@ class ReplayPlayer:
         self._playing = False
 
     def seek(self, seconds: float) -> None:
-        """Go to a moment, or leave it to a call that is at work already.
-
-        Parameters
-        ----------
-        seconds
-            s from the first pull; anything that is no number is ignored.
-        """
+        """Go to a moment, or leave it to a call that is at work already."""
         if math.isnan(seconds):
             return
         with self._wish:
@@ -103,18 +97,7 @@ class ReplayPlayer:
                 self._seeker.release()
 
     def tick(self, ticks: int) -> bool:
-        """Play on.
-
-        Parameters
-        ----------
-        ticks
-            How many have passed.
-
-        Returns
-        -------
-        bool
-            Whether there is another picture to draw; none while the slider is sought.
-        """
+        """Play on."""
         if not self._at_work.acquire(blocking=False):
             return False
         try:

@@ -13,25 +13,7 @@ PAGE_FRAMES = 300
 
 
 def run_page(run: RecordedRun, *, edge_length: float) -> str:
-    """Return a page that plays a recorded run.
-
-    Parameters
-    ----------
-    run
-        The run.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-
-    Returns
-    -------
-    str
-        The page, in HTML.
-
-    Raises
-    ------
-    ValueError
-        If the edges are so short, or the keys so many, that the page would be too large.
-    """
+    """Return a page that plays a recorded run."""
     dissection, readings = run.dissection, run.readings
     ended = "."
     if run.torn:

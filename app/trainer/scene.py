@@ -82,13 +82,7 @@ class Scene:
             self._stage.camera_moved(camera.client)
 
     def watch(self, session: Session) -> None:
-        """Show another session of the same organ from the next `draw` on.
-
-        Parameters
-        ----------
-        session
-            The session.
-        """
+        """Show another session of the same organ from the next `draw` on."""
         if session is not self._session:
             self._session, self._shape = session, -1
 
@@ -98,13 +92,7 @@ class Scene:
         return self._heat_wanted
 
     def set_heat(self, wanted: bool) -> None:
-        """Show the stress on the surface instead of tissue, from the next `draw` that has it.
-
-        Parameters
-        ----------
-        wanted
-            Whether the heat map is wanted.
-        """
+        """Show the stress on the surface instead of tissue, from the next `draw` that has it."""
         self._heat_wanted = wanted
         if wanted and not self._heat_maps:
             self._add_heat_maps()
@@ -112,15 +100,7 @@ class Scene:
     def draw(
         self, reading: Reading, stress: Sequence[NDArray[np.floating[Any]]] | None = None
     ) -> None:
-        """Draw the session as it is now.
-
-        Parameters
-        ----------
-        reading
-            The session's reading.
-        stress
-            For each of the session's surfaces, (V,) stress of its vertices by the threshold.
-        """
+        """Draw the session as it is now."""
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(self._lift(stage, reading), self._client)
@@ -141,13 +121,7 @@ class Scene:
                 self._show_tissue()
 
     def set_look(self, look: Look) -> None:
-        """Draw in another look from the next `draw` on.
-
-        Parameters
-        ----------
-        look
-            "plain" for slow machines.
-        """
+        """Draw in another look from the next `draw` on."""
         if look == self._look:
             return
         self._look = look
@@ -199,13 +173,7 @@ class Scene:
         moved: Callable[[Hold], None],
         released: Callable[[], None],
     ) -> None:
-        """Let the mouse drag duct and hook, from the next `draw` on.
-
-        Parameters
-        ----------
-        grabbed, moved, released
-            Those of `DragProxy`; they run on the server's loop and write inputs only.
-        """
+        """Let the mouse drag duct and hook, from the next `draw` on."""
         self._hand = DragProxy(self._client, grabbed=grabbed, moved=moved, released=released)
         self._offer_hand()
 

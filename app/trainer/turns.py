@@ -30,13 +30,7 @@ class Turns:
         self._mean = 0.0
 
     def take(self, work: float) -> None:
-        """Take the next tick.
-
-        Parameters
-        ----------
-        work
-            How long the work of the last one took, in ticks.
-        """
+        """Take the next tick."""
         self._tick += 1
         self._mean += WEIGHT * (min(work, 1.0 / WEIGHT) - self._mean)
         before = self.ticks
@@ -48,16 +42,5 @@ class Turns:
         self._mean *= before / self.ticks
 
     def draws(self, number: int) -> bool:
-        """Return whether somebody draws in this tick.
-
-        Parameters
-        ----------
-        number
-            Their place in the row, from 0.
-
-        Returns
-        -------
-        bool
-            True once in `ticks` ticks, and in each for a different part of the row.
-        """
+        """Return whether somebody draws in this tick."""
         return (self._tick + number) % self.ticks == 0

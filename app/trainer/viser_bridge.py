@@ -48,23 +48,7 @@ def refuse_tunnels(server: viser.ViserServer) -> None:
 
 
 def close_silent(server: viser.ViserServer, suspects: set[int]) -> set[int]:
-    """Close the connections that were silent the last time and still are: they are no pages.
-
-    viser counts a client from its first message on, which a page sends at once. Until then it has
-    no session, but its socket and three tasks of the server, and viser lists it nowhere.
-
-    Parameters
-    ----------
-    server
-        The server.
-    suspects
-        Numbers of the connections that were silent the last time.
-
-    Returns
-    -------
-    set[int]
-        Those that are silent now, to be given the next time.
-    """
+    """Close the connections that were silent the last time and still are: they are no pages."""
     websockets = server._websock_server  # pyright: ignore[reportPrivateUsage]
     loop = server.get_event_loop()
     connections = dict(websockets._live_connections)  # pyright: ignore[reportPrivateUsage]
@@ -130,24 +114,7 @@ def keep_in_sight(
     nearest: float,
     lowest: float,
 ) -> None:
-    """Put a client's camera where it belongs, and bound where it can be taken from there.
-
-    viser sets a camera's place and what it looks at one after the other, and each is clamped to
-    the bounds with what the other was before.
-
-    Parameters
-    ----------
-    client
-        The client.
-    place, target
-        Where the camera is and what it looks at, mm.
-    low, high
-        Corners of the box that the point stays in which is looked at, mm.
-    nearest
-        Shortest distance from the camera to that point, mm.
-    lowest
-        Height below which the camera does not sink, mm.
-    """
+    """Put a client's camera where it belongs, and bound where it can be taken from there."""
     _call(client, "keepInSight", place, target, low, high, nearest, lowest)
 
 
@@ -196,16 +163,7 @@ def set_letter_keys(client: viser.ClientHandle, on: bool) -> None:
 
 
 def closer_html() -> str:
-    """Return the mark that makes the next button of a dialog the one that closes it.
-
-    The button stands at the dialog's upper right corner, in view however far the dialog is
-    scrolled; Escape and a click beside the dialog press it.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return the mark that makes the next button of a dialog the one that closes it."""
     return f"<div class='{_CLOSER}'></div>"
 
 
@@ -226,23 +184,7 @@ def write_caption(server: viser.ViserServer, words: str) -> None:
 
 
 def steady_light(page: str) -> str:
-    """Return a page of a recording that keeps the recording's light whenever it starts over.
-
-    Until the first messages are heard, and again each time round, viser lights the scene by two
-    lamps and a city around it, and the city may come late and stay. The scene is set right before
-    each picture: no light from around, no lamps of viser's (the only directional ones), and the
-    last fog.
-
-    Parameters
-    ----------
-    page
-        The page, in HTML.
-
-    Returns
-    -------
-    str
-        The page with a script more.
-    """
+    """Return a page of a recording that keeps the recording's light whenever it starts over."""
     head, rest = page.split("</head>", 1)
     return f"{head}<script>{_STEADY_LIGHT}</script></head>{rest}"
 
@@ -252,15 +194,7 @@ def _run(client: viser.ClientHandle, source: str) -> None:
 
 
 def run_in_page(scene: viser.SceneApi, source: str) -> None:
-    """Run a script in the page of a client's scene.
-
-    Parameters
-    ----------
-    scene
-        The client's own scene.
-    source
-        JavaScript.
-    """
+    """Run a script in the page of a client's scene."""
     _queue(scene, source)
 
 

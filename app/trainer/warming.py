@@ -51,15 +51,7 @@ ICONS = (
 
 
 def warm_session(organ: Organ, preset: Preset | None = None) -> None:
-    """Compile or load what a session and its drawing need by the theory that it starts with.
-
-    Parameters
-    ----------
-    organ
-        The organ that is trained on.
-    preset
-        The preset that it is opened with; `default_preset` when None.
-    """
+    """Compile or load what a session and its drawing need by the theory that it starts with."""
     _warm_drawing(Session(organ, preset))
     session = Session(organ, preset)
     session.choose_ghost(Cubic())

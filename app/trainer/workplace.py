@@ -113,13 +113,7 @@ class Workplace:
         return self._paused
 
     def take_change(self) -> bool:
-        """Return whether what is to be seen has changed since this was last asked.
-
-        Returns
-        -------
-        bool
-            Whether it has.
-        """
+        """Return whether what is to be seen has changed since this was last asked."""
         changed, self._changed = self._changed, False
         return changed
 
@@ -130,30 +124,14 @@ class Workplace:
         overlay: bool | None = None,
         plain: bool | None = None,
     ) -> None:
-        """Choose what is to be seen.
-
-        Parameters
-        ----------
-        heat
-            Whether stress is drawn on the surface.
-        overlay
-            Whether the points of the model are drawn.
-        plain
-            Whether the picture is the simple one.
-        """
+        """Choose what is to be seen."""
         self.heat = self.heat if heat is None else heat
         self.overlay = self.overlay if overlay is None else overlay
         self.plain = self.plain if plain is None else plain
         self._changed = True
 
     def set_paused(self, paused: bool) -> None:
-        """Let the session's time stand still, or go on. An exercise is not held up.
-
-        Parameters
-        ----------
-        paused
-            Whether it shall stand still.
-        """
+        """Let the session's time stand still, or go on. An exercise is not held up."""
         if paused and self.in_exercise:
             self.refuse("An exercise goes on until it is over. Stop it first.")
             return
@@ -181,18 +159,7 @@ class Workplace:
         self.bring_home()
 
     def practise_on(self, organ: Organ) -> None:
-        """Start anew on another organ, with the next `take_organ`.
-
-        Parameters
-        ----------
-        organ
-            The organ.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be clamped, or an exercise goes on.
-        """
+        """Start anew on another organ, with the next `take_organ`."""
         if self.in_exercise:
             raise ValueError("An exercise goes on until it is over. Stop it first.")
         self._other_organ = self.session.prepare_organ(organ)
@@ -213,17 +180,7 @@ class Workplace:
     def start_exercise(
         self, exercise: Exercise, feedback: Feedback, grasp: float | None = None
     ) -> None:
-        """Start anew with an exercise.
-
-        Parameters
-        ----------
-        exercise
-            The exercise.
-        feedback
-            When the trainee sees the figures.
-        grasp
-            Where it starts, mm from the first clamp; where exercises are set for when None.
-        """
+        """Start anew with an exercise."""
         self.keep_run()
         self.leave_replay()
         self.session.start_exercise(exercise, feedback, grasp, self.exercise_inputs)
@@ -237,13 +194,7 @@ class Workplace:
         self._changed = True
 
     def give_hook(self, device: str) -> None:
-        """Give the hook to the hand on a device, and say so; mouse and sliders let it be.
-
-        Parameters
-        ----------
-        device
-            What the device is called.
-        """
+        """Give the hook to the hand on a device, and say so; mouse and sliders let it be."""
         self.let_go()
         self.device = device
         self._device_notice = self.client.add_notification(
@@ -251,13 +202,7 @@ class Workplace:
         )
 
     def take_hook_back(self, why: str | None) -> None:
-        """Give the hook back to mouse and sliders.
-
-        Parameters
-        ----------
-        why
-            What the page says of it; nothing when None.
-        """
+        """Give the hook back to mouse and sliders."""
         self.device = None
         if self._device_notice is not None:
             self._device_notice.remove()
@@ -266,24 +211,12 @@ class Workplace:
             self.client.add_notification("The device has let go", why, color="yellow")
 
     def grab_by_device(self) -> bool:
-        """Take the duct with the hand on the device, where the hook is.
-
-        Returns
-        -------
-        bool
-            Whether it was taken.
-        """
+        """Take the duct with the hand on the device, where the hook is."""
         self._begin_anew(True)
         return self.session.grab(self.session.grasp) is not None
 
     def pull_with(self, force: float) -> None:
-        """Pull with a force; after a run that is over, as a new run.
-
-        Parameters
-        ----------
-        force
-            N.
-        """
+        """Pull with a force; after a run that is over, as a new run."""
         if self._player is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
@@ -302,13 +235,7 @@ class Workplace:
         self.pulls += 1
 
     def grab(self, hold: Hold) -> None:
-        """Take the duct by hand.
-
-        Parameters
-        ----------
-        hold
-            Where.
-        """
+        """Take the duct by hand."""
         if self._player is not None or self._refuses_mouse():
             return
         session = self.session
@@ -322,13 +249,7 @@ class Workplace:
         self.lead(hold)
 
     def lead(self, hold: Hold) -> None:
-        """Lead the hand that has taken the duct.
-
-        Parameters
-        ----------
-        hold
-            Where it is now.
-        """
+        """Lead the hand that has taken the duct."""
         if self._held_from is not None:
             along_pull = float(hold.moved @ self.session.dissection.frame[:, 2])
             self.session.hand_to(self._held_from + along_pull)
@@ -345,18 +266,7 @@ class Workplace:
         self.pulls += 1
 
     def start_replay(self, run: RunFile) -> ReplayPlayer:
-        """Show a run again instead of the session, which stands still meanwhile.
-
-        Parameters
-        ----------
-        run
-            The run; a `RunFileError` says if it cannot be made again.
-
-        Returns
-        -------
-        ReplayPlayer
-            The replay, at its start and playing.
-        """
+        """Show a run again instead of the session, which stands still meanwhile."""
         player = ReplayPlayer(run, self.session.dissection.organ)
         self.let_go()
         player.play()
@@ -370,13 +280,7 @@ class Workplace:
         self._changed = True
 
     def refuse(self, reason: str) -> None:
-        """Tell the client why something cannot be done.
-
-        Parameters
-        ----------
-        reason
-            One or two sentences.
-        """
+        """Tell the client why something cannot be done."""
         if self._refusal is not None:
             self._refusal.remove()
         self._refusal = self.client.add_notification(
@@ -385,31 +289,12 @@ class Workplace:
 
     @contextmanager
     def preparing(self, what: str) -> Generator[None]:
-        """Tell the client what is being done, if it takes a while.
-
-        Parameters
-        ----------
-        what
-            A sentence.
-        """
+        """Tell the client what is being done, if it takes a while."""
         with explained(self.client, what):
             yield
 
     def attempt(self, what: str, action: Callable[[], object]) -> bool:
-        """Do something that the client has asked for, or say why it cannot be done.
-
-        Parameters
-        ----------
-        what
-            A sentence for when it takes a while.
-        action
-            What to do; its `ValueError` is what the client is told.
-
-        Returns
-        -------
-        bool
-            Whether it was done.
-        """
+        """Do something that the client has asked for, or say why it cannot be done."""
         try:
             with self.preparing(what):
                 action()
@@ -451,15 +336,7 @@ class Workplace:
 
 @contextmanager
 def explained(client: viser.ClientHandle, what: str) -> Generator[None]:
-    """Tell a client what is being done, if it takes a while.
-
-    Parameters
-    ----------
-    client
-        The client.
-    what
-        A sentence.
-    """
+    """Tell a client what is being done, if it takes a while."""
     shown: list[viser.NotificationHandle] = []
     over = threading.Event()
     lock = threading.Lock()

@@ -86,18 +86,7 @@ class Comparison:
 
 
 def compared(table: Table) -> Comparison:
-    """Return what the theories make of a table.
-
-    Parameters
-    ----------
-    table
-        The thesis's table.
-
-    Returns
-    -------
-    Comparison
-        Its columns.
-    """
+    """Return what the theories make of a table."""
     ansys = np.array([row[2] for row in table.rows])
     calculated = np.array([float(row[1]) for row in table.rows])
     columns: list[Column] = []
@@ -143,18 +132,7 @@ class SolidErrors:
 
 
 def solid_errors(table: Table) -> tuple[SolidErrors, ...]:
-    """Return how near the theories come to solids of the table's duct.
-
-    Parameters
-    ----------
-    table
-        The thesis's table.
-
-    Returns
-    -------
-    tuple[SolidErrors, ...]
-        One for each theory, in the order of `COMPARED`.
-    """
+    """Return how near the theories come to solids of the table's duct."""
     case = SOLID_CASES[table.number]
     span = table.beam.span
     found: list[SolidErrors] = []
@@ -181,14 +159,7 @@ def solid_errors(table: Table) -> tuple[SolidErrors, ...]:
 
 
 def held_out_errors() -> dict[tuple[float, float], float]:
-    """Return how near the exact beam comes to solids that nothing was fitted to.
-
-    Returns
-    -------
-    dict[tuple[float, float], float]
-        Error of largest size of the exact beam with shear and the neo-Hookean law, %, with a
-        central grasp, by diameter, inch, and Poisson's ratio.
-    """
+    """Return how near the exact beam comes to solids that nothing was fitted to."""
     theory = Exact(shear=True, law="neo-hooke")
     found: dict[tuple[float, float], float] = {}
     for (diameter, poisson_ratio), curve in SOLID_HELD_OUT.items():

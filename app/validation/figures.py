@@ -37,25 +37,7 @@ DRAWN = {
 
 
 def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> list[Path]:
-    """Draw the figures as PNG and SVG.
-
-    Parameters
-    ----------
-    comparisons
-        The compared tables, by number.
-    folder
-        Where to write them; made if it is not there.
-
-    Returns
-    -------
-    list[Path]
-        The files.
-
-    Raises
-    ------
-    ValueError
-        If matplotlib is not installed.
-    """
+    """Draw the figures as PNG and SVG."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:

@@ -68,22 +68,7 @@ def page(
     solids: Sequence[Sequence[SolidErrors]],
     held_out: Mapping[tuple[float, float], float],
 ) -> str:
-    """Return the page in Markdown.
-
-    Parameters
-    ----------
-    comparisons
-        The compared tables.
-    solids
-        The errors against solids, a row of theories for each table.
-    held_out
-        The errors against solids that nothing was fitted to.
-
-    Returns
-    -------
-    str
-        The page.
-    """
+    """Return the page in Markdown."""
     parts = [INTRODUCTION, "## Errors against ANSYS, max / mean %\n", errors_table(comparisons)]
     parts += [SOLIDS, solids_table(solids)]
     parts.append(
@@ -118,18 +103,7 @@ def page(
 
 
 def errors_table(comparisons: Sequence[Comparison]) -> str:
-    """Return the errors of every theory in Markdown.
-
-    Parameters
-    ----------
-    comparisons
-        The compared tables.
-
-    Returns
-    -------
-    str
-        A row for each theory, a column for each table.
-    """
+    """Return the errors of every theory in Markdown."""
     head = ["theory", *(comparison.table.number for comparison in comparisons)]
     rows = [
         [
@@ -146,18 +120,7 @@ def errors_table(comparisons: Sequence[Comparison]) -> str:
 
 
 def solids_table(solids: Sequence[Sequence[SolidErrors]]) -> str:
-    """Return the errors against solids in Markdown.
-
-    Parameters
-    ----------
-    solids
-        A row of theories for each table.
-
-    Returns
-    -------
-    str
-        A row for each theory, a column for each table.
-    """
+    """Return the errors against solids in Markdown."""
     head = ["theory", *(f"{row[0].table}: low, high, max; at 30 %" for row in solids)]
     rows = [
         [
@@ -174,18 +137,7 @@ def solids_table(solids: Sequence[Sequence[SolidErrors]]) -> str:
 
 
 def rows_table(comparison: Comparison) -> str:
-    """Return a table of the thesis with our columns beside it, in Markdown.
-
-    Parameters
-    ----------
-    comparison
-        The compared table.
-
-    Returns
-    -------
-    str
-        A row for each load.
-    """
+    """Return a table of the thesis with our columns beside it, in Markdown."""
     head = ["P, lbf", "thesis", "ANSYS", *(column.name for column in comparison.columns)]
     rows = [
         [

@@ -65,15 +65,7 @@ class Aiming:
         return self._high < _CLOSE * self._low
 
     def learn(self, worst: float, overall: float) -> None:
-        """Learn from an attempt that was made for the aim.
-
-        Parameters
-        ----------
-        worst
-            Its largest RMS distance of a slice, in limits.
-        overall
-            Its RMS distance of all slices, in what that may be.
-        """
+        """Learn from an attempt that was made for the aim."""
         if worst > 1.0:
             margin = self.aim.margin
             if worst < _JUST_MISSED:

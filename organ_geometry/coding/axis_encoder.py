@@ -79,28 +79,7 @@ def coded_axis(
     price: float,
     reach: tuple[float, float] = (0.0, 0.0),
 ) -> CodedAxis:
-    """Return an axis of 2^depth + 1 keys.
-
-    Parameters
-    ----------
-    centroids
-        (S, 3) centroids of the sections, mm.
-    depth
-        Number of levels of keys.
-    scale
-        Its step in tolerances, see `scale_of`.
-    tolerance
-        The tolerance, mm.
-    price
-        Squared error, in squared steps, that a bit is worth.
-    reach
-        How far the axis goes on beyond the first and the last centroid, mm.
-
-    Returns
-    -------
-    CodedAxis
-        The axis.
-    """
+    """Return an axis of 2^depth + 1 keys."""
     count, step = 2**depth + 1, tolerance * scale_of(scale)
     price *= step * step
     keys, places = _fitted(centroids, count, reach)
@@ -145,18 +124,7 @@ def coded_axis(
 
 
 def most_levels(sections: int) -> int:
-    """Return the most levels of keys that sections can fix.
-
-    Parameters
-    ----------
-    sections
-        Number of sections.
-
-    Returns
-    -------
-    int
-        The number, one or more.
-    """
+    """Return the most levels of keys that sections can fix."""
     return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
 
 

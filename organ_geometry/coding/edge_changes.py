@@ -77,20 +77,7 @@ class EdgePoints:
 
     @classmethod
     def of(cls, cut: OrganCut, most: int = _POINTS) -> "EdgePoints":
-        """Return points of a cut's slices.
-
-        Parameters
-        ----------
-        cut
-            The cut.
-        most
-            About how many points of an edge are enough.
-
-        Returns
-        -------
-        EdgePoints
-            The points.
-        """
+        """Return points of a cut's slices."""
         count = len(cut.places)
         parts: list[tuple[NDArray[np.float64], ...]] = []
         for wall, (located, section) in enumerate(cut.edges):
@@ -316,24 +303,7 @@ def _linearised(
     circle: NDArray[np.float64],
     corners: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return distances of points to outlines, and how they change with the outlines' signals.
-
-    Parameters
-    ----------
-    places
-        (N, 2) points in their sections, mm.
-    signals
-        (N, 16) signals of their sections, mm.
-    circle
-        (7,) coefficients of a half-circle.
-    corners
-        (C,) u of the corners of a half-curve, falling.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64]]
-        (N,) distances and (16, N) their changes with each signal.
-    """
+    """Return distances of points to outlines, and how they change with the outlines' signals."""
     count, half = len(places), len(corners)
     total = 2 * half
     away = np.empty(count)

@@ -105,25 +105,7 @@ class EncoderSearch:
         self._turn, self._turned = 0, 1.0
 
     def in_fewest_bytes(self, effort: Search = "quick") -> KeptCode:
-        """Return the numbers of fewest bytes that keep the tolerance.
-
-        Parameters
-        ----------
-        effort
-            How much is tried; least for a sample of a long stack.
-
-        Returns
-        -------
-        KeptCode
-            The numbers.
-
-        Raises
-        ------
-        NotKept
-            If none keep it.
-        ValueError
-            If a lumen is not inside its outer boundary.
-        """
+        """Return the numbers of fewest bytes that keep the tolerance."""
         thin = np.zeros(0, dtype=np.intp)
         for _ in range(1 + _TIGHTENINGS):
             kept = self._kept_soonest(effort)
@@ -214,26 +196,7 @@ class EncoderSearch:
                 raise
 
     def nearest(self, way: tuple[int, int, int] | None = None) -> KeptCode:
-        """Return the numbers in finest steps that come nearest to the sections.
-
-        Parameters
-        ----------
-        way
-            Levels of the axis and of the candidates for key sections, and the half-curves' turn, if
-            they are chosen already.
-
-        Returns
-        -------
-        KeptCode
-            The numbers.
-
-        Raises
-        ------
-        NotKept
-            If they do not keep the tolerance.
-        ValueError
-            If the sections make no organ.
-        """
+        """Return the numbers in finest steps that come nearest to the sections."""
         attempts = self._attempts
         first = attempts.depth
         ways = (
@@ -274,18 +237,7 @@ class EncoderSearch:
         raise NotKept(index, float(best.rms[worst]), best.overall, nearest)
 
     def by_the_thesis(self) -> KeptCode:
-        """Return the numbers of the key sections that the thesis's rule keeps.
-
-        Returns
-        -------
-        KeptCode
-            The numbers.
-
-        Raises
-        ------
-        NotKept
-            If no numbers keep the tolerance.
-        """
+        """Return the numbers of the key sections that the thesis's rule keeps."""
         exact = self.nearest()
         cut = exact.cut
         finer = cut.samples // cut.candidates

@@ -16,21 +16,7 @@ _LEAST_STIFF = 1e-12
 
 
 def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
-    """Return the order in which keys between the two ends become known.
-
-    Keys at coarse places come first, as halving the whole way finds them.
-
-    Parameters
-    ----------
-    keys
-        (K,) places of the keys, growing from 0 to a power of two.
-
-    Returns
-    -------
-    list[tuple[int, int, int, int]]
-        K - 2 times the number of the key, of the nearest known ones before and after it, and its
-        level: one more than the higher of theirs, those of the ends 0.
-    """
+    """Return the order in which keys between the two ends become known."""
     places = [int(place) for place in keys]
     known, levels = [0, len(places) - 1], {0: 0, len(places) - 1: 0}
     order: list[tuple[int, int, int, int]] = []
@@ -45,18 +31,7 @@ def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
 
 
 def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return how the values at keys follow from what is stored of them.
-
-    Parameters
-    ----------
-    keys
-        (K,) places of the keys, growing.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (K, K) the values are its product with the stored differences.
-    """
+    """Return how the values at keys follow from what is stored of them."""
     count = len(keys)
     values = np.zeros((count, count))
     values[:, 0][[0, -1]] = 1.0
@@ -114,31 +89,7 @@ def best_breaks(
     price: float,
     longest: int,
 ) -> NDArray[np.intp]:
-    """Return the breaks of the piecewise straight signals of least error and price.
-
-    Parameters
-    ----------
-    places
-        (S,) places of the samples, growing.
-    signals
-        (S, J) samples.
-    weights
-        (S, J) weight of each squared error.
-    price
-        What a break costs.
-    longest
-        Most samples between two breaks.
-
-    Returns
-    -------
-    NDArray[np.intp]
-        (B,) numbers of the samples at the breaks, the first and the last included.
-
-    Notes
-    -----
-    Dynamic programming over all pairs of samples; the error of a piece is that of its own least
-    squares line, from running sums.
-    """
+    """Return the breaks of the piecewise straight signals of least error and price."""
     count, kinds = signals.shape
     sums = np.zeros((count + 1, kinds, 6))
     for i in range(count):
@@ -200,23 +151,7 @@ def descend(
     steps: NDArray[np.int64],
     passes: int,
 ) -> None:
-    """Lower squared error and price of whole numbers, one number after the other.
-
-    Parameters
-    ----------
-    products
-        (K, K) normal matrix of the error: it is n' P n - 2 n' s for the numbers n.
-    sums
-        (K,) s.
-    levels
-        (K,) row of `prices` for each number.
-    prices
-        (L, M) price of a number of each size; of larger ones, by the doubling.
-    steps
-        (K,) the numbers, changed in place.
-    passes
-        Most rounds over all numbers.
-    """
+    """Lower squared error and price of whole numbers, one number after the other."""
     count = len(steps)
     most = prices.shape[1] - 1
     pull = sums.copy()

@@ -15,30 +15,13 @@ _BEND_LEVELS = 4
 
 
 def first_prices() -> NDArray[np.float64]:
-    """Return what numbers of which nothing is known take.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (16, 13) bits of each signal's number, by its size.
-    """
+    """Return what numbers of which nothing is known take."""
     sizes = np.arange(1.0, LARGEST_SIZE + 1)
     return np.tile(np.concatenate([[0.6], 3.0 + 1.6 * np.log2(sizes)]), (SIGNALS, 1))
 
 
 def learned_prices(stored: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return what numbers like those that are stored take.
-
-    Parameters
-    ----------
-    stored
-        (K, 16) stored numbers of a boundary; the first key's do not count.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (16, 13) bits of each signal's number, by its size.
-    """
+    """Return what numbers like those that are stored take."""
     sizes = np.abs(stored[1:])
     zeros = ((sizes == 0).sum(axis=0) + 0.5) / (len(sizes) + 1.0)
     bits = np.empty((SIGNALS, LARGEST_SIZE + 1))
@@ -48,19 +31,7 @@ def learned_prices(stored: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def bend_prices(bends: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return what numbers like an axis's bends take.
-
-    Parameters
-    ----------
-    bends
-        (B, 3) stored differences of the axis's keys, along the chord and twice across it.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3 B, 13) bits of each, by its size; those of the ends, which are not stored, are infinite
-        but for zero.
-    """
+    """Return what numbers like an axis's bends take."""
     levels = np.minimum(key_levels(key_depth(len(bends))), _BEND_LEVELS)
     bits = np.full((len(bends), 3, LARGEST_SIZE + 1), np.inf)
     bits[:, :, 0] = 0.0

@@ -197,18 +197,7 @@ class OrganAttempts:
         return some
 
     def of_all(self, one: KeptCode) -> KeptCode | None:
-        """Return how well numbers found by some of the sections keep all of them.
-
-        Parameters
-        ----------
-        one
-            The numbers.
-
-        Returns
-        -------
-        KeptCode or None
-            The same numbers, measured; None if they make no organ.
-        """
+        """Return how well numbers found by some of the sections keep all of them."""
         code = one.code
         cut = OrganCut(
             self.contours, self._loft(), self.centroids, one.cut.axis, self.depth,
@@ -217,24 +206,7 @@ class OrganAttempts:
         return self.measured(cut, code.section_scale, one.numbers.sections)
 
     def cut(self, levels: int, scale: int, depth: int, turn: int = 0) -> OrganCut:
-        """Return the contours cut by an axis whose ends' planes enclose the end sections.
-
-        Parameters
-        ----------
-        levels
-            The axis has 2^levels + 1 keys.
-        scale
-            Its step, see `scale_of`.
-        depth
-            There are 2^depth + 1 candidates for key sections.
-        turn
-            How far half-curves are turned in their sections, as in `OrganCode`.
-
-        Returns
-        -------
-        OrganCut
-            The cut.
-        """
+        """Return the contours cut by an axis whose ends' planes enclose the end sections."""
         reach = [0.0, 0.0]
         found: list[tuple[float, OrganCut]] = []
         for _ in range(_CARRIES):
@@ -300,24 +272,7 @@ class OrganAttempts:
     def lowered(
         self, one: KeptCode, rounds: int, *, near: bool = False, move_keys: bool = False
     ) -> list[KeptCode]:
-        """Return attempts that go on from one, each of lower cost than the one before.
-
-        Parameters
-        ----------
-        one
-            The numbers to begin with.
-        rounds
-            Most attempts.
-        near
-            Whether to come as near to the sections as the steps allow.
-        move_keys
-            Whether key sections may be moved, and come and go.
-
-        Returns
-        -------
-        list[KeptCode]
-            The attempts.
-        """
+        """Return attempts that go on from one, each of lower cost than the one before."""
         scale, step = one.code.section_scale, one.code.section_step
         together = not near and self._overall < self._allowed
         aim = NEAR if near else EACH_SLICE
@@ -361,22 +316,7 @@ class OrganAttempts:
         return found
 
     def measured(self, cut: OrganCut, scale: int, sections: CodedSections) -> KeptCode | None:
-        """Return how well numbers keep the sections, or None if they make no organ.
-
-        Parameters
-        ----------
-        cut
-            The contours cut across an axis.
-        scale
-            Step of half-curves, see `scale_of`.
-        sections
-            What is stored of the sections.
-
-        Returns
-        -------
-        KeptCode or None
-            The numbers.
-        """
+        """Return how well numbers keep the sections, or None if they make no organ."""
         axis = cut.axis
         code = OrganCode(
             units=self._units,
@@ -424,18 +364,7 @@ class OrganAttempts:
         return np.unique(nearest)
 
     def strays(self, one: KeptCode) -> bool:
-        """Return whether an outline goes where no edge is, which no edge point's distance says.
-
-        Parameters
-        ----------
-        one
-            The numbers.
-
-        Returns
-        -------
-        bool
-            Whether it does, by more than a share of the mean radius.
-        """
+        """Return whether an outline goes where no edge is, which no edge point's distance says."""
         organ, edges = one.code.organ(), one.cut.outlines
         stations = np.linspace(0.0, organ.length, len(edges.outer))
         corners = [closed_outlines(organ.rows_at(stations), _STRAY_CORNERS)]

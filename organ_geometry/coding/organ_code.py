@@ -113,25 +113,7 @@ class OrganCode:
         return [outer, outer + (values @ self.lumen) * steps]
 
     def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
-        """Return the organ.
-
-        Parameters
-        ----------
-        name
-            What it is called.
-        encoded
-            Content of its file.
-
-        Returns
-        -------
-        Organ
-            The organ.
-
-        Raises
-        ------
-        ValueError
-            If the numbers make no organ.
-        """
+        """Return the organ."""
         tolerance = tolerance_of(self.tolerance)
         pieces = axis_pieces(self.candidates)
         points, frames = axis_and_frames(
@@ -159,69 +141,25 @@ class OrganCode:
 
 
 def axis_pieces(candidates: int) -> int:
-    """Return into how many pieces of equal length an organ's axis is divided.
-
-    Parameters
-    ----------
-    candidates
-        Number of pieces between candidates for key sections, a power of two.
-
-    Returns
-    -------
-    int
-        The number, a multiple of that.
-    """
+    """Return into how many pieces of equal length an organ's axis is divided."""
     return max(_FEWEST_AXIS_PIECES, 2 * candidates)
 
 
 def signal_steps(step: float) -> NDArray[np.float64]:
-    """Return the (16,) steps of a section's signals, mm.
-
-    Parameters
-    ----------
-    step
-        Step of half-curves' coefficients, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (16,) steps, mm.
-    """
+    """Return the (16,) steps of a section's signals, mm."""
     steps = np.full(SIGNALS, step)
     steps[[WIDTH, ASIDE]] *= SPAN_STEPS
     return steps
 
 
 def tolerance_of(number: int) -> float:
-    """Return a tolerance from its number.
-
-    Parameters
-    ----------
-    number
-        From 0 to 4095.
-
-    Returns
-    -------
-    float
-        (1 + n mod 64 / 64) 2^(n div 64 - 32), mm.
-    """
+    """Return a tolerance from its number."""
     power, part = divmod(number, _TOLERANCE_PARTS)
     return math.ldexp(1.0 + part / _TOLERANCE_PARTS, power - _TOLERANCE_BIAS)
 
 
 def tolerance_number(tolerance: float) -> int:
-    """Return the number of the largest tolerance that is kept and not above a given one.
-
-    Parameters
-    ----------
-    tolerance
-        RMS distance, mm.
-
-    Returns
-    -------
-    int
-        From 0 to 4095.
-    """
+    """Return the number of the largest tolerance that is kept and not above a given one."""
     part, power = math.frexp(max(tolerance, math.ldexp(1.0, -_TOLERANCE_BIAS)))
     number = (power - 1 + _TOLERANCE_BIAS) * _TOLERANCE_PARTS
     number += math.floor((2.0 * part - 1.0) * _TOLERANCE_PARTS)
@@ -229,77 +167,27 @@ def tolerance_number(tolerance: float) -> int:
 
 
 def scale_of(number: int) -> float:
-    """Return a step in tolerances from its number.
-
-    Parameters
-    ----------
-    number
-        From 0 to 63.
-
-    Returns
-    -------
-    float
-        (4 + n mod 4) 2^(n div 4 - 16).
-    """
+    """Return a step in tolerances from its number."""
     power, part = divmod(number, 4)
     return math.ldexp(4.0 + part, power - 16)
 
 
 def scale_number(scale: float) -> int:
-    """Return the number of the step nearest below a scale.
-
-    Parameters
-    ----------
-    scale
-        Step in tolerances.
-
-    Returns
-    -------
-    int
-        From 0 to 63.
-    """
+    """Return the number of the step nearest below a scale."""
     part, power = math.frexp(scale)
     number = 4 * (power + 13) + math.floor((2.0 * part - 1.0) * 4.0)
     return min(max(number, 0), 63)
 
 
 def leans_of(tilts: NDArray[np.int64], scale: int) -> NDArray[np.float64]:
-    """Return how far sections lean out of the axis.
-
-    Parameters
-    ----------
-    tilts
-        (2, 2) in steps.
-    scale
-        The steps are 1/8, 1/16, 1/32 or 1/64, from 0 to 3.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (2, 2) tangents of the angles along x_dir and y_dir.
-    """
+    """Return how far sections lean out of the axis."""
     return tilts / (COARSEST_TILTS << scale)
 
 
 def axis_keys(
     ends: NDArray[np.int64], bends: NDArray[np.int64], step: float
 ) -> NDArray[np.float64]:
-    """Return the keys of an axis.
-
-    Parameters
-    ----------
-    ends
-        (2, 3) first end and the way to the last, in steps.
-    bends
-        (K, 3) stored differences along the chord and across it, in steps.
-    step
-        The step, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (K, 3) keys, mm.
-    """
+    """Return the keys of an axis."""
     count = len(bends)
     first, chord = ends[0] * step, ends[1] * step
     frame = chord_frame(chord)
@@ -309,40 +197,12 @@ def axis_keys(
 
 
 def bend_steps(step: float) -> NDArray[np.float64]:
-    """Return the steps of an axis's bends.
-
-    Parameters
-    ----------
-    step
-        The axis's step, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3,) steps along the chord and twice across it, mm.
-    """
+    """Return the steps of an axis's bends."""
     return np.array([math.ldexp(step, _ALONG_STEPS), step, step])
 
 
 def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return unit directions along a chord and across it.
-
-    Parameters
-    ----------
-    chord
-        (3,) from the first end to the last, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3, 3) rows: along; across, the chord's smallest component set against it; and their cross
-        product. Of components of one size, the first counts as the smallest.
-
-    Raises
-    ------
-    ValueError
-        If the chord has no length.
-    """
+    """Return unit directions along a chord and across it."""
     length = math.sqrt(float(chord @ chord))
     if not length > 0.0:
         raise ValueError("the two ends of the axis must be apart, above 0 mm")
@@ -363,30 +223,7 @@ def axis_and_frames(
     *,
     left_handed: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return an axis at equal arc length and the frames along it.
-
-    Parameters
-    ----------
-    keys
-        (K, 3) keys of the natural cubic spline, mm.
-    pieces
-        Number of equal pieces N.
-    start_axis
-        0, 1 or 2: axis of space from which x_dir is turned at the first point.
-    roll
-        That turn about the axis, in 1/256.
-    leans
-        (2, 2) lean of the normals at both ends along x_dir and y_dir, as tangents of the angles.
-    turn
-        How far x_dir and y_dir are turned at last, in 1/32 of half a turn.
-    left_handed
-        Whether the frames are left-handed.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64]]
-        (N + 1, 3) points, mm, and (N + 1, 3, 3) frames, columns x_dir, y_dir and normal.
-    """
+    """Return an axis at equal arc length and the frames along it."""
     points, tangents = even_axis(np.asarray(keys, dtype=np.float64), pieces)
     unit = np.eye(3)[start_axis]
     across = unit - float(unit @ tangents[0]) * tangents[0]

@@ -208,13 +208,7 @@ class OrganCut:
         return leans_of(self.tilts, self.tilt_scale)
 
     def bend_moves(self) -> BendMoves:
-        """Return how the sections of a reader's axis move with the axis's bends.
-
-        Returns
-        -------
-        BendMoves
-            The moves.
-        """
+        """Return how the sections of a reader's axis move with the axis's bends."""
         axis = self.axis
         count = len(axis.bends)
         spline = natural_cubic(even_places(axis.keys, self.pieces), count)
@@ -254,18 +248,7 @@ class OrganCut:
 
 
 def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
-    """Return how far half-curves are best turned in their sections to lie near outlines.
-
-    Parameters
-    ----------
-    outlines
-        (M, P, 2) points around each section, mm.
-
-    Returns
-    -------
-    tuple[int, float]
-        The turn, in 1/32 of half a turn, and what it leaves of the squared distances.
-    """
+    """Return how far half-curves are best turned in their sections to lie near outlines."""
     some = outlines[:: max(1, len(outlines) // _TURNED_OUTLINES)]
     errors = np.empty(TURNS // _TURN_STEP)
     for number in range(len(errors)):

@@ -50,44 +50,7 @@ def encoded_organ(
     units: str = "mm",
     name: str = "",
 ) -> EncodedOrgan:
-    """Return the organ that keeps every section to a tolerance in few bytes.
-
-    Parameters
-    ----------
-    contours
-        Two or more sections in order.
-    tolerance
-        Largest RMS distance of a section's edge points to the organ, mm.
-    overall
-        Largest RMS distance of all sections' edge points together, mm. Default: the tolerance,
-        which leaves it to the sections.
-    hollow
-        Whether all sections have a lumen that counts.
-    left_handed
-        Whether right, down and along the stack are left-handed in the images.
-    select
-        How key sections are chosen: "fewest" keeps as few bytes as it can, "thesis" compares each
-        section with the last key section.
-    effort
-        "quick" tries a few axes and steps, for a long stack by some of its sections; "full" tries
-        many, for some bytes less.
-    units
-        What the lengths are called.
-    name
-        What the organ is called.
-
-    Returns
-    -------
-    EncodedOrgan
-        The organ, decoded from what its file holds.
-
-    Raises
-    ------
-    ToleranceTooSmall
-        If a section cannot be kept to the tolerance; one near the smallest that can is named.
-    ValueError
-        If there are fewer than two sections, or the lumen of one is not inside it.
-    """
+    """Return the organ that keeps every section to a tolerance in few bytes."""
     if len(contours) < 2:
         raise ValueError(f"an organ needs two or more sections, not {len(contours)}")
 

@@ -38,27 +38,7 @@ class OrganFileError(ValueError):
 
 
 def write_organ(organ: Organ, path: Path) -> int:
-    """Write an organ to a file, which appears complete or not at all.
-
-    Parameters
-    ----------
-    organ
-        An organ that was built from images or read from a file.
-    path
-        The file; one that exists is replaced.
-
-    Returns
-    -------
-    int
-        Size of the file, bytes.
-
-    Raises
-    ------
-    OrganFileError
-        If the organ has no file's content, or was changed since it had.
-    ValueError
-        If the file cannot be written.
-    """
+    """Write an organ to a file, which appears complete or not at all."""
     if not organ.encoded:
         raise OrganFileError("only an organ that was built from images can be written")
     stored = organ_from_bytes(organ.encoded)
@@ -70,24 +50,7 @@ def write_organ(organ: Organ, path: Path) -> int:
 
 
 def read_organ(path: Path) -> Organ:
-    """Return the organ of a file.
-
-    Parameters
-    ----------
-    path
-        An organ file; the organ is called what the file is.
-
-    Returns
-    -------
-    Organ
-        The organ, to the bit what was written.
-
-    Raises
-    ------
-    OrganFileError
-        If there is no such file, or it is foreign, of another version, truncated, damaged or not an
-        organ.
-    """
+    """Return the organ of a file."""
     source = Path(path)
     try:
         with source.open("rb") as file:
@@ -101,26 +64,7 @@ def read_organ(path: Path) -> Organ:
 
 
 def organ_from_bytes(data: bytes, name: str = "") -> Organ:
-    """Return the organ of a file's content.
-
-    Parameters
-    ----------
-    data
-        The file.
-    name
-        What the organ is called.
-
-    Returns
-    -------
-    Organ
-        The organ.
-
-    Raises
-    ------
-    OrganFileError
-        If the data is foreign, of another version, truncated, damaged or not an organ, or the
-        organ is longer than ten metres or wider than two.
-    """
+    """Return the organ of a file's content."""
     code = code_from_bytes(data)
     try:
         organ = code.organ(name, data)
@@ -144,23 +88,7 @@ def _check_size(organ: Organ) -> None:
 
 
 def code_bytes(code: OrganCode) -> bytes:
-    """Return the content of the file of an organ in whole numbers.
-
-    Parameters
-    ----------
-    code
-        The organ.
-
-    Returns
-    -------
-    bytes
-        The file.
-
-    Raises
-    ------
-    OrganFileError
-        If a number is too large.
-    """
+    """Return the content of the file of an organ in whole numbers."""
     writer = SymbolWriter()
     try:
         _pass_code(writer, code)
@@ -171,23 +99,7 @@ def code_bytes(code: OrganCode) -> bytes:
 
 
 def code_from_bytes(data: bytes) -> OrganCode:
-    """Return the whole numbers of a file's content.
-
-    Parameters
-    ----------
-    data
-        The file.
-
-    Returns
-    -------
-    OrganCode
-        The organ in whole numbers.
-
-    Raises
-    ------
-    OrganFileError
-        If the data is foreign, of another version, truncated or damaged.
-    """
+    """Return the whole numbers of a file's content."""
     if len(data) > LARGEST_FILE_BYTES:
         raise OrganFileError(f"larger than an organ file may be, {LARGEST_FILE_BYTES} bytes")
     for number, magic in enumerate(_FIRST_MAGICS, start=1):

@@ -41,20 +41,7 @@ class SampledSearch:
         self._attempts = attempts
 
     def in_few_bytes(self) -> KeptCode:
-        """Return numbers of few bytes that keep the tolerance in every section.
-
-        Returns
-        -------
-        KeptCode
-            The numbers, measured by all edge points of all sections.
-
-        Raises
-        ------
-        NotKept
-            If none keep it.
-        ValueError
-            If a lumen is not inside its outer boundary.
-        """
+        """Return numbers of few bytes that keep the tolerance in every section."""
         whole = EncoderSearch(self._attempts)
         try:
             found = self._by_samples()

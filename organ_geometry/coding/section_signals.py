@@ -52,18 +52,7 @@ _TO_FIRST = _second_kind_to_first()
 
 
 def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the half-curves of signals.
-
-    Parameters
-    ----------
-    signals
-        (K, 16) signals, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (K, 16) half-curves, mm.
-    """
+    """Return the half-curves of signals."""
     rows = np.empty_like(signals)
     half = signals[:, SYMMETRIC] + signals[:, WIDTH, np.newaxis] * CIRCLE
     rows[:, MIDDLE] = signals[:, ASIDE]
@@ -74,18 +63,7 @@ def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return half width and middle of outlines.
-
-    Parameters
-    ----------
-    outlines
-        (S, P, 2) points around each section, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S, 2) half width, by its share that half-curves span, and middle, mm.
-    """
+    """Return half width and middle of outlines."""
     low, high = outlines[:, :, 0].min(axis=1), outlines[:, :, 0].max(axis=1)
     return np.stack([0.5 * RANGE_SHARE * (high - low), 0.5 * (high + low)], axis=1)
 
@@ -93,23 +71,7 @@ def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
 def fitted_signals(
     outlines: NDArray[np.float64], spans: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the signals of the half-curves over given spans that lie nearest to outlines.
-
-    Squared distances in y are weighted by the squared y component of the normal, which makes them
-    distances along the normal, and by the length of outline that each point stands for.
-
-    Parameters
-    ----------
-    outlines
-        (S, P, 2) points around each section, in either sense, mm.
-    spans
-        (S, 2) half width and middle of the range in x, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S, 16) signals, mm.
-    """
+    """Return the signals of the half-curves over given spans that lie nearest to outlines."""
     x, y = outlines[:, :, 0], outlines[:, :, 1]
     # A span far from its outline would make numbers of no meaning.
     spans = np.maximum(spans, [1e-6 * float(np.ptp(x)), -np.inf])
@@ -142,18 +104,7 @@ def fitted_signals(
 
 
 def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6.
-
-    Parameters
-    ----------
-    u
-        (...) places.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (..., 7) values.
-    """
+    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6."""
     values = np.empty((*u.shape, COEFFICIENTS))
     values[..., 0] = 1.0
     values[..., 1] = 2.0 * u

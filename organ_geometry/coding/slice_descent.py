@@ -130,18 +130,7 @@ class SliceDescent:
         self.foreseen = math.sqrt(float(self._state.errors.max()))
 
     def lowered(self, *, move_keys: bool = False) -> OrganNumbers:
-        """Return numbers of lower cost.
-
-        Parameters
-        ----------
-        move_keys
-            Whether key sections may be moved, and come and go.
-
-        Returns
-        -------
-        OrganNumbers
-            The numbers, without key sections that are not worth their bits.
-        """
+        """Return numbers of lower cost."""
         self._descend(self._state)
         if move_keys:
             for _ in range(_PASSES):

@@ -103,28 +103,7 @@ class LocatedPoints:
 def wall_distances(
     organ: Organ, points: NDArray[np.float64], near: NDArray[np.float64], wall: Wall = "outer"
 ) -> NDArray[np.float64]:
-    """Return how far points are from a wall of an organ, measured in the sections they lie in.
-
-    The section of a point is the nearest one to its guess whose plane the point lies in; a point
-    beyond an end counts its way to the end's plane too. The distance within a section is never
-    smaller than the distance in space.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    points
-        (N, 3) points, mm.
-    near
-        (N,) guesses of their stations, mm.
-    wall
-        Which wall.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N,) distances, mm.
-    """
+    """Return how far points are from a wall of an organ, measured in the sections they lie in."""
     step = organ.length / (len(organ.axis) - 1)
     near = np.asarray(near, dtype=np.float64) / step
     located = LocatedPoints.along(points, near, organ.axis, organ.frames)
@@ -136,22 +115,7 @@ def section_distances(
     contours: Sequence[SectionContour],
     places: NDArray[np.float64],
 ) -> list[NDArray[np.float64]]:
-    """Return how far every section's edge points are from an organ.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    contours
-        The S sections.
-    places
-        (S,) place of each along the organ, from 0 to 1.
-
-    Returns
-    -------
-    list[NDArray[np.float64]]
-        For each section the distances of its edge points, the lumen's after the outer ones, mm.
-    """
+    """Return how far every section's edge points are from an organ."""
     parts: list[list[NDArray[np.float64]]] = [[] for _ in contours]
     for wall in ("outer", "lumen") if organ.hollow else ("outer",):
         edges = [getattr(contour, wall) for contour in contours]
@@ -164,18 +128,7 @@ def section_distances(
 
 
 def root_mean_squares(distances: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the root mean square of each section's distances.
-
-    Parameters
-    ----------
-    distances
-        Distances of S sections, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S,) mm.
-    """
+    """Return the root mean square of each section's distances."""
     return np.array([math.sqrt(float(away @ away) / len(away)) for away in distances])
 
 

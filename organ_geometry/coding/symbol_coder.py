@@ -78,33 +78,7 @@ class _Numbers:
         start: tuple[int, int] = EVEN_START,
         run_start: tuple[int, int] = EVEN_START,
     ) -> int:
-        """Pass a whole number: whether it is zero, its sign, and its size.
-
-        A size from 2^e to 2^(e+1) - 1 is e times yes, a no, and its lower e digits.
-
-        Parameters
-        ----------
-        contexts
-            Where its odds of being zero are learned.
-        runs
-            Where those of its size are.
-        number
-            The number to write.
-        start
-            Counts of zeros and others that `contexts` begin with.
-        run_start
-            Counts of no and yes that `runs` begin with.
-
-        Returns
-        -------
-        int
-            The number.
-
-        Raises
-        ------
-        SymbolError
-            If it is larger than 2^48.
-        """
+        """Pass a whole number: whether it is zero, its sign, and its size."""
         if not self.bit([("zero", one) for one in contexts], int(number != 0), start):
             return 0
         negative = self.even_bit(int(number < 0))
@@ -145,13 +119,7 @@ class SymbolWriter(_Numbers):
         return answer
 
     def as_bytes(self) -> bytes:
-        """Return the fewest bytes from which a reader gets the same numbers.
-
-        Returns
-        -------
-        bytes
-            The range coder's words, highest byte first, without what a reader takes as zeros.
-        """
+        """Return the fewest bytes from which a reader gets the same numbers."""
         answers = np.array(self._answers, dtype=np.int32)
         odds = np.array(self._odds, dtype=np.float64)
         encoder = _STREAM.queue.RangeEncoder()

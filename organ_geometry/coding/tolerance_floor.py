@@ -21,22 +21,7 @@ class ToleranceTooSmall(ValueError):  # noqa: N818
 
 
 def smallest_kept(kept: Callable[[float], bool], refused: float, nearest: float) -> float:
-    """Return a tolerance that is kept, near the smallest, in four digits.
-
-    Parameters
-    ----------
-    kept
-        Whether a tolerance is kept.
-    refused
-        One that is not, mm.
-    nearest
-        One that may be, mm.
-
-    Returns
-    -------
-    float
-        The tolerance, mm.
-    """
+    """Return a tolerance that is kept, near the smallest, in four digits."""
     largest, more = _four_digits(nearest), _RAISE
     while not kept(largest):
         refused, largest = largest, _four_digits(largest * more)

@@ -12,19 +12,7 @@ _CORNERS = 96
 
 
 def thinnest_walls(organ: Organ) -> NDArray[np.float64]:
-    """Return the thinnest wall of each section of a hollow organ.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S,) smallest distance of the lumen to the outer boundary, mm; negative where the lumen
-        goes beyond it.
-    """
+    """Return the thinnest wall of each section of a hollow organ."""
     stations = organ.stations
     return _thinnest(
         closed_outlines(organ.rows_at(stations), _CORNERS),

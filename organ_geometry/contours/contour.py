@@ -207,20 +207,7 @@ def _loft_cuts(
 
 
 def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return points at equal distances along a closed polygon.
-
-    Parameters
-    ----------
-    points
-        (N, D) corners in order, mm; the last joins the first.
-    count
-        Number of points wanted.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (count, D) points, the first at the first corner.
-    """
+    """Return points at equal distances along a closed polygon."""
     return _even_points(np.ascontiguousarray(points, dtype=np.float64), count)
 
 
@@ -251,18 +238,7 @@ def _even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]
 
 
 def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return the centroid of the area that a closed contour bounds, and its equivalent radius.
-
-    Parameters
-    ----------
-    points
-        (N, 3) corners in order, nearly in a plane, mm.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], float]
-        (3,) centroid, mm, and the radius of the circle of the same area, mm.
-    """
+    """Return the centroid of the area that a closed contour bounds, and its equivalent radius."""
     return _centroid_and_radius(np.ascontiguousarray(points, dtype=np.float64))
 
 

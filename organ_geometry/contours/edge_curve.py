@@ -21,22 +21,7 @@ class NoEdgeFound(ValueError):  # noqa: N818
 
 
 def blurred(grey: Image, sigma: float, scale: Scale = SQUARE) -> Image:
-    """Return an image blurred by the same length in all directions.
-
-    Parameters
-    ----------
-    grey
-        (H, W) grey levels.
-    sigma
-        Standard deviation of the Gaussian, in pixels of mean size.
-    scale
-        Width and height of a pixel, in pixels of mean size.
-
-    Returns
-    -------
-    Image
-        (H, W) blurred levels.
-    """
+    """Return an image blurred by the same length in all directions."""
     sigma_x, sigma_y = sigma / scale[0], sigma / scale[1]
     size = (2 * math.ceil(4.0 * sigma_x) + 1, 2 * math.ceil(4.0 * sigma_y) + 1)
     return np.asarray(cv2.GaussianBlur(grey, size, sigma_x, sigmaY=sigma_y), dtype=np.float32)
@@ -49,33 +34,7 @@ def level_curve(
     sigma: float,
     scale: Scale = SQUARE,
 ) -> NDArray[np.float64]:
-    """Return the outline moved onto a level of a blurred image, and back by what blur moved it.
-
-    Newton's method along the gradient, until the linearly interpolated image has the level.
-
-    Parameters
-    ----------
-    smoothed
-        (H, W) blurred levels.
-    start
-        (N, 2) outline pixels x, y in order.
-    level
-        The level of the edge.
-    sigma
-        Blur, in pixels of mean size.
-    scale
-        Width and height of a pixel, in pixels of mean size.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (M, 2) points x, y, px; those without the level near them are left out.
-
-    Raises
-    ------
-    NoEdgeFound
-        If fewer than three points are left.
-    """
+    """Return the outline moved onto a level of a blurred image, and back by what blur moved it."""
     slope_x, slope_y = _slopes(smoothed)
     points = start.astype(np.float64)
     _move_to_level(points, smoothed, slope_x, slope_y, level)
@@ -85,32 +44,7 @@ def level_curve(
 def steepest_curve(
     smoothed: Image, start: NDArray[np.int32], sigma: float, scale: Scale = SQUARE
 ) -> NDArray[np.float64]:
-    """Return the outline moved to where a blurred image is steepest across it.
-
-    The largest of three gradients along the gradient's direction is interpolated by a parabola
-    (Devernay 1995, INRIA report 2724, on Canny's edges).
-
-    Parameters
-    ----------
-    smoothed
-        (H, W) blurred levels.
-    start
-        (N, 2) outline pixels x, y in order.
-    sigma
-        Blur, in pixels of mean size.
-    scale
-        Width and height of a pixel, in pixels of mean size.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (M, 2) points x, y, px.
-
-    Raises
-    ------
-    NoEdgeFound
-        If fewer than three points are left.
-    """
+    """Return the outline moved to where a blurred image is steepest across it."""
     slope_x, slope_y = _slopes(smoothed)
     steepness = np.asarray(cv2.magnitude(slope_x, slope_y), dtype=np.float32)
     points = start.astype(np.float64)
@@ -133,20 +67,7 @@ def enclosed_area(points: NDArray[np.float64]) -> float:
 
 
 def outward_normals(points: NDArray[np.float64], reach: int = 1) -> NDArray[np.float64]:
-    """Return the normals of a closed curve, pointing outwards.
-
-    Parameters
-    ----------
-    points
-        (N, 2) points of the curve, in either sense.
-    reach
-        Tangents are chords over so many points to both sides.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, 2) unit normals.
-    """
+    """Return the normals of a closed curve, pointing outwards."""
     along = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1)

@@ -34,24 +34,7 @@ LARGEST_AREA_CHANGE = 0.3
 def carried_edge(
     now: Image, last: Image, edge: NDArray[np.float64], contrast: float
 ) -> NDArray[np.float64] | None:
-    """Return an edge carried from the last image to the one now.
-
-    Parameters
-    ----------
-    now
-        (H, W) levels, slightly blurred, in which the organ is bright.
-    last
-        (H, W) the same window of the last image.
-    edge
-        (N, 2) points x, y of the edge in the last image, px.
-    contrast
-        Organ's level less its surroundings'.
-
-    Returns
-    -------
-    NDArray[np.float64] | None
-        (M, 2) points x, y, or None if there are not enough steps to follow.
-    """
+    """Return an edge carried from the last image to the one now."""
     edge = _even(edge)
     normals = outward_normals(edge)
     profile = np.arange(-PROFILE_PX, PROFILE_PX + 0.5 * STEP_PX, STEP_PX)

@@ -38,29 +38,7 @@ _SMALLEST_WINDOW = 12
 def first_section(
     index: int, image: GreyImage, rule: EdgeRule, seed: tuple[float, float] | None
 ) -> FoundSection:
-    """Return the organ's section in an image without one to follow.
-
-    Parameters
-    ----------
-    index
-        Number of the slice.
-    image
-        (H, W) grey levels.
-    rule
-        What the edge is.
-    seed
-        A point x, y of the organ, px, or None for the largest thing near the middle.
-
-    Returns
-    -------
-    FoundSection
-        The section.
-
-    Raises
-    ------
-    NoEdgeFound
-        If nothing stands out, there or at all, or what does touches the image's border.
-    """
+    """Return the organ's section in an image without one to follow."""
     if seed is not None:
         return _seeded(index, image, rule, seed)
     bright = with_margin(as_grey(image) * np.float32(rule.sign))

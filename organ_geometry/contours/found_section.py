@@ -97,25 +97,7 @@ class FoundSection:
 def section_edges(
     section: FoundSection, rule: EdgeRule
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Return the outer and the lumen's boundary of a section, px of its image.
-
-    Parameters
-    ----------
-    section
-        The section to a pixel.
-    rule
-        What the edge is.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64] | None]
-        (N, 2) and (M, 2) points x, y, px, or None without a lumen.
-
-    Raises
-    ------
-    NoEdgeFound
-        If the edge does not close.
-    """
+    """Return the outer and the lumen's boundary of a section, px of its image."""
     shift = np.array(section.corner, dtype=np.float64) - MARGIN
     if section.carried is not None:
         return section.carried + shift, None

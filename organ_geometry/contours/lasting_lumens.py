@@ -12,18 +12,7 @@ LUMEN_REACH = 2
 def with_lasting_lumens(
     sections: Sequence[TracedSection],
 ) -> tuple[tuple[TracedSection, ...], list[int]]:
-    """Return sections without the lumens that no section near them shows, and which those are.
-
-    Parameters
-    ----------
-    sections
-        The sections in order.
-
-    Returns
-    -------
-    tuple[tuple[TracedSection, ...], list[int]]
-        The sections, and the numbers of those that lost a lumen.
-    """
+    """Return sections without the lumens that no section near them shows, and which those are."""
     boxes = [
         None if lumen is None else (lumen.min(axis=0), lumen.max(axis=0))
         for lumen in (section.lumen for section in sections)

@@ -14,41 +14,13 @@ their noise of that of all."""
 
 
 def median_where(levels: Levels, mask: Mask) -> tuple[float, int]:
-    """Return the median level in a mask, NaN of no pixel, and the number of pixels in the mask.
-
-    Parameters
-    ----------
-    levels
-        (H, W) levels.
-    mask
-        (H, W) not 0 where they count.
-
-    Returns
-    -------
-    tuple[float, int]
-        Median and number of pixels.
-    """
+    """Return the median level in a mask, NaN of no pixel, and the number of pixels in the mask."""
     values, count = _values_where(levels, mask)
     return (float(np.median(values)) if count else np.nan), count
 
 
 def level_exceeded(levels: Levels, mask: Mask, share: float) -> float:
-    """Return the level that a share of a mask's pixels exceed.
-
-    Parameters
-    ----------
-    levels
-        (H, W) levels.
-    mask
-        (H, W) not 0 where they count, somewhere.
-    share
-        From 0, the highest level, to 1, the lowest.
-
-    Returns
-    -------
-    float
-        The level.
-    """
+    """Return the level that a share of a mask's pixels exceed."""
     return float(np.quantile(_values_where(levels, mask)[0], 1.0 - share))
 
 

@@ -69,34 +69,7 @@ _AREAS = 5
 def next_section(
     index: int, image: GreyImage, rule: EdgeRule, last: FoundSection, last_name: str
 ) -> FoundSection:
-    """Return the section that continues the organ.
-
-    It is the component that covers most of the last section, of what is brighter than half way
-    between the levels inside and around the last section's place.
-
-    Parameters
-    ----------
-    index
-        Number of the slice.
-    image
-        (H, W) grey levels.
-    rule
-        What the edge is.
-    last
-        The last section found.
-    last_name
-        Name of its image.
-
-    Returns
-    -------
-    FoundSection
-        The section.
-
-    Raises
-    ------
-    NoEdgeFound
-        If nothing continues the organ, or what does touches the border, has split or merged.
-    """
+    """Return the section that continues the organ."""
     x0, y0, x1, y1 = _box(last)
     reach = max(SMALLEST_REACH_PX, round(REACH * math.sqrt((x1 - x0) * (y1 - y0))))
     while True:

@@ -34,25 +34,7 @@ class SeedPoint:
 
 
 def seed_point(seed: Seed, stack: ImageStack) -> SeedPoint:
-    """Return a seed as a point of a stack.
-
-    Parameters
-    ----------
-    seed
-        Two or three numbers.
-    stack
-        The images.
-
-    Returns
-    -------
-    SeedPoint
-        The point.
-
-    Raises
-    ------
-    ImageStackError
-        If it is outside of the images.
-    """
+    """Return a seed as a point of a stack."""
     x, y = float(seed[0]), float(seed[1])
     index = seed[2] if len(seed) == 3 else 0
     if not 0 <= index < len(stack):

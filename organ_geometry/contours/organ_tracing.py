@@ -44,44 +44,7 @@ def trace_organ(
     progress: Progress | None = None,
     workers: int | None = None,
 ) -> TracedOrgan:
-    """Return the edges of the organ in every slice of a stack.
-
-    The organ begins at the seed, and without one in the clearest of a few images over the stack, as
-    the largest thing near the middle. From there it is followed both ways. In each next image it is
-    the part that covers most of the last section found.
-
-    Images are read ahead in threads, a few at a time; what comes out does not depend on how many
-    threads there are.
-
-    Parameters
-    ----------
-    stack
-        The images; only a few are held at a time.
-    polarity
-        Whether the organ is brighter or darker than its surroundings; "auto" decides, around the
-        seed or from a few images.
-    threshold
-        Grey level of the edge. Default: half way between the levels inside and around the organ in
-        each slice, which Otsu's threshold tells apart where the organ begins.
-    method
-        "half-level" or "canny".
-    seed
-        A point x, y of the organ, px, in the first image; or x, y and the number of the image.
-    progress
-        Called after each slice with the number done and the number of slices.
-    workers
-        Number of threads. Default: the number of cores, at most 8.
-
-    Returns
-    -------
-    TracedOrgan
-        Sections, problems and notes.
-
-    Raises
-    ------
-    ValueError
-        If an image cannot be read, an option is unknown or the seed is outside of the image.
-    """
+    """Return the edges of the organ in every slice of a stack."""
     _check(polarity, threshold, method, workers)
     point = None if seed is None else seed_point(seed, stack)
     size = min(os.cpu_count() or 1, _LARGEST_POOL) if workers is None else workers

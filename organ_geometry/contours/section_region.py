@@ -87,34 +87,7 @@ def find_region(
     threshold: float | None = None,
     scale: Scale = SQUARE,
 ) -> Region:
-    """Return the organ's region in an image with a margin in which the organ is bright.
-
-    The half level between organ and background is found in two steps: a first level separates the
-    chosen component, and its own level and that of a ring around it give the second.
-
-    Parameters
-    ----------
-    bright
-        (H, W) levels, in a frame of `MARGIN` pixels of background.
-    choose
-        Takes the organ's component from a mask.
-    start_level
-        The first level. Default: Otsu's of the blurred image.
-    threshold
-        The level of the outer edge where it is given and not found.
-    scale
-        Width and height of a pixel, in pixels of mean size.
-
-    Returns
-    -------
-    Region
-        Organ and lumen.
-
-    Raises
-    ------
-    NoEdgeFound
-        If nothing that is chosen stands out clearly from the background.
-    """
+    """Return the organ's region in an image with a margin in which the organ is bright."""
     try:
         return _region(bright, choose, start_level, threshold, SMOOTHING_PX, scale)
     except NoEdgeFound:

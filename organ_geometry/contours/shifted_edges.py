@@ -20,31 +20,7 @@ class NothingLeft(ValueError):  # noqa: N818
 def shifted_section(
     section: TracedSection, shift: float, pixel_size: NDArray[np.float64]
 ) -> TracedSection:
-    """Return a section whose edges are moved away from the organ's tissue.
-
-    Masks whose border pixels count as organ are too large by half a pixel: a shift of minus half a
-    pixel makes up for that. The lumen's edge moves the other way, so that the wall grows or shrinks
-    on both sides.
-
-    Parameters
-    ----------
-    section
-        The section.
-    shift
-        How far, mm; negative is inwards.
-    pixel_size
-        (2,) width and height of a pixel, mm.
-
-    Returns
-    -------
-    TracedSection
-        The section.
-
-    Raises
-    ------
-    NothingLeft
-        If a boundary would lose half its mean radius or more.
-    """
+    """Return a section whose edges are moved away from the organ's tissue."""
     if shift == 0.0:
         return section
     outer = _moved(section.outer * pixel_size, shift) / pixel_size

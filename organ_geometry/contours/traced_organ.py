@@ -38,18 +38,7 @@ class TracedSection:
     carried: bool = False
 
     def moved(self, x: float, y: float) -> "TracedSection":
-        """Return the section as it is in an image that begins earlier.
-
-        Parameters
-        ----------
-        x, y
-            Columns and rows before the first of this one, px.
-
-        Returns
-        -------
-        TracedSection
-            The section, further right and down.
-        """
+        """Return the section as it is in an image that begins earlier."""
         shift = np.array([x, y], np.float64)
         lumen = None if self.lumen is None else self.lumen + shift
         return replace(self, outer=self.outer + shift, lumen=lumen)

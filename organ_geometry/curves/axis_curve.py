@@ -11,25 +11,7 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the weights of even keys in the natural cubic spline through them.
-
-    Parameters
-    ----------
-    places
-        (N,) places from 0, the first key, to 1, the last.
-    count
-        Number of keys K, at equal distances, two or more.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, K) weights: the spline is their product with the keys' values.
-
-    Notes
-    -----
-    Second derivatives m of the spline over keys at distance 1 follow from
-    m[i-1] + 4 m[i] + m[i+1] = 6 (y[i-1] - 2 y[i] + y[i+1]) and m = 0 at both ends.
-    """
+    """Return the weights of even keys in the natural cubic spline through them."""
     bends = _bends(count)
     scaled = np.asarray(places, dtype=np.float64) * (count - 1)
     before = np.clip(scaled.astype(np.intp), 0, count - 2)
@@ -45,20 +27,7 @@ def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64
 
 
 def natural_cubic_slopes(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the weights of even keys in the slopes of the natural cubic spline through them.
-
-    Parameters
-    ----------
-    places
-        (N,) places from 0, the first key, to 1, the last.
-    count
-        Number of keys K, at equal distances, two or more.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, K) weights: the slopes along the places are their product with the keys' values.
-    """
+    """Return the weights of even keys in the slopes of the natural cubic spline through them."""
     bends = _bends(count)
     scaled = np.asarray(places, dtype=np.float64) * (count - 1)
     before = np.clip(scaled.astype(np.intp), 0, count - 2)
@@ -88,21 +57,7 @@ def _bends(count: int) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=16)
 def refinement(depth: int) -> NDArray[np.float64]:
-    """Return how the keys of an axis follow from what is stored of them.
-
-    The two ends come first, at level 0. The keys half way between those of all coarser levels are
-    predicted by the natural cubic spline through them; what is stored is the difference.
-
-    Parameters
-    ----------
-    depth
-        Number of levels L beyond the ends.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (2^L + 1, 2^L + 1) the keys' values are its product with the stored differences.
-    """
+    """Return how the keys of an axis follow from what is stored of them."""
     values = np.eye(2)
     for level in range(1, depth + 1):
         count = 2**level + 1
@@ -119,34 +74,12 @@ def refinement(depth: int) -> NDArray[np.float64]:
 
 
 def key_depth(count: int) -> int:
-    """Return the number of levels beyond the ends of so many keys.
-
-    Parameters
-    ----------
-    count
-        Number of keys, 2^depth + 1.
-
-    Returns
-    -------
-    int
-        The depth.
-    """
+    """Return the number of levels beyond the ends of so many keys."""
     return (count - 1).bit_length() - 1
 
 
 def key_levels(depth: int) -> NDArray[np.intp]:
-    """Return the level of each of 2^depth + 1 keys: 0 at the ends, then by halving.
-
-    Parameters
-    ----------
-    depth
-        Number of levels beyond the ends.
-
-    Returns
-    -------
-    NDArray[np.intp]
-        (2^depth + 1,) levels.
-    """
+    """Return the level of each of 2^depth + 1 keys: 0 at the ends, then by halving."""
     levels = np.zeros(2**depth + 1, dtype=np.intp)
     for level in range(1, depth + 1):
         levels[2 ** (depth - level) :: 2 ** (depth - level + 1)] = level
@@ -157,20 +90,7 @@ def key_levels(depth: int) -> NDArray[np.intp]:
 def even_axis(
     keys: NDArray[np.float64], intervals: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points at equal arc length along the natural cubic spline through keys.
-
-    Parameters
-    ----------
-    keys
-        (K, 3) keys, mm.
-    intervals
-        Number of equal pieces N.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64]]
-        (N + 1, 3) points, mm, and (N + 1, 3) unit tangents there.
-    """
+    """Return points at equal arc length along the natural cubic spline through keys."""
     wanted = even_places(keys, intervals)
     points = natural_cubic(wanted, len(keys)) @ keys
     tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
@@ -179,20 +99,7 @@ def even_axis(
 
 
 def even_places(keys: NDArray[np.float64], intervals: int) -> NDArray[np.float64]:
-    """Return the places at equal arc length along the natural cubic spline through keys.
-
-    Parameters
-    ----------
-    keys
-        (K, 3) keys, mm.
-    intervals
-        Number of equal pieces N.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N + 1,) places from 0, the first key, to 1, the last.
-    """
+    """Return the places at equal arc length along the natural cubic spline through keys."""
     places = np.linspace(0.0, 1.0, 4 * intervals + 1)
     fine = natural_cubic(places, len(keys)) @ keys
     steps = np.diff(fine, axis=0)

@@ -49,25 +49,7 @@ class FittedSection:
 
 
 def fitted_section(stack: ImageStack, edges: TracedSection) -> FittedSection:
-    """Return one section's edge and half-curves.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    edges
-        The edge found in one of them.
-
-    Returns
-    -------
-    FittedSection
-        The edge, mm, and its curves.
-
-    Raises
-    ------
-    NotSingleValued
-        If two half-curves cannot follow a boundary.
-    """
+    """Return one section's edge and half-curves."""
     index = edges.index
     rows, columns = stack.shape
     image_middle = 0.5 * np.array([columns - 1.0, rows - 1.0])

@@ -18,19 +18,7 @@ _CONDITION = 1e-10
 def boundary_halves(
     boundary: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the two halves of a boundary between its extreme x, and what its points weigh.
-
-    Parameters
-    ----------
-    boundary
-        (N, 2) points in order; the last joins the first.
-
-    Returns
-    -------
-    tuple[NDArray[np.intp], NDArray[np.float64]]
-        (2, 2) first point and number of points of each half, and (N,) the points' weights in a
-        least-squares fit of y: distances along the normal, by length of boundary.
-    """
+    """Return the two halves of a boundary between its extreme x, and what its points weigh."""
     total = len(boundary)
     weights = np.empty(total)
     for i in range(total):
@@ -76,30 +64,7 @@ def fitted_half(
     middle: float,
     half_width: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
-    """Return the weighted least-squares polynomial through one half of a boundary.
-
-    Parameters
-    ----------
-    boundary
-        (N, 2) points, mm.
-    weights
-        (N,) their weights.
-    first, count
-        First point of the half and number of its points.
-    middle, half_width
-        The range in x that u = -1 to 1 stands for, mm.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64], bool]
-        (7,) Chebyshev coefficients; (count, 8) weighted polynomials and, last, y at the points;
-        and whether the points tell the coefficients apart, without which they mean nothing.
-
-    Notes
-    -----
-    Modified Gram-Schmidt with y as a last column, which is backward stable (A. Bjorck, Numerical
-    Methods for Least Squares Problems, 1996, section 2.4).
-    """
+    """Return the weighted least-squares polynomial through one half of a boundary."""
     system = np.empty((COEFFICIENTS + 1, count))
     for row in range(count):
         point = (first + row) % len(boundary)

@@ -148,31 +148,7 @@ class HalfCurves:
 
 
 def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
-    """Return the two half-curves that lie nearest to a closed boundary.
-
-    The boundary is cut at its leftmost and rightmost points. In each half, the squared distances
-    in y are weighted by the squared y component of the normal, which makes them distances along
-    the normal, and by the length of boundary that each point stands for, so that crowded points
-    count no more than sparse ones. The ends stay free: forcing the halves to meet costs a factor
-    of four in distance.
-
-    Parameters
-    ----------
-    points
-        (N, 2) points x, y along the boundary in either sense, mm; the last joins the first.
-
-    Returns
-    -------
-    HalfCurves
-        The fitted boundary, mm.
-
-    Raises
-    ------
-    NotSingleValued
-        If a half-curve runs away from its points, as it does where the boundary doubles back in x.
-    ValueError
-        If the points are fewer than three, not finite, or have no width.
-    """
+    """Return the two half-curves that lie nearest to a closed boundary."""
     boundary = np.asarray(points, dtype=np.float64)
     if boundary.ndim != 2 or boundary.shape[1] != 2 or len(boundary) < 3:
         raise ValueError(
@@ -206,20 +182,7 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
 
 
 def outline_points(rows: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one boundary point for each row and angle.
-
-    Parameters
-    ----------
-    rows
-        (N, 16) half-curves, mm.
-    angles
-        (N,) rad; the point is at u = cos(angle), on the bottom half where sin(angle) >= 0.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, 2) points x, y, mm.
-    """
+    """Return one boundary point for each row and angle."""
     u = np.cos(angles)
     on_bottom = np.sin(angles) >= 0.0
     coefficients = np.where(on_bottom[:, np.newaxis], rows[:, BOTTOM], rows[:, TOP])
@@ -235,21 +198,7 @@ def outline_points(rows: NDArray[np.float64], angles: NDArray[np.float64]) -> ND
 
 
 def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.float64]:
-    """Return each boundary as a closed polygon that includes the ends of both halves.
-
-    Parameters
-    ----------
-    rows
-        (K, 16) half-curves, mm.
-    count
-        Number of corners, even: the first half of them lies on the bottom half-curve from right to
-        left, the other on the top one from left to right.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (K, count, 2) corners x, y, mm; the last joins the first.
-    """
+    """Return each boundary as a closed polygon that includes the ends of both halves."""
     half = count // 2
     u, basis = _corner_places(half)
     corners = np.empty((len(rows), 2 * half, 2))
@@ -273,20 +222,7 @@ def _corner_places(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]
 def polygon_distances(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the distance of each point to a closed polygon.
-
-    Parameters
-    ----------
-    points
-        (N, 2) points, mm.
-    corners
-        (C, 2) corners in order, mm; the last joins the first.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N,) distances, mm, not signed.
-    """
+    """Return the distance of each point to a closed polygon."""
     return _polygon_distances(
         np.ascontiguousarray(points, dtype=np.float64),
         np.ascontiguousarray(corners, dtype=np.float64),
@@ -310,20 +246,7 @@ def _polygon_distances(
 
 
 def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return points at equal distances along a closed polygon.
-
-    Parameters
-    ----------
-    points
-        (N, 2) corners in order, mm; the last joins the first.
-    count
-        Number of points wanted.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (count, 2) points, the first at the first corner.
-    """
+    """Return points at equal distances along a closed polygon."""
     closed = np.concatenate([points, points[:1]])
     steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
     lengths = np.zeros(len(closed))

@@ -18,40 +18,7 @@ def key_sections(
     *,
     stations: NDArray[np.float64] | None = None,
 ) -> NDArray[np.intp]:
-    """Return which sections are key sections, by the thesis's rule.
-
-    The first section is a key section. Every section after it is compared with the last key
-    section, each about its own centroid, and becomes the next key section when the RMS distance
-    between their curves is above the tolerance. The last section is always kept.
-
-    The organ is interpolated between key sections, so that a sudden change would be spread over
-    all the sections before it. Where that takes one of them further away than the tolerance, the
-    last section before the change is kept too: no section that is left out then differs from the
-    organ by an RMS distance of more than twice the tolerance, and seldom by more than once.
-
-    Parameters
-    ----------
-    outer
-        (S, 16) half-curves of the outer boundaries, mm, from each section's own axis point.
-    lumen
-        (S, 16) half-curves of the lumen, mm, or None if the organ is solid. Its distances count
-        along with the outer ones.
-    tolerance
-        RMS distance up to which a section counts as unchanged, mm.
-    stations
-        (S,) arc length of each section, mm, by which the organ is interpolated. Default: equally
-        spaced.
-
-    Returns
-    -------
-    NDArray[np.intp]
-        (K,) indices of the key sections, increasing; the first is 0 and the last S-1.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two sections or the tolerance is negative or not finite.
-    """
+    """Return which sections are key sections, by the thesis's rule."""
     check_tolerance(tolerance)
     if len(outer) < 2:
         raise ValueError(f"an organ needs two or more sections, not {len(outer)}")
@@ -78,18 +45,7 @@ def key_sections(
 
 
 def check_tolerance(tolerance: float) -> None:
-    """Check an RMS tolerance.
-
-    Parameters
-    ----------
-    tolerance
-        RMS distance, mm.
-
-    Raises
-    ------
-    ValueError
-        If it is negative or not finite.
-    """
+    """Check an RMS tolerance."""
     if not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise ValueError(f"tolerance must be 0 mm or more and finite, not {tolerance:g} mm")
 

@@ -14,20 +14,7 @@ FURTHER = 1.0 + 1e-6
 def outline_distances(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the distance of each point to an outline.
-
-    Parameters
-    ----------
-    points
-        (N, 2) points, mm.
-    corners
-        (C, 2) corners as `closed_outlines` makes them, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N,) distances, mm, not signed.
-    """
+    """Return the distance of each point to an outline."""
     last = len(corners) - 1
     columns = len(corners) // 2 - 1
     right, left = corners[0, 0], corners[columns, 0]
@@ -57,22 +44,7 @@ def outline_distances(
 
 @numba.njit(cache=True, nogil=True)
 def nearest_column(x: float, right: float, left: float, columns: int) -> int:
-    """Return the column of an outline in which a place lies, or about that.
-
-    Parameters
-    ----------
-    x
-        The place, mm.
-    right, left
-        Where the outline begins and ends, mm.
-    columns
-        Number of columns, which are bounded by the cosines of even angles.
-
-    Returns
-    -------
-    int
-        The column, from the right.
-    """
+    """Return the column of an outline in which a place lies, or about that."""
     width = right - left
     u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
     column = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
@@ -93,22 +65,7 @@ def _squared_distance(
 def foot_on_side(
     x0: float, y0: float, x1: float, y1: float, x: float, y: float
 ) -> tuple[float, float]:
-    """Return where a point's foot on a side is, the nearest place of the side to it.
-
-    Parameters
-    ----------
-    x0, y0
-        Where the side begins, mm.
-    x1, y1
-        Where it ends, mm.
-    x, y
-        The point, mm.
-
-    Returns
-    -------
-    tuple[float, float]
-        Squared distance of point and foot, mm^2, and the foot's share of the way along the side.
-    """
+    """Return where a point's foot on a side is, the nearest place of the side to it."""
     sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
     squared = sx * sx + sy * sy
     share = 0.0

@@ -126,25 +126,7 @@ class _Image:
 
 
 def read_series(source: Path, window: Window | None) -> DicomSeries:
-    """Return the DICOM series in a folder, ordered along the normal of its images.
-
-    Parameters
-    ----------
-    source
-        Folder with one series, or one file of the series wanted among several in its folder.
-    window
-        (2,) lowest and highest value to keep, in the series' unit, or None for all.
-
-    Returns
-    -------
-    DicomSeries
-        The series; headers have been read, but no image.
-
-    Raises
-    ------
-    ImageStackError
-        If there are several series, a file says no place, or two images stand at one place.
-    """
+    """Return the DICOM series in a folder, ordered along the normal of its images."""
     folder = source.parent if source.is_file() else source
     files = [file for file in files_in(folder) if is_dicom_file(file)]
     if source.is_file() and source not in files:

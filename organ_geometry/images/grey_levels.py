@@ -45,20 +45,7 @@ class GreyLevels:
 
 
 def grey_levels(low: float, high: float, *, whole: bool) -> GreyLevels:
-    """Return the levels for values from low to high, without loss where they are whole numbers.
-
-    Parameters
-    ----------
-    low, high
-        Smallest and largest value.
-    whole
-        Whether the values are whole numbers.
-
-    Returns
-    -------
-    GreyLevels
-        Steps of 1 for up to 65536 whole numbers, else 65536 levels.
-    """
+    """Return the levels for values from low to high, without loss where they are whole numbers."""
     if whole and high - low <= MOST_LEVELS and float(low).is_integer() and float(high).is_integer():
         return GreyLevels(low, high, 1.0)
     return GreyLevels(low, high, (high - low) / MOST_LEVELS if high > low else 1.0)

@@ -75,23 +75,7 @@ class FileSlices:
 
 
 def file_slices(source: Path) -> FileSlices:
-    """Return the images in a folder, in natural order, or the pages of a TIFF file.
-
-    Parameters
-    ----------
-    source
-        Folder of PNG, JPEG, TIFF or BMP images, or one TIFF file.
-
-    Returns
-    -------
-    FileSlices
-        The images; only the first has been read.
-
-    Raises
-    ------
-    ImageStackError
-        If there are no images or the first is unreadable.
-    """
+    """Return the images in a folder, in natural order, or the pages of a TIFF file."""
     files, paged = _image_files(source)
     names = (
         tuple(f"{file.name} page {page}" for page, file in enumerate(files))

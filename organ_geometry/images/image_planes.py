@@ -109,31 +109,7 @@ def planes_of_files(
     pixel_size: tuple[float, float] | None,
     slice_spacing: float | None,
 ) -> ImagePlanes:
-    """Return the planes of images in files, from a `spacing.json` and from what is given.
-
-    Parameters
-    ----------
-    source
-        What a message names: the folder, or the multipage TIFF file.
-    folder
-        Where the images are; a ``spacing.json`` is looked for here and in the parent.
-    count
-        Number of images.
-    pixel_size
-        (2,) distance between pixel centres, mm, from column to column and from row to row, or None.
-    slice_spacing
-        Distance between neighbouring images, mm, or None; given, it wins over frames too.
-
-    Returns
-    -------
-    ImagePlanes
-        One plane for each image.
-
-    Raises
-    ------
-    ImageStackError
-        If a size is missing or wrong, or the directions do not span space.
-    """
+    """Return the planes of images in files, from a `spacing.json` and from what is given."""
     spacing_path, spacing = read_spacing(folder)
     where = spacing_path or source
     pixels = _pixel_size(source, where, pixel_size, spacing)

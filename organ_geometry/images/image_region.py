@@ -45,28 +45,7 @@ class CroppedSlices:
 
 
 def image_region(roi: Region, shape: tuple[int, int], count: int) -> ImageRegion:
-    """Return a checked region.
-
-    Parameters
-    ----------
-    roi
-        (x0, y0, x1, y1) columns and rows, or these and (first, last) images; from 0, the last ones
-        included.
-    shape
-        (2,) rows and columns of the images.
-    count
-        Number of images.
-
-    Returns
-    -------
-    ImageRegion
-        The region; all images where none are given.
-
-    Raises
-    ------
-    ImageStackError
-        If the region is not inside the images or is the wrong way round.
-    """
+    """Return a checked region."""
     if len(roi) not in (4, 6):
         raise ImageStackError(
             f"a region must be x0,y0,x1,y1 or x0,y0,x1,y1,first,last, not {len(roi)} numbers"
@@ -88,22 +67,7 @@ def image_region(roi: Region, shape: tuple[int, int], count: int) -> ImageRegion
 
 
 def cropped_planes(planes: ImagePlanes, shape: tuple[int, int], region: ImageRegion) -> ImagePlanes:
-    """Return the planes of a region, each with its origin at the middle of what is left of it.
-
-    Parameters
-    ----------
-    planes
-        The planes of the whole images.
-    shape
-        (2,) rows and columns of the whole images.
-    region
-        The region.
-
-    Returns
-    -------
-    ImagePlanes
-        The planes of the region's images; every pixel stands where it stood.
-    """
+    """Return the planes of a region, each with its origin at the middle of what is left of it."""
     kept = slice(region.first, region.last + 1)
     rows, columns = shape
     shift = 0.5 * np.array(

@@ -136,25 +136,7 @@ def _planes(
 
 
 def even_step(planes: ImagePlanes, where: Path) -> NDArray[np.float64]:
-    """Return the step from plane to plane of a stack that is a volume.
-
-    Parameters
-    ----------
-    planes
-        The planes, two or more.
-    where
-        What a message names.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3,) mm, along the normal.
-
-    Raises
-    ------
-    ImageStackError
-        If the planes are not parallel, evenly spaced and straight above each other.
-    """
+    """Return the step from plane to plane of a stack that is a volume."""
     if len(planes.origins) < 2:
         raise ImageStackError(f"{where} is one image and not a volume")
     steps = np.diff(planes.origins, axis=0)
@@ -170,25 +152,7 @@ def even_step(planes: ImagePlanes, where: Path) -> NDArray[np.float64]:
 
 
 def axis_number(axis: Axis, planes: ImagePlanes) -> int:
-    """Return the index axis that is meant: 0 along rows (i), 1 along columns (j), 2 through (k).
-
-    Parameters
-    ----------
-    axis
-        "i", "j", "k" or 0, 1, 2; or "x", "y", "z" for the index axis nearest to that direction.
-    planes
-        The planes of the volume.
-
-    Returns
-    -------
-    int
-        0, 1 or 2.
-
-    Raises
-    ------
-    ImageStackError
-        If it is none of these.
-    """
+    """Return the index axis that is meant: 0 along rows (i), 1 along columns (j), 2 through (k)."""
     name = str(axis).lower()
     if name in INDEX_AXES:
         return INDEX_AXES.index(name)
@@ -202,30 +166,7 @@ def axis_number(axis: Axis, planes: ImagePlanes) -> int:
 def along_axis(
     voxels: GreyImage, planes: ImagePlanes, axis: int, where: Path
 ) -> tuple[GreyImage, ImagePlanes]:
-    """Return a volume as images across another of its axes.
-
-    Parameters
-    ----------
-    voxels
-        (K, J, I) grey levels.
-    planes
-        The K planes.
-    axis
-        0 for I images with columns along j and rows along k, 1 for J images with columns along i
-        and rows along k, 2 for the volume as it is.
-    where
-        What a message names.
-
-    Returns
-    -------
-    tuple[GreyImage, ImagePlanes]
-        (S, H, W) a view of the levels, and the S planes.
-
-    Raises
-    ------
-    ImageStackError
-        If the images are no volume.
-    """
+    """Return a volume as images across another of its axes."""
     step = even_step(planes, where)
     if axis == 2:
         return voxels, planes

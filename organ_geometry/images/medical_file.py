@@ -88,23 +88,7 @@ def is_dicom_file(path: Path) -> bool:
 
 
 def read_header(path: Path) -> MedicalHeader:
-    """Return what a file says about its voxels, without reading them.
-
-    Parameters
-    ----------
-    path
-        A file that SimpleITK reads.
-
-    Returns
-    -------
-    MedicalHeader
-        Sizes, place, and DICOM tags where there are any.
-
-    Raises
-    ------
-    ImageStackError
-        If SimpleITK is not there or cannot read the file.
-    """
+    """Return what a file says about its voxels, without reading them."""
     reader = _reader(path)
     try:
         reader.ReadImageInformation()
@@ -149,20 +133,7 @@ def read_values(path: Path) -> NDArray[Any]:
 
 
 def check_whole_nifti(path: Path, header: MedicalHeader) -> None:
-    """Raise an error if a NIfTI file ends before its voxels do: its reader would make up zeros.
-
-    Parameters
-    ----------
-    path
-        The file, compressed or not; nothing is done with other files.
-    header
-        What it says about its voxels.
-
-    Raises
-    ------
-    ImageStackError
-        If the file is cut short or damaged.
-    """
+    """Raise an error if a NIfTI file ends before its voxels do: its reader would make up zeros."""
     name = path.name.lower()
     needed = _NIFTI_HEADER_BYTES + header.components * header.value_bytes * int(
         np.prod(header.size, dtype=np.int64)

@@ -22,25 +22,7 @@ _ZLIB_OR_GZIP = 47
 
 
 def whole_meta_values(path: Path, values: NDArray[Any]) -> NDArray[Any]:
-    """Return the voxels of a MetaImage: those that were read, or better ones.
-
-    Parameters
-    ----------
-    path
-        A MetaImage file.
-    values
-        Its voxels as SimpleITK reads them.
-
-    Returns
-    -------
-    NDArray[Any]
-        The same, or where the header's size of compressed voxels is not theirs, all of them.
-
-    Raises
-    ------
-    ImageStackError
-        If there are too few voxels, or they are damaged.
-    """
+    """Return the voxels of a MetaImage: those that were read, or better ones."""
     header, data = _header_and_data(path)
     if data is None or header.get(b"CompressedData", b"").lower() != b"true":
         return values

@@ -115,18 +115,7 @@ def read_image_stack(
 
 
 def stack_labels(stack: ImageStack) -> tuple[int, ...]:
-    """Return the labels of a stack whose images look like labels: 0 and a few whole numbers.
-
-    Parameters
-    ----------
-    stack
-        The images, read without a label.
-
-    Returns
-    -------
-    tuple[int, ...]
-        The values other than 0, rising; none of grey images, and none of a mask, which has one.
-    """
+    """Return the labels of a stack whose images look like labels: 0 and a few whole numbers."""
     present: set[int] = set()
     for image in stack.images():
         levels = np.flatnonzero(np.bincount(image.ravel()))

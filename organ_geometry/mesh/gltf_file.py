@@ -22,35 +22,13 @@ _MAGIC, _VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 
 
 def metres(points: NDArray[Any]) -> NDArray[np.float32]:
-    """Return points in glTF's frame.
-
-    Parameters
-    ----------
-    points
-        (..., 3) places, mm, z up.
-
-    Returns
-    -------
-    NDArray[np.float32]
-        (..., 3) places, m, y up.
-    """
+    """Return points in glTF's frame."""
     moved: NDArray[np.float64] = points.astype(np.float64) @ GLTF_FROM_MM.T
     return moved.astype(np.float32)
 
 
 def turned(directions: NDArray[Any]) -> NDArray[np.float32]:
-    """Return directions in glTF's frame, of the same length.
-
-    Parameters
-    ----------
-    directions
-        (..., 3) directions, z up.
-
-    Returns
-    -------
-    NDArray[np.float32]
-        (..., 3) directions, y up.
-    """
+    """Return directions in glTF's frame, of the same length."""
     moved: NDArray[np.float64] = directions.astype(np.float64) @ (1e3 * GLTF_FROM_MM.T)
     return moved.astype(np.float32)
 
@@ -73,50 +51,18 @@ class GltfFile:
         self._known: dict[tuple[object, ...], int] = {}
 
     def add(self, collection: str, item: Mapping[str, Any]) -> int:
-        """Add an item to a collection of the tree.
-
-        Parameters
-        ----------
-        collection
-            "nodes", "meshes", "skins", "materials", "animations" or another of the format's.
-        item
-            The item.
-
-        Returns
-        -------
-        int
-            Its number in the collection.
-        """
+        """Add an item to a collection of the tree."""
         items: list[Mapping[str, Any]] = self._tree.setdefault(collection, [])
         items.append(item)
         return len(items) - 1
 
     def extend(self, collection: str, number: int, properties: Mapping[str, Any]) -> None:
-        """Give an item of the tree further properties.
-
-        Parameters
-        ----------
-        collection, number
-            The item's.
-        properties
-            What it gets.
-        """
+        """Give an item of the tree further properties."""
         items: list[Mapping[str, Any]] = self._tree[collection]
         items[number] = {**items[number], **properties}
 
     def add_root(self, node: Mapping[str, Any]) -> int:
-        """Add a node that stands in the scene itself.
-
-        Parameters
-        ----------
-        node
-            The node.
-
-        Returns
-        -------
-        int
-            Its number.
-        """
+        """Add a node that stands in the scene itself."""
         number = self.add("nodes", node)
         self._tree["scenes"][0]["nodes"].append(number)
         return number
@@ -271,13 +217,7 @@ class GltfFile:
         return self.accessor(flat, "SCALAR", target="indices")
 
     def content(self) -> bytes:
-        """Return the whole file.
-
-        Returns
-        -------
-        bytes
-            A GLB.
-        """
+        """Return the whole file."""
         tree = dict(self._tree)
         if self._length:
             tree["buffers"] = [{"byteLength": self._length}]

@@ -17,20 +17,7 @@ _SRGB_TOE = 0.04045
 
 
 def surface_materials(file: GltfFile, *, painted: bool) -> tuple[int, int]:
-    """Add the materials of an organ's walls.
-
-    Parameters
-    ----------
-    file
-        The file.
-    painted
-        Whether the vertices bring their own colours; the materials are white then.
-
-    Returns
-    -------
-    tuple[int, int]
-        Numbers of the outer wall's material and the inside's.
-    """
+    """Add the materials of an organ's walls."""
     colors = ((255, 255, 255),) * 2 if painted else (OUTER_WALL, INSIDE)
     first, second = (
         file.add(

@@ -78,20 +78,7 @@ class ClosedSurface:
 
 
 def check_mesh_path(path: Path, *, painted: bool = False) -> None:
-    """Raise if a mesh cannot be written there.
-
-    Parameters
-    ----------
-    path
-        Where the mesh is to be written.
-    painted
-        Whether its vertices have colours.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown or keeps no colours, or the folder is not there.
-    """
+    """Raise if a mesh cannot be written there."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(
@@ -107,39 +94,13 @@ def check_mesh_path(path: Path, *, painted: bool = False) -> None:
 
 
 def write_mesh(parts: Mapping[str, ClosedSurface], path: Path) -> None:
-    """Write closed surfaces to one file, whole or not at all.
-
-    Parameters
-    ----------
-    parts
-        Surfaces by name; all or none have colours. A GLB keeps them apart under their names.
-    path
-        The file; its suffix says which kind.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown or keeps no colours, or the folder is not there.
-    """
+    """Write closed surfaces to one file, whole or not at all."""
     check_mesh_path(path, painted=any(part.colors is not None for part in parts.values()))
     write_whole(path, mesh_content(parts, path.suffix.lower()))
 
 
 def mesh_content(parts: Mapping[str, ClosedSurface], suffix: str) -> bytes:
-    """Return closed surfaces as a file's content.
-
-    Parameters
-    ----------
-    parts
-        Surfaces by name; all or none have colours.
-    suffix
-        The kind of file, one of `SUFFIXES`.
-
-    Returns
-    -------
-    bytes
-        The content.
-    """
+    """Return closed surfaces as a file's content."""
     if suffix == ".glb":
         return _glb(parts)
     return _flat(list(parts.values()), suffix.removeprefix("."))

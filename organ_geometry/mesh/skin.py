@@ -42,18 +42,7 @@ class Skin:
             array.setflags(write=False)
 
     def bound_to(self, points: DrivingPoints) -> "BoundSkin":
-        """Return the skin bound to driving points.
-
-        Parameters
-        ----------
-        points
-            The driving points that it shall follow.
-
-        Returns
-        -------
-        BoundSkin
-            The skin with its weights.
-        """
+        """Return the skin bound to driving points."""
         index, weight = points.binding(self.stations)
         changes = (np.diff(index) != 0) | (np.diff(weight) != 0.0)
         starts = np.concatenate([[0], 1 + np.flatnonzero(changes), [index.size]])
@@ -105,25 +94,7 @@ class BoundSkin:
 
 
 def organ_skin(organ: Organ, *, edge_length: float) -> Skin:
-    """Return the closed skin of a whole organ.
-
-    Parameters
-    ----------
-    organ
-        The organ; a hollow one has its inner wall as well.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-
-    Returns
-    -------
-    Skin
-        The skin.
-
-    Raises
-    ------
-    ValueError
-        If the edge length is not above zero or asks for more than 600,000 vertices.
-    """
+    """Return the closed skin of a whole organ."""
     rim = np.zeros(1)
     return tube_skin(organ, rim, rim + organ.length, edge_length=edge_length)
 
@@ -206,25 +177,7 @@ def tube_skin(
 
 
 def sides_of(organ: Organ, edge_length: float) -> int:
-    """Return how many vertices a ring of the skin has.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-
-    Returns
-    -------
-    int
-        The number, at least 12.
-
-    Raises
-    ------
-    ValueError
-        If the edge length is not above zero or larger than the organ's radius.
-    """
+    """Return how many vertices a ring of the skin has."""
     radius = organ.mean_radius
     if not 0.0 < edge_length <= radius:
         raise ValueError(

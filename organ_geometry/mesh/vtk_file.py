@@ -86,19 +86,7 @@ def vtp_content(
 
 
 def pvd_content(files: Sequence[tuple[float, Path]]) -> bytes:
-    """Return a series of files as ParaView's collection.
-
-    Parameters
-    ----------
-    files
-        A value of the series, growing, and the file that belongs to it, as seen from the
-        collection's own folder.
-
-    Returns
-    -------
-    bytes
-        The file.
-    """
+    """Return a series of files as ParaView's collection."""
     rows = "".join(
         f'<DataSet timestep="{value!r}" part="0" file={quoteattr(path.as_posix())}/>\n'
         for value, path in files

@@ -106,23 +106,7 @@ class Centreline:
 
 
 def centreline(tube: Tube) -> Centreline:
-    """Return the line through the centroids of a tube's sections perpendicular to it.
-
-    Parameters
-    ----------
-    tube
-        Voxels that hang together.
-
-    Returns
-    -------
-    Centreline
-        From the end that comes first in the volume to the other.
-
-    Raises
-    ------
-    NoTube
-        If the voxels are not long and thin.
-    """
+    """Return the line through the centroids of a tube's sections perpendicular to it."""
     inside = tube.inside > 0
     if np.count_nonzero(inside) < 2:
         raise NoTube("there are fewer than two voxels of it")

@@ -8,20 +8,7 @@ from organ_geometry.recut.deep_way import arc_lengths
 
 
 def evenly_spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return points at equal distances along a polyline, both of its ends among them.
-
-    Parameters
-    ----------
-    points
-        (N, 3) corners, mm.
-    spacing
-        Distance wanted along the line, mm; the nearest that divides its length is taken.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (M, 3) points, two or more.
-    """
+    """Return points at equal distances along a polyline, both of its ends among them."""
     lengths = arc_lengths(points)
     count = max(2, round(float(lengths[-1]) / spacing) + 1)
     wanted: NDArray[np.float64] = np.linspace(0.0, float(lengths[-1]), count)
@@ -55,21 +42,7 @@ def smooth_points(points: NDArray[np.float64], reach: int) -> NDArray[np.float64
 
 
 def smooth_tangents(points: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
-    """Return unit tangents of cubics fitted to the points around each point.
-
-    Parameters
-    ----------
-    points
-        (N, 3) points at about equal distances.
-    reach
-        How many points on either side take part. Nearer to an end, the tangent is that of the first
-        point with so many on both sides: a fit's slope at the end of its points is poor.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, 3) unit tangents.
-    """
+    """Return unit tangents of cubics fitted to the points around each point."""
     windows, _, x = _windows(points, reach)
     powers = np.vander(x, 4, increasing=True)
     tangents = np.einsum("w,nwd->nd", np.linalg.pinv(powers)[1], windows)
@@ -89,26 +62,7 @@ def _windows(
 def rotation_minimising_frames(
     points: NDArray[np.float64], tangents: NDArray[np.float64], across: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return frames along a curve that do not turn about it.
-
-    Parameters
-    ----------
-    points
-        (N, 3) points of the curve.
-    tangents
-        (N, 3) its unit tangents.
-    across
-        (3,) direction that the first frame's first axis is nearest to.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, 3, 3) unit directions as columns: two across the curve, then the tangent; right-handed.
-
-    Notes
-    -----
-    By double reflection, see `least_turning`.
-    """
+    """Return frames along a curve that do not turn about it."""
     first = across - tangents[0] * (across @ tangents[0])
     if np.linalg.norm(first) < 1e-3 * np.linalg.norm(across):
         first = np.roll(across, 1) - tangents[0] * (np.roll(across, 1) @ tangents[0])

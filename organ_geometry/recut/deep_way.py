@@ -48,25 +48,7 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def deep_way(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> DeepWay:
-    """Return the way through a tube that keeps to its deep.
-
-    Parameters
-    ----------
-    inside
-        (K, H, W) whether a voxel is inside; what is inside must hang together.
-    sizes
-        (3,) distance between voxels from column to column, row to row and image to image, mm.
-
-    Returns
-    -------
-    DeepWay
-        The way; its ends lie on the surface.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two voxels are inside.
-    """
+    """Return the way through a tube that keeps to its deep."""
     factors = _factors(inside, sizes)
     coarse = _coarser(inside, factors)
     if int(coarse.sum()) < 2:

@@ -96,30 +96,7 @@ def is_bright(images: Sequence[GreyImage], threshold: float) -> bool:
 def organ_voxels(
     stack: ImageStack, *, threshold: float, bright: bool, seed: Seed | None = None
 ) -> OrganVoxels:
-    """Return the voxels of one organ; images are read one at a time, twice.
-
-    Parameters
-    ----------
-    stack
-        Parallel images.
-    threshold
-        Level of the organ's edge.
-    bright
-        Whether the organ is brighter than that.
-    seed
-        A point x, y of the organ in the first image, px, or x, y and the number of the image;
-        without it the organ is what has most voxels.
-
-    Returns
-    -------
-    OrganVoxels
-        What hangs together with the seed, voxel face to voxel face.
-
-    Raises
-    ------
-    ImageStackError
-        If there is no such voxel.
-    """
+    """Return the voxels of one organ; images are read one at a time, twice."""
     roots, sizes, boxes = _linked_parts(stack, threshold, bright)
     if not sizes:
         raise ImageStackError(f"nothing stands out in the images of {stack.source}")

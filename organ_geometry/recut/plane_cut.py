@@ -14,26 +14,7 @@ def plane_cut(
     steps: NDArray[np.float64],
     shape: tuple[int, int],
 ) -> GreyImage:
-    """Return an image of a plane through a volume.
-
-    Parameters
-    ----------
-    levels
-        (K, H, W) levels of the volume.
-    outside_level
-        Level beyond it.
-    centre
-        (3,) middle of the image in voxels: column, row, image.
-    steps
-        (2, 3) steps from column to column and from row to row of the image, in voxels.
-    shape
-        (2,) rows and columns of the image.
-
-    Returns
-    -------
-    GreyImage
-        The image, interpolated linearly along each axis of the volume.
-    """
+    """Return an image of a plane through a volume."""
     image = np.empty(shape, dtype=levels.dtype)
     _fill_plane(image, levels, outside_level, centre, steps)
     return image

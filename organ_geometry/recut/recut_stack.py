@@ -85,36 +85,7 @@ def recut(
     polarity: str = "auto",
     spacing: float | None = None,
 ) -> ImageStack:
-    """Return a curved organ's sections, perpendicular to its centreline.
-
-    The organ is what hangs together in space above (or below) the threshold: with the seed, or else
-    the largest. The part of the stack around it is held in memory; images are interpolated out of
-    it when they are asked for, with square pixels of the stack's finer side.
-
-    Parameters
-    ----------
-    stack
-        Parallel images, evenly spaced and straight above each other.
-    seed
-        A point x, y of the organ in the first image, px; or x, y and the number of the image.
-    threshold
-        Level of the organ's edge. Default: half way between the two sides of Otsu's threshold.
-    polarity
-        Whether the organ is "bright" or "dark", or "auto": other than the images' border.
-    spacing
-        Distance between the new images along the centreline, mm. Default: that of the stack.
-
-    Returns
-    -------
-    ImageStack
-        The new images, each with a plane of its own, from the end of the organ that comes first in
-        the stack to the other.
-
-    Raises
-    ------
-    ImageStackError
-        If the images are no volume, nothing is found, or what is found is not long and thin.
-    """
+    """Return a curved organ's sections, perpendicular to its centreline."""
     voxels, tube = _organ(stack, seed, threshold, polarity)
     try:
         line = centreline(tube)
@@ -131,28 +102,7 @@ def recut_where_needed(
     threshold: float | None = None,
     polarity: str = "auto",
 ) -> ImageStack:
-    """Return a stack whose images suit its organ, with a note if they have been cut again.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    when
-        "always", "never", or "auto": where many images show several parts of one organ, or its
-        centreline lies flat to many of them. Of grey images that holds for a given threshold only.
-    seed, threshold, polarity
-        As in `recut`.
-
-    Returns
-    -------
-    ImageStack
-        The stack as it is, or its organ cut again.
-
-    Raises
-    ------
-    ImageStackError
-        If the images are to be cut again always and cannot be.
-    """
+    """Return a stack whose images suit its organ, with a note if they have been cut again."""
     if when == "never":
         return stack
     if when == "always":

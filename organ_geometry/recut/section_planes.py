@@ -48,24 +48,7 @@ class SectionPlanes:
 def section_planes(
     tube: Tube, points: NDArray[np.float64], depths: NDArray[np.float64], radius: float
 ) -> SectionPlanes:
-    """Return planes through points of a centreline.
-
-    Parameters
-    ----------
-    tube
-        The tube.
-    points
-        (S, 3) points of its centreline, mm.
-    depths
-        (S,) the tube's depth at them, mm.
-    radius
-        The tube's typical radius as a multiple of the distance between the points.
-
-    Returns
-    -------
-    SectionPlanes
-        Planes that cross as little as can be had.
-    """
+    """Return planes through points of a centreline."""
     tried: list[SectionPlanes] = []
     for factor in _TURN_FACTORS:
         tangents = smooth_tangents(points, round(factor * TANGENT_RADII * radius))

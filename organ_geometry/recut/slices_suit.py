@@ -26,23 +26,7 @@ _LONG = 1.0
 def may_need_recut(
     stack: ImageStack, *, threshold: float | None = None, polarity: str = "auto"
 ) -> bool:
-    """Return whether a closer look is worth its time: a few images are read.
-
-    Parameters
-    ----------
-    stack
-        The images.
-    threshold
-        Level of the organ's edge; without it, only masks are looked at.
-    polarity
-        Whether the organ is "bright" or "dark", or "auto".
-
-    Returns
-    -------
-    bool
-        Whether slices show several parts, drift far from one to the next, or show something wider
-        than the stack of those that show it is high.
-    """
+    """Return whether a closer look is worth its time: a few images are read."""
     if len(stack) < _FEWEST_IMAGES:
         return False
     try:

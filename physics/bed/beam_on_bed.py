@@ -233,23 +233,7 @@ class BeamOnBed:
     # Hands
 
     def node_at(self, station: float) -> int:
-        """Return the node nearest a station that no other hook holds.
-
-        Parameters
-        ----------
-        station
-            mm from the first end.
-
-        Returns
-        -------
-        int
-            Its index.
-
-        Raises
-        ------
-        ValueError
-            If the station is not on the beam, at a clamp, or held by another hook.
-        """
+        """Return the node nearest a station that no other hook holds."""
         s = finite(station, "a hook's place", "mm")
         if not 0.0 <= s <= self.beam.span:
             raise ValueError(
@@ -277,25 +261,7 @@ class BeamOnBed:
         stiffness: float = math.inf,
         along: tuple[bool, bool, bool] = EVERYWHERE,
     ) -> int:
-        """Take hold of the beam where it now is, by displacement.
-
-        An inner node moves to the station, along the axis as it lies and at rest: a hook inside an
-        element would stiffen the beam.
-
-        Parameters
-        ----------
-        station
-            mm from the first end.
-        stiffness
-            Of a spring between hand and beam, N/mm; the hand holds the beam itself when infinite.
-        along
-            Which of x, y and z it holds; it slides along the others.
-
-        Returns
-        -------
-        int
-            The node, by which the hook is led and let go.
-        """
+        """Take hold of the beam where it now is, by displacement."""
         node = self.node_at(station)
         if abs(self._stations[node] - station) > 1e-9 * self.beam.span:
             self._move_node(node, station)
@@ -367,26 +333,7 @@ class BeamOnBed:
     # Steps
 
     def advance(self, *, tolerance: float = 1e-9, books: float = 1e-5, deepest: int = 24) -> None:
-        """Go to what the hands ask for, through equilibria, independent of any rate.
-
-        A step is halved until the hands' work, by the trapezoid rule, is what was stored and
-        dissipated, or until no jump of the forces within it could change that work: what is missing
-        then was released in a jump and is booked as snap.
-
-        Parameters
-        ----------
-        tolerance
-            Largest force out of balance over the largest force in the beam.
-        books
-            Part of the work that may stay unexplained.
-        deepest
-            How often a step may be halved.
-
-        Raises
-        ------
-        NoEquilibrium
-            If there is none near the last one, or the beam has flown out of reach.
-        """
+        """Go to what the hands ask for, through equilibria, independent of any rate."""
         s = self.state
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())
@@ -503,26 +450,7 @@ class BeamOnBed:
         drag: float = 2e-6,
         newton: int = 1,
     ) -> None:
-        """Go on in real time towards what the hands ask for, at a fixed cost.
-
-        Parameters
-        ----------
-        seconds
-            How long, s.
-        ticks
-            In how many steps.
-        delay
-            Time in which damage follows the strands, s.
-        drag
-            N s/mm at each node.
-        newton
-            Newton steps in each.
-
-        Raises
-        ------
-        NoEquilibrium
-            If no step could be found: the beam is lost.
-        """
+        """Go on in real time towards what the hands ask for, at a fixed cost."""
         s = self.state
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         step = seconds / ticks
@@ -598,18 +526,7 @@ class BeamOnBed:
         )
 
     def worst_stress(self) -> WorstStress:
-        """Return where the wall bears most.
-
-        Returns
-        -------
-        WorstStress
-            Normal force over area plus bending moments over section moduli, at the nodes.
-
-        Raises
-        ------
-        ValueError
-            If the beam has no wall.
-        """
+        """Return where the wall bears most."""
         wall = self.beam.wall
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")

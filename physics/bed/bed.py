@@ -152,23 +152,7 @@ class Bed:
         return replace(self, patches=(*self.patches, *patches))
 
     def strands_under(self, beam: SpaceBeam) -> Strands:
-        """Return the bed's strands under a beam at rest.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-
-        Returns
-        -------
-        Strands
-            Strands, the same for the same seed on every machine.
-
-        Raises
-        ------
-        ValueError
-            If the bed is not under the beam.
-        """
+        """Return the bed's strands under a beam at rest."""
         a, b = self._reach(beam.span)
         count = self.strands
         spacing = (b - a) / count

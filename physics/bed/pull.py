@@ -216,18 +216,7 @@ class History:
         return float(np.abs(missing).max(initial=0.0)) / most if most > 0.0 else 0.0
 
     def rows(self, threshold: float | None = None) -> list[dict[str, object]]:
-        """Return a row for each step, as `bluntdissect peel --json` writes it.
-
-        Parameters
-        ----------
-        threshold
-            Stress that the wall bears, MPa, for its distance to break; none when None.
-
-        Returns
-        -------
-        list[dict[str, object]]
-            One for each step; the last one with `shape_mm`.
-        """
+        """Return a row for each step, as `bluntdissect peel --json` writes it."""
         rows: list[dict[str, object]] = []
         for t in range(self.steps):
             row: dict[str, object] = {
@@ -259,18 +248,7 @@ class History:
         return rows
 
     def csv(self, threshold: float | None = None) -> str:
-        """Return a table with a line for each step.
-
-        Parameters
-        ----------
-        threshold
-            As for `rows`.
-
-        Returns
-        -------
-        str
-            CSV with a header; x, y and z of several hands in columns of their own.
-        """
+        """Return a table with a line for each step."""
         count = self.hands.shape[1]
         head: list[str] = ["step"]
         for h in range(count):

@@ -121,18 +121,7 @@ class Strands:
 
     @classmethod
     def joined(cls, parts: Sequence["Strands"]) -> "Strands":
-        """Return the strands of several beds as one.
-
-        Parameters
-        ----------
-        parts
-            The beds' strands.
-
-        Returns
-        -------
-        Strands
-            All of them.
-        """
+        """Return the strands of several beds as one."""
         if not parts:
             return cls.none()
         return cls(

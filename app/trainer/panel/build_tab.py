@@ -204,15 +204,7 @@ class BuildTab:
             self._make(lambda: self._choose(opened))
 
     def _make(self, work: Callable[[], None], *, after: float = 0.0) -> None:
-        """Do something that takes seconds, if nothing newer is wished for before it begins.
-
-        Parameters
-        ----------
-        work
-            What to do.
-        after
-            Wait so long first for something newer, s.
-        """
+        """Do something that takes seconds, if nothing newer is wished for before it begins."""
         with self._lock:
             self._wishes += 1
             wish = self._wishes

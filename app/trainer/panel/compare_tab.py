@@ -73,13 +73,7 @@ class CompareTab:
         on_work(self._chain, lambda value: session.show_chain(value is True))
 
     def show(self, reading: Reading) -> None:
-        """Show a reading beside those of the others.
-
-        Parameters
-        ----------
-        reading
-            Of the session that is shown.
-        """
+        """Show a reading beside those of the others."""
         workplace, session = self._workplace, self._workplace.session
         visible, live = workplace.figures_visible, workplace.player is None
         settled = reading.phase is Phase.INTACT and not workplace.in_exercise and live

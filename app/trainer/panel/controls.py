@@ -21,15 +21,7 @@ KPA_PER_MPA = 1000.0
 
 
 def on_input(handle: Any, take: Callable[[Any], None]) -> None:
-    """Call back with what the browser sets, in order; not with what we set ourselves.
-
-    Parameters
-    ----------
-    handle
-        An input with a value.
-    take
-        Writes the value into the session; it runs on the server's loop, so it must be quick.
-    """
+    """Call back with what the browser sets, in order; not with what we set ourselves."""
 
     @handle.on_update
     async def _(event: viser.GuiEvent[Any]) -> None:
@@ -38,15 +30,7 @@ def on_input(handle: Any, take: Callable[[Any], None]) -> None:
 
 
 def on_work(handle: Any, take: Callable[[Any], None]) -> None:
-    """Call back with what the browser chooses, in a thread of its own: it may take a while.
-
-    Parameters
-    ----------
-    handle
-        An input with a value.
-    take
-        Does the work.
-    """
+    """Call back with what the browser chooses, in a thread of its own: it may take a while."""
 
     @handle.on_update
     def _(event: viser.GuiEvent[Any]) -> None:
@@ -55,15 +39,7 @@ def on_work(handle: Any, take: Callable[[Any], None]) -> None:
 
 
 def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
-    """Call back when a button is pressed, in a thread of its own.
-
-    Parameters
-    ----------
-    handle
-        The button. One that is disabled or hidden is not pressed, whatever a browser says.
-    do
-        What to do.
-    """
+    """Call back when a button is pressed, in a thread of its own."""
 
     @handle.on_click
     def _(_: object) -> None:
@@ -72,34 +48,12 @@ def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
 
 
 def number(value: object) -> float:
-    """Return what a browser sent as a number, NaN where it is none.
-
-    Parameters
-    ----------
-    value
-        What was sent.
-
-    Returns
-    -------
-    float
-        The number.
-    """
+    """Return what a browser sent as a number, NaN where it is none."""
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
 def figure(value: float | None) -> str:
-    """Return a figure with as many digits as a glance takes in.
-
-    Parameters
-    ----------
-    value
-        The figure, or None where there is none.
-
-    Returns
-    -------
-    str
-        The figure.
-    """
+    """Return a figure with as many digits as a glance takes in."""
     if value is None:
         return "–"
     size = abs(value)
@@ -109,18 +63,7 @@ def figure(value: float | None) -> str:
 
 
 def term(name: str, meaning: str) -> str:
-    """Return a term of art with its meaning as a tooltip, as HTML.
-
-    Parameters
-    ----------
-    name, meaning
-        Our own words, without quotes or angle brackets.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a term of art with its meaning as a tooltip, as HTML."""
     return (
         f"<span title='{meaning}' style='cursor:help;text-decoration:underline dotted "
         f"rgba(255,255,255,.35);text-underline-offset:3px'>{name}</span>"
@@ -128,36 +71,12 @@ def term(name: str, meaning: str) -> str:
 
 
 def heading(text: str) -> str:
-    """Return a heading inside a tab, as HTML.
-
-    Parameters
-    ----------
-    text
-        Escaped text.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a heading inside a tab, as HTML."""
     return f"<div style='padding:10px 12px 4px;font-size:13px;font-weight:600'>{text}</div>"
 
 
 def note(text: str, name: str = "") -> str:
-    """Return a paragraph inside a tab, as HTML.
-
-    Parameters
-    ----------
-    text
-        Escaped text.
-    name
-        By which a test finds it.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a paragraph inside a tab, as HTML."""
     found = f" data-testid='{name}'" if name else ""
     return (
         f"<div{found} style='padding:2px 12px 8px;font-size:13px;line-height:1.4;opacity:.9'>"

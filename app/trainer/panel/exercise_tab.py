@@ -79,13 +79,7 @@ class ExerciseTab:
             self._workplace.start_exercise(exercise, feedback)
 
     def again(self, run: RunFile) -> None:
-        """Start a run's exercise again.
-
-        Parameters
-        ----------
-        run
-            The run.
-        """
+        """Start a run's exercise again."""
         if run.log.exercise is not None:
             self._workplace.start_exercise(
                 run.log.exercise, run.log.feedback, run.log.start.grasp_mm

@@ -49,13 +49,7 @@ mouse on them, or click.
 
 
 def show_first_minute(client: viser.ClientHandle) -> None:
-    """Show the first minute's three lines over the page, until they are dismissed.
-
-    Parameters
-    ----------
-    client
-        The client.
-    """
+    """Show the first minute's three lines over the page, until they are dismissed."""
     gui = client.gui
     dialog = Dialog(
         gui,
@@ -73,13 +67,7 @@ SEEN = "first-minute"
 
 
 def show_help(client: viser.ClientHandle) -> None:
-    """Show all of the help over the page, until it is closed.
-
-    Parameters
-    ----------
-    client
-        The client.
-    """
+    """Show all of the help over the page, until it is closed."""
     gui = client.gui
     with Dialog(gui, "Help"):
         gui.add_html(_FIRST_MINUTE)

@@ -29,17 +29,7 @@ class HeatLegend:
         self._content = ""
 
     def show(self, wanted: bool, threshold: float, aspect: float) -> None:
-        """Show the legend, or take it away.
-
-        Parameters
-        ----------
-        wanted
-            Whether the heat map is seen.
-        threshold
-            End of its scale, MPa.
-        aspect
-            Width by height of the client's picture.
-        """
+        """Show the legend, or take it away."""
         narrow = aspect < NARROW
         if wanted:
             content = heat_legend_html(threshold)

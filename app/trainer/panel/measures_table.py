@@ -83,22 +83,7 @@ _ROWS = (
 
 
 def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
-    """Return how a run has ended, as HTML.
-
-    Parameters
-    ----------
-    outcome
-        Of its exercise; None for a run that was not judged.
-    title
-        Of the exercise, or of the run.
-    remark
-        What else is to be known of it.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return how a run has ended, as HTML."""
     if outcome is None:
         word, colour, reason = "Not judged", _PLAIN, "A free pull, or one that was stopped."
     else:
@@ -126,25 +111,7 @@ def measures_html(
     limits: Mapping[str, float] | None = None,
     sought_break: bool = False,
 ) -> str:
-    """Return a run's measures as HTML.
-
-    Parameters
-    ----------
-    measures
-        The measures.
-    beside
-        Other runs' measures, by what stands over them.
-    limits
-        The exercise's limits, by measure.
-    sought_break
-        Whether to come near the break was the goal: then neither way is better.
-
-    Returns
-    -------
-    str
-        A table with a row each; a click on its name opens its definition, which is its tooltip
-        too. Its `data-` attributes carry the figures in full, in the units of `Measures`.
-    """
+    """Return a run's measures as HTML."""
     beside, limits = beside or {}, limits or {}
     heads = ["this try", *beside, *(["limit"] if limits else [])]
     columns = "".join(

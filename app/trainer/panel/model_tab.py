@@ -80,13 +80,7 @@ class ModelTab:
         on_input(self._points, lambda value: workplace.show(overlay=value is True))
 
     def show(self, reading: Reading) -> None:
-        """Offer what can be chosen now.
-
-        Parameters
-        ----------
-        reading
-            Of the session that is shown.
-        """
+        """Offer what can be chosen now."""
         workplace = self._workplace
         if self._plain.value != workplace.plain:
             self._plain.value = workplace.plain

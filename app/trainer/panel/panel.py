@@ -97,13 +97,7 @@ class Panel:
         self.show(workplace.shown.reading())
 
     def show(self, reading: Reading) -> None:
-        """Show a reading.
-
-        Parameters
-        ----------
-        reading
-            Of the session that is shown.
-        """
+        """Show a reading."""
         workplace = self._workplace
         visible = workplace.figures_visible
         if visible:
@@ -150,13 +144,7 @@ class Panel:
         self._build.close()
 
     def show_result(self, run: RunFile) -> None:
-        """Open the result page of a run; it is made again for its plots, so this takes a while.
-
-        Parameters
-        ----------
-        run
-            The run.
-        """
+        """Open the result page of a run; it is made again for its plots, so this takes a while."""
         offered = run.log.exercise is not None
 
         def again() -> None:

@@ -14,24 +14,7 @@ __all__ = ["picked_pixel", "picture_html"]
 def picture_html(
     picture: NDArray[np.uint8], said: str, shape: tuple[int, int], index: int | None
 ) -> str:
-    """Return a picture, as HTML; a click in it writes its pixel into the text field after it.
-
-    Parameters
-    ----------
-    picture
-        (h, w, 3) RGB.
-    said
-        What is seen in it, for who cannot see it.
-    shape
-        (2,) rows and columns of the image that it shows.
-    index
-        Number of that image, or None if no pixel of it can be pointed at.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a picture, as HTML; a click in it writes its pixel into the text field after it."""
     done, content = cv2.imencode(".png", picture[:, :, ::-1])
     assert done  # noqa: S101 (a picture of our own)
     data = base64.b64encode(content.tobytes()).decode()
@@ -47,17 +30,6 @@ def picture_html(
 
 
 def picked_pixel(text: str) -> tuple[int, int, int] | None:
-    """Return "120,95,30" as (120, 95, 30).
-
-    Parameters
-    ----------
-    text
-        What a browser sent.
-
-    Returns
-    -------
-    tuple[int, int, int] | None
-        Column, row and image, from 0; None if it is no three whole numbers.
-    """
+    """Return "120,95,30" as (120, 95, 30)."""
     numbers = re.fullmatch(r"\s*(\d{1,6})\s*,\s*(\d{1,6})\s*,\s*(\d{1,6})\s*", text, re.ASCII)
     return None if numbers is None else (int(numbers[1]), int(numbers[2]), int(numbers[3]))

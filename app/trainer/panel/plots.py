@@ -23,18 +23,7 @@ Curve = NDArray[np.float64]
 
 
 def axes(x: str, y: str) -> tuple[uplot.Axis, uplot.Axis]:
-    """Return a chart's two axes.
-
-    Parameters
-    ----------
-    x, y
-        Their labels, with units.
-
-    Returns
-    -------
-    tuple[uplot.Axis, uplot.Axis]
-        The axes.
-    """
+    """Return a chart's two axes."""
     return (
         uplot.Axis(stroke=AXIS_COLOUR, label=x, labelSize=18, size=34, grid=GRID),
         uplot.Axis(stroke=AXIS_COLOUR, label=y, labelSize=18, size=52, grid=GRID),
@@ -42,24 +31,7 @@ def axes(x: str, y: str) -> tuple[uplot.Axis, uplot.Axis]:
 
 
 def line(label: str, colour: str, width: float = 1.5, dash: tuple[float, ...] = ()) -> uplot.Series:
-    """Return a series that is drawn as a line.
-
-    Parameters
-    ----------
-    label
-        What it is, with its unit.
-    colour
-        CSS.
-    width
-        px.
-    dash
-        px of line and gap; solid without.
-
-    Returns
-    -------
-    uplot.Series
-        The series.
-    """
+    """Return a series that is drawn as a line."""
     series = uplot.Series(
         label=label,
         stroke=colour,
@@ -73,20 +45,7 @@ def line(label: str, colour: str, width: float = 1.5, dash: tuple[float, ...] = 
 
 
 def dots(label: str, colour: str) -> uplot.Series:
-    """Return a series that is drawn as points, NaN between them.
-
-    Parameters
-    ----------
-    label
-        What it is, with its unit.
-    colour
-        CSS.
-
-    Returns
-    -------
-    uplot.Series
-        The series.
-    """
+    """Return a series that is drawn as points, NaN between them."""
     return uplot.Series(
         label=label,
         stroke=colour,
@@ -96,18 +55,7 @@ def dots(label: str, colour: str) -> uplot.Series:
 
 
 def area(label: str) -> uplot.Series:
-    """Return a series that is filled from the axis up to it: where a goal lies.
-
-    Parameters
-    ----------
-    label
-        What it is.
-
-    Returns
-    -------
-    uplot.Series
-        The series.
-    """
+    """Return a series that is filled from the axis up to it: where a goal lies."""
     return uplot.Series(
         label=label,
         stroke=GOAL_COLOUR,
@@ -118,18 +66,7 @@ def area(label: str) -> uplot.Series:
 
 
 def key_html(series: Sequence[uplot.Series]) -> str:
-    """Return a plot's key as HTML, each mark drawn as its series is.
-
-    Parameters
-    ----------
-    series
-        The series, their labels without units.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a plot's key as HTML, each mark drawn as its series is."""
     marks = "".join(
         "<span style='white-space:nowrap;margin-right:12px'><span style='display:inline-block;"
         f"vertical-align:middle;margin-right:5px;{_mark(each)}'></span>{each.get('label')}</span>"
@@ -157,17 +94,7 @@ def _mark(series: uplot.Series) -> str:
 
 
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
-    """Add a run over time: what its exercise's goal and limits are about, and always the force.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI.
-    series
-        The run, tick by tick.
-    exercise
-        Its exercise, or None.
-    """
+    """Add a run over time: what its exercise's goal and limits are about, and always the force."""
     limits = {} if exercise is None else exercise.limits
     percent = 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
     band = None if exercise is None else exercise.band

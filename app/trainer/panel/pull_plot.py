@@ -48,21 +48,7 @@ _Pair = tuple[Curve, Curve]
 
 
 def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
-    """Return what ANSYS said of a beam, where the thesis has printed it.
-
-    Parameters
-    ----------
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.float64]] | None
-        (N,) deflections, mm, rising, and (N,) forces F = 2P, N; None for a beam that is in no
-        table, and off the middle.
-    """
+    """Return what ANSYS said of a beam, where the thesis has printed it."""
     if abs(grasp - 0.5 * beam.span) > MIDDLE:
         return None
     for table in TABLES:
@@ -127,15 +113,7 @@ class PullPlot:
                     self._chart.data = (np.array([0.0, 1.0]), *[nothing] * len(_SERIES))
 
     def show(self, session: Session, reading: Reading) -> None:
-        """Draw the theory's curve, the part of it that this pull has covered, and the break.
-
-        Parameters
-        ----------
-        session
-            The session that is shown.
-        reading
-            Its reading.
-        """
+        """Draw the theory's curve, the part of it that this pull has covered, and the break."""
         event = reading.breaks_at
         self._take_others(session)
         with self._lock:

@@ -30,18 +30,7 @@ COLOURS = {
 
 
 def zone(reading: Reading) -> str:
-    """Return the word for how far the duct is from its break.
-
-    Parameters
-    ----------
-    reading
-        The session's reading.
-
-    Returns
-    -------
-    str
-        Safe, Careful, Stop, Tearing or Torn.
-    """
+    """Return the word for how far the duct is from its break."""
     if reading.phase is Phase.TORN:
         return TORN
     if reading.phase is Phase.TEARING:
@@ -56,21 +45,7 @@ def zone_told(phase: Phase) -> str:
 
 
 def readout_html(reading: Reading, state: str = "") -> str:
-    """Return the read-out as HTML.
-
-    Parameters
-    ----------
-    reading
-        The session's reading.
-    state
-        What else is to be known, such as that time stands still.
-
-    Returns
-    -------
-    str
-        HTML of numbers and our own words only. Its `data-` attributes carry the figures in
-        full, in N, mm and kPa, for tests and for screen readers' scripts.
-    """
+    """Return the read-out as HTML."""
     word = zone(reading)
     colour = COLOURS[word]
     word = f"{state}: {word.lower()}" if state else word
@@ -131,20 +106,7 @@ def readout_html(reading: Reading, state: str = "") -> str:
 
 
 def duct_html(session: Session, *, figures: bool) -> str:
-    """Return which organ and which section of it are solved, and the strength as it is given.
-
-    Parameters
-    ----------
-    session
-        The session that is shown.
-    figures
-        Whether the strength is to be seen.
-
-    Returns
-    -------
-    str
-        HTML; amber where another section is solved than the organ's own.
-    """
+    """Return which organ and which section of it are solved, and the strength as it is given."""
     dissection, organ = session.dissection, session.dissection.organ
     own = dissection.own_sections
     name = html.escape(organ.name or "Your organ")
@@ -168,18 +130,7 @@ def duct_html(session: Session, *, figures: bool) -> str:
 
 
 def hidden_readout_html(phase: Phase) -> str:
-    """Return what stands where the read-out is while a trainee is not to see its figures.
-
-    Parameters
-    ----------
-    phase
-        What the duct is going through.
-
-    Returns
-    -------
-    str
-        HTML with no figure in it.
-    """
+    """Return what stands where the read-out is while a trainee is not to see its figures."""
     return (
         f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1'"
         " style='padding:8px 14px 2px'><div style='font-size:11px;opacity:.75'>"

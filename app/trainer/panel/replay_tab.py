@@ -70,13 +70,7 @@ class ReplayTab:
             self.replay(lambda: read_run(content))
 
     def replay(self, read: Callable[[], RunFile]) -> None:
-        """Show a run again, or say why it cannot be.
-
-        Parameters
-        ----------
-        read
-            Gives the run; its `ValueError` is what the client is told.
-        """
+        """Show a run again, or say why it cannot be."""
         start = self._workplace.start_replay
         self._workplace.attempt("Making the run again.", lambda: start(read()))
 

@@ -60,36 +60,12 @@ def _beside(run: RunFile, workplace: Workplace) -> dict[str, Measures]:
 
 
 def run_csv(run: RunFile, workplace: Workplace) -> bytes:
-    """Return a run tick by tick, as comma-separated values.
-
-    Parameters
-    ----------
-    run
-        The run.
-    workplace
-        Whose organ it was made on.
-
-    Returns
-    -------
-    bytes
-        UTF-8.
-    """
+    """Return a run tick by tick, as comma-separated values."""
     return series_csv(_series(run, workplace)).encode()
 
 
 def run_name(run: RunFile) -> str:
-    """Return a name for a run's files: its exercise, or "pull", and the time now.
-
-    Parameters
-    ----------
-    run
-        The run.
-
-    Returns
-    -------
-    str
-        The name without a suffix, of letters, digits and hyphens.
-    """
+    """Return a name for a run's files: its exercise, or "pull", and the time now."""
     exercise = run.log.exercise
     what = "pull" if exercise is None else exercise.title.lower().replace(" ", "-")
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"

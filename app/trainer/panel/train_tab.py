@@ -90,13 +90,7 @@ class TrainTab:
         self._force.value = min(session.force_wanted, limit)
 
     def show(self, reading: Reading) -> None:
-        """Show a reading.
-
-        Parameters
-        ----------
-        reading
-            Of the session that is shown.
-        """
+        """Show a reading."""
         workplace = self._workplace
         visible = workplace.figures_visible
         self.take_ranges()
@@ -149,18 +143,7 @@ def _force_step(limit: float) -> float:
 
 
 def slider_step(limit: float) -> float:
-    """Return the power of ten that divides a scale into some hundred to a thousand steps.
-
-    Parameters
-    ----------
-    limit
-        End of the scale.
-
-    Returns
-    -------
-    float
-        The step.
-    """
+    """Return the power of ten that divides a scale into some hundred to a thousand steps."""
     return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))
 
 

@@ -121,52 +121,18 @@ _KINDS: dict[Kind, Appearance] = {
 
 
 def appearance_of(preset: Preset) -> Appearance:
-    """Return how a duct looks that is solved by a preset.
-
-    Parameters
-    ----------
-    preset
-        The preset.
-
-    Returns
-    -------
-    Appearance
-        That of the kind which it names.
-    """
+    """Return how a duct looks that is solved by a preset."""
     return _KINDS[preset.looks_like]
 
 
 def drawn_radius(dissection: Dissection) -> float:
-    """Return how thick a duct is drawn: as thick as what is solved.
-
-    Parameters
-    ----------
-    dissection
-        The duct between its clamps.
-
-    Returns
-    -------
-    float
-        Radius of the bar, or mean radius of an organ whose own sections are solved, mm.
-    """
+    """Return how thick a duct is drawn: as thick as what is solved."""
     beam = dissection.preset.beam
     return 0.5 * beam.diameter_mm if isinstance(beam, RoundBeam) else dissection.organ.mean_radius
 
 
 def drawn_lumen(dissection: Dissection) -> float | None:
-    """Return how wide a torn duct's lumen is drawn.
-
-    Parameters
-    ----------
-    dissection
-        The duct between its clamps.
-
-    Returns
-    -------
-    float or None
-        Its radius in parts of the duct's, next to nothing for a rod of rubber; None for the
-        organ's own.
-    """
+    """Return how wide a torn duct's lumen is drawn."""
     beam = dissection.preset.beam
     if beam.wall_mm is not None:
         return max(_NO_LUMEN, 1.0 - beam.wall_mm / drawn_radius(dissection))

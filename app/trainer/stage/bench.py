@@ -20,18 +20,7 @@ _CENTIMETRE = 256  # pixels of the picture, which repeats
 
 @cache
 def bench_glb(*, pixels: int = _CENTIMETRE) -> bytes:
-    """Return the bench as a GLB file.
-
-    Parameters
-    ----------
-    pixels
-        Width of its picture.
-
-    Returns
-    -------
-    bytes
-        The file, mm at a span of 50.8 mm; z = 0 is the mat.
-    """
+    """Return the bench as a GLB file."""
     x, y = np.meshgrid(np.linspace(-_HALF_WIDTH, _HALF_WIDTH, 9), np.linspace(_NEAR, _FAR, 9))
     vertices = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
     faces = grid_faces(9, 9)

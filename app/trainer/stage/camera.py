@@ -44,20 +44,7 @@ class Viewpoint:
         return float(np.linalg.norm(self.look_at - self.position))
 
     def picture_points(self, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
-        """Return where points appear in the picture.
-
-        Parameters
-        ----------
-        points
-            (N, 3) mm, in front of the camera.
-        aspect
-            Width by height of the picture.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 2) right and up, -1 to 1 from edge to edge.
-        """
+        """Return where points appear in the picture."""
         forward = (self.look_at - self.position) / self.distance
         right = np.cross(forward, self.up)
         right /= np.linalg.norm(right)

@@ -51,26 +51,7 @@ def clamp_glb(
     tissue: tuple[int, int, int],
     detail: float = 1.0,
 ) -> bytes:
-    """Return one clamp and the pinched tissue in its mouth, as a GLB file.
-
-    Parameters
-    ----------
-    end
-        The first clamp's shaft leads towards -x, the second's towards +x.
-    radius
-        Of the duct, mm.
-    bite
-        Distance from the axis to each jaw, in duct radii.
-    tissue
-        sRGB colour of the pinched tissue, 0 to 255.
-    detail
-        1 for the full look, less for fewer triangles.
-
-    Returns
-    -------
-    bytes
-        The file, mm; its origin is the axis point where the duct is clamped.
-    """
+    """Return one clamp and the pinched tissue in its mouth, as a GLB file."""
     corners = max(10, round(16 * detail))
     parts = [
         Part(_steel_solid(bite, corners), steel(detail)),
@@ -84,18 +65,7 @@ def clamp_glb(
 
 
 def steel(detail: float) -> Finish:
-    """Return the finish of steel at a level of detail.
-
-    Parameters
-    ----------
-    detail
-        1 for the full look, less for the plain one.
-
-    Returns
-    -------
-    Finish
-        Shining steel, or a matt one below 1.
-    """
+    """Return the finish of steel at a level of detail."""
     return STEEL if detail >= 1.0 else MATT_STEEL
 
 

@@ -56,20 +56,7 @@ class HookPlace:
 
 
 def sink(share: float, radius: float) -> float:
-    """Return how far the hook's wire sinks into the wall.
-
-    Parameters
-    ----------
-    share
-        Highest stress by the threshold; taken as 1 above that.
-    radius
-        Of the duct, mm.
-
-    Returns
-    -------
-    float
-        The distance, mm.
-    """
+    """Return how far the hook's wire sinks into the wall."""
     return radius * (SINK_AT_REST + (SINK_AT_BREAK - SINK_AT_REST) * min(max(share, 0.0), 1.0))
 
 
@@ -181,15 +168,7 @@ class Contact:
         self.vertices[count:] = vertices[count:]
 
     def mark(self, vertices: NDArray[np.float32], hook: HookPlace | None) -> None:
-        """Write `vertices` and `shade` for a deformed skin.
-
-        Parameters
-        ----------
-        vertices
-            (V, 3) the deformed skin's, mm.
-        hook
-            Where the hook holds it; None where it does not.
-        """
+        """Write `vertices` and `shade` for a deformed skin."""
         self._smooth(vertices)
         self.vertices += self._pinch
         self.shade[:] = self._jaw_shade

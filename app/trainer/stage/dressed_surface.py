@@ -53,17 +53,7 @@ def _script() -> str:
 
 
 def keep_finish_of(scene: viser.SceneApi, name: str, finish: Finish) -> None:
-    """Send a finish that surfaces can be drawn in, on a triangle too small to be seen.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    name
-        The scene node.
-    finish
-        The finish, with its pictures.
-    """
+    """Send a finish that surfaces can be drawn in, on a triangle too small to be seen."""
     normals = np.tile((0.0, 0.0, 1.0), (3, 1))
     solid = Solid(1e-3 * np.eye(3), np.array([[0, 1, 2]]), normals, np.eye(3)[:, :2].copy())
     scene.add_glb(name, binary_gltf([Part(solid, finish)]), cast_shadow=False, receive_shadow=False)
@@ -77,19 +67,7 @@ def light_surfaces(
     floor: NDArray[np.float64],
     radius: float,
 ) -> None:
-    """Let the hook's wire throw its shadow on the duct, and the duct and the hook on the bed.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    lamp, aim
-        (3,) where the lamp is, and what it shines at, mm in stage coordinates.
-    floor
-        (3,) where the bed's origin is.
-    radius
-        Of the duct, mm.
-    """
+    """Let the hook's wire throw its shadow on the duct, and the duct and the hook on the bed."""
     way = (lamp - aim) / np.linalg.norm(lamp - aim)
     light = {
         "lamp": (lamp - floor).tolist(),
@@ -104,19 +82,7 @@ def light_surfaces(
 
 
 def watch_pace(scene: viser.SceneApi, *, least: float, command: str, remedy: str) -> None:
-    """Let a page say once whether it draws too slowly.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    least
-        Pictures a second that are enough.
-    command
-        What the page triggers when it draws fewer (`command_number`); empty for nothing.
-    remedy
-        What helps, for a page that draws in software.
-    """
+    """Let a page say once whether it draws too slowly."""
     given = ", ".join(json.dumps(each) for each in (least, command, remedy))
     run_in_page(scene, f"{_script()}\nbluntdissectSurfaces.watchPace({given});")
 

@@ -80,23 +80,7 @@ def linear_rgb(color: tuple[int, int, int]) -> NDArray[np.float64]:
 
 
 def binary_gltf(parts: Sequence[Part]) -> bytes:
-    """Return one GLB file with every part, normals included.
-
-    Parameters
-    ----------
-    parts
-        At least one.
-
-    Returns
-    -------
-    bytes
-        The file; its numbers are in mm, as the scene's.
-
-    Notes
-    -----
-    Without a NORMAL attribute the browser shades flat, so normals are always written. trimesh
-    writes neither clearcoat nor ready-made JPEG files; both are added through its postprocessor.
-    """
+    """Return one GLB file with every part, normals included."""
     scene = trimesh.Scene()
     for number, part in enumerate(parts):
         uv = part.solid.uv

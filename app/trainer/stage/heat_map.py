@@ -80,15 +80,7 @@ class HeatMap:
         self._underlay.visible = visible
 
     def show(self, vertices: NDArray[np.float32], share: NDArray[np.floating[Any]]) -> None:
-        """Draw the stress as it is now.
-
-        Parameters
-        ----------
-        vertices
-            (V, 3) the skin's vertices, deformed, mm.
-        share
-            (V,) stress by threshold; the map ends at 0 and 1.
-        """
+        """Draw the stress as it is now."""
         wall, mesh = self._wall, self._mesh
         wall_normals(vertices, wall.rings, wall.sides, wall.right_handed, self._normals)
         mesh.positions[: wall.count] = vertices[: wall.count]
@@ -109,19 +101,7 @@ def heat_colors(
     viewer: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
-    """Write the light that is sent for stresses.
-
-    Parameters
-    ----------
-    share
-        (V,) or more; stress by threshold.
-    normals
-        (V, 3) outward unit normals.
-    viewer
-        (3,) unit vector towards the viewer.
-    out
-        (V, 3) receives linear light: the map's, less where the surface turns away.
-    """
+    """Write the light that is sent for stresses."""
     _heat_colors(share, normals, viewer, light_table(), DARKEST, out)
 
 
@@ -147,23 +127,7 @@ def _heat_colors(
 
 
 def heat_legend_html(threshold: float) -> str:
-    """Return the heat map's key: its colours, ticks in kPa and where the duct breaks.
-
-    Parameters
-    ----------
-    threshold
-        Stress at which the duct tears, MPa; the end of the scale.
-
-    Returns
-    -------
-    str
-        One `div`, 110 px high at a width of 260 px and more.
-
-    Raises
-    ------
-    ValueError
-        If the threshold is not above zero.
-    """
+    """Return the heat map's key: its colours, ticks in kPa and where the duct breaks."""
     if not (np.isfinite(threshold) and threshold > 0.0):
         raise ValueError(f"threshold must be above 0 MPa, got {threshold}")
     places = np.linspace(0, len(color_table()) - 1, _STOPS).round().astype(int)

@@ -19,59 +19,18 @@ _PRESS = 0.15
 
 
 def wire_radius(radius: float) -> float:
-    """Return the radius of the hook's wire.
-
-    Parameters
-    ----------
-    radius
-        Of the duct, mm.
-
-    Returns
-    -------
-    float
-        The wire's radius, mm.
-    """
+    """Return the radius of the hook's wire."""
     return 0.5 + 0.07 * radius
 
 
 def bend_radius(radius: float) -> float:
-    """Return the radius of the hook's bend, to the middle of its wire.
-
-    Parameters
-    ----------
-    radius
-        Of the duct, mm.
-
-    Returns
-    -------
-    float
-        The bend's radius, mm.
-    """
+    """Return the radius of the hook's bend, to the middle of its wire."""
     return radius + wire_radius(radius) - _PRESS
 
 
 @lru_cache(maxsize=16)  # a few ducts; trainees can build any number
 def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
-    """Return the hook as a GLB file for a pull along +z.
-
-    Parameters
-    ----------
-    radius
-        Of the duct, mm; the hook's bend fits it.
-    detail
-        1 for the full look, less for fewer triangles.
-
-    Returns
-    -------
-    bytes
-        The file, mm; its origin is the duct's axis point at the grasp, and the hook touches
-        (0, 0, -radius).
-
-    Notes
-    -----
-    From the tip, which shows on the viewer's side, the wire runs around the underside to the far
-    side and up into a shaft that leans to the right and out of the picture.
-    """
+    """Return the hook as a GLB file for a pull along +z."""
     corners = max(8, round(20 * detail))
     wire, count = wire_radius(radius), max(14, round(30 * detail))
     path = _wire_path(radius, count)
@@ -100,18 +59,7 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
 
 
 def grip_solid(radius: float) -> Solid:
-    """Return a coarse bar around the hook's neck and shaft, for a mouse to pick.
-
-    Parameters
-    ----------
-    radius
-        Of the duct, mm.
-
-    Returns
-    -------
-    Solid
-        In the coordinates of `hook_glb`, mm.
-    """
+    """Return a coarse bar around the hook's neck and shaft, for a mouse to pick."""
     wire, path = wire_radius(radius), _wire_path(radius, 14)
     lean = LEAN / np.linalg.norm(LEAN)
     above = path[-1] + np.array([[4.0], [40.0]]) * lean

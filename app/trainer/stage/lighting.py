@@ -17,42 +17,14 @@ _REFERENCE_SPAN = 50.8
 
 
 def lamp_position(span: float) -> NDArray[np.float64]:
-    """Return where the lamp is.
-
-    Parameters
-    ----------
-    span
-        Between the clamps, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (3,) mm in stage coordinates.
-    """
+    """Return where the lamp is."""
     return np.array([0.5 * span, 0.0, 0.0]) + np.array([-32.0, -30.0, 86.0]) * (
         span / _REFERENCE_SPAN
     )
 
 
 def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
-    """Add lights, environment map and background to a scene.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    span
-        Between the clamps, mm.
-    look
-        Whether the environment map is wanted.
-
-    Notes
-    -----
-    viser's server sends the environment map itself from its own files: nothing is fetched from
-    elsewhere. No light casts shadows: viser 1.1.1 fixes the shadow camera's near plane and bias for
-    scenes of about a metre, and at millimetres everything beyond 100 mm from the lamp turns dark.
-    The bed's texture carries the duct's shadow instead.
-    """
+    """Add lights, environment map and background to a scene."""
     full = look == "full"
     scene.set_up_direction("+z")
     scene.configure_default_lights(False)
@@ -86,26 +58,12 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
 
 
 def fill_air(scene: viser.SceneApi, *, distance: float) -> None:
-    """Let what lies far behind the duct fade into the dark.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    distance
-        From the camera to the duct, mm.
-    """
+    """Let what lies far behind the duct fade into the dark."""
     scene.configure_fog(0.95 * distance, 2.3 * distance, color=_FOG)
 
 
 def clear_light(scene: viser.SceneApi) -> None:
-    """Give the scene viser's own light, air and background back.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    """
+    """Give the scene viser's own light, air and background back."""
     scene.configure_fog(1.0, 2.0, enabled=False)
     scene.set_background_image(None)
     scene.configure_environment_map(None)

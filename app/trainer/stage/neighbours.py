@@ -24,20 +24,7 @@ _TILE = 46.0  # mm of either organ that its picture covers
 
 @cache
 def neighbours_glb(*, corners: int = 30, pixels: int = 256) -> bytes:
-    """Return liver edge and gallbladder as one GLB file.
-
-    Parameters
-    ----------
-    corners
-        Points around each organ.
-    pixels
-        Width of the textures.
-
-    Returns
-    -------
-    bytes
-        The file, mm at a span of 50.8 mm, in the coordinates of the tissue bed.
-    """
+    """Return liver edge and gallbladder as one GLB file."""
     return binary_gltf(
         [
             Part(

@@ -51,15 +51,7 @@ class PlainTissue:
             mesh.visible = visible
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
-        """Draw the surface as it is now.
-
-        Parameters
-        ----------
-        vertices
-            (V, 3) the skin's vertices, deformed, mm.
-        shade
-            Not used: each part has one colour.
-        """
+        """Draw the surface as it is now."""
         del shade
         for mesh, used in self._parts:
             mesh.vertices = vertices[used]

@@ -30,21 +30,7 @@ class Solid:
 
 
 def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the area-weighted unit normals of a surface.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) mm.
-    faces
-        (F, 3) vertex indices.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (V, 3); +z where a vertex has no face with an area. Vertices at one place, as at the pole
-        of a rounded end, share their normal.
-    """
+    """Return the area-weighted unit normals of a surface."""
     shared = np.unique(vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     face_normals = np.cross(second - first, third - first)
@@ -57,20 +43,7 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
 
 
 def grid_faces(rows: int, columns: int, *, closed: bool = False) -> NDArray[np.int64]:
-    """Return the triangles of a grid of points stored row by row.
-
-    Parameters
-    ----------
-    rows, columns
-        Points each way.
-    closed
-        Whether the last column joins the first.
-
-    Returns
-    -------
-    NDArray[np.int64]
-        (F, 3) indices; the normal is (along a row) x (from row to row).
-    """
+    """Return the triangles of a grid of points stored row by row."""
     row = np.arange(rows - 1)[:, None] * columns
     column = np.arange(columns if closed else columns - 1)[None, :]
     here, right = row + column, row + (column + 1) % columns
@@ -93,30 +66,7 @@ def swept_solid(
     corners: int = 20,
     cap_rings: int = 5,
 ) -> Solid:
-    """Return a bar with rounded ends whose section is swept along a path.
-
-    Parameters
-    ----------
-    path
-        (N, 3) mm, no two neighbours alike.
-    half_widths
-        (N,) or one number: the section's reach along `side`, mm.
-    half_heights
-        The same across `side`; equal to `half_widths` when left out.
-    side
-        Direction of the width at the path's start; carried along without twist.
-    squareness
-        0 for an ellipse, towards 1 for a box with rounded edges.
-    corners
-        Points around the section.
-    cap_rings
-        Sections in each rounded end.
-
-    Returns
-    -------
-    Solid
-        Closed, wound outwards.
-    """
+    """Return a bar with rounded ends whose section is swept along a path."""
     points = np.asarray(path, np.float64)
     widths = np.broadcast_to(np.asarray(half_widths, np.float64), len(points))
     heights = (
@@ -159,18 +109,7 @@ def swept_solid(
 
 
 def joined_solid(solids: Sequence[Solid]) -> Solid:
-    """Return several solids as one, without texture coordinates.
-
-    Parameters
-    ----------
-    solids
-        At least one.
-
-    Returns
-    -------
-    Solid
-        Their vertices and faces one after the other.
-    """
+    """Return several solids as one, without texture coordinates."""
     offsets = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -182,20 +121,7 @@ def joined_solid(solids: Sequence[Solid]) -> Solid:
 
 
 def smooth_path(knots: ArrayLike, count: int) -> NDArray[np.float64]:
-    """Return points evenly along a Catmull-Rom curve through the knots.
-
-    Parameters
-    ----------
-    knots
-        (K, 3) mm, at least two.
-    count
-        Points wanted.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (count, 3) mm, from the first knot to the last.
-    """
+    """Return points evenly along a Catmull-Rom curve through the knots."""
     given = np.asarray(knots, np.float64)
     padded = np.concatenate([2.0 * given[:1] - given[1:2], given, 2.0 * given[-1:] - given[-2:-1]])
     place = np.linspace(0.0, len(given) - 1.0, 24 * len(given))

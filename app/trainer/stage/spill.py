@@ -20,24 +20,7 @@ _BELOW = 0.35  # mm that its edge lies below the bed's surface
 
 @lru_cache(maxsize=16)
 def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> bytes:
-    """Return what lies on the bed below a tear, as a GLB file.
-
-    Parameters
-    ----------
-    look
-        What the duct is made of.
-    radius
-        Of the duct, mm at a span of 50.8 mm.
-    place
-        Where it is torn along the bed, mm from the bed's middle at that span.
-    seed
-        Chooses the pools' outlines.
-
-    Returns
-    -------
-    bytes
-        The file, in the bed's coordinates; empty where nothing runs out.
-    """
+    """Return what lies on the bed below a tear, as a GLB file."""
     random = np.random.default_rng(seed)
     parts: list[Part] = []
     pools: list[tuple[Color, float, float]] = []  # colour, reach, aside

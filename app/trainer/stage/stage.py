@@ -37,18 +37,7 @@ def stage_files(
     tissue: tuple[int, int, int],
     surroundings: Surroundings = "liver",
 ) -> dict[str, bytes]:
-    """Return what stands still, drawn once for all clients with the same duct.
-
-    Parameters
-    ----------
-    radius, look, bite, tissue, surroundings
-        As those of the stage.
-
-    Returns
-    -------
-    dict[str, bytes]
-        GLB files by their place on the stage.
-    """
+    """Return what stands still, drawn once for all clients with the same duct."""
     full = look == "full"
     detail = 1.0 if full else 0.5
 
@@ -165,22 +154,7 @@ class Stage:
     def place_hook(
         self, point: ArrayLike, direction: ArrayLike, *, radius: float | None = None
     ) -> None:
-        """Put the hook around the duct.
-
-        Parameters
-        ----------
-        point
-            (3,) the duct's axis point at the grasp, mm.
-        direction
-            (3,) unit pull; the hook lies against the side away from it.
-        radius
-            Of the duct at the grasp, mm, where it differs from the stage's.
-
-        Raises
-        ------
-        ValueError
-            If a number is not finite, or the pull runs along x.
-        """
+        """Put the hook around the duct."""
         turn = None
         if not np.array_equal(direction, self._hook_direction):
             turn = hook_wxyz(direction)
@@ -198,15 +172,7 @@ class Stage:
             self._hook_direction = np.array(direction, np.float64)
 
     def spill(self, look: Appearance, x: float) -> None:
-        """Show what has run out of a torn duct; the plain look has nothing of it.
-
-        Parameters
-        ----------
-        look
-            What the duct is made of.
-        x
-            Where it is torn, mm from the first clamp.
-        """
+        """Show what has run out of a torn duct; the plain look has nothing of it."""
         if self.look == "plain" or self._spilt:
             return
         scale = self.span / REFERENCE_SPAN
@@ -229,15 +195,7 @@ class Stage:
             self._scene.remove_by_name("/stage/spill")
 
     def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
-        """Keep a duct in the picture that is lifted this high.
-
-        Parameters
-        ----------
-        lift
-            How high its middle is lifted at most, mm; three tenths of the span when None.
-        client
-            Whose scene this stage is on.
-        """
+        """Keep a duct in the picture that is lifted this high."""
         if lift != self._lift:
             self._lift = lift
             self.frame_camera(client)
@@ -251,32 +209,12 @@ class Stage:
         self._hook.visible = False
 
     def frame_camera(self, client: viser.ClientHandle) -> None:
-        """Set the client's camera so that both clamps are in its picture.
-
-        Parameters
-        ----------
-        client
-            Whose scene this stage is on.
-        """
+        """Set the client's camera so that both clamps are in its picture."""
         self._looked_around = False
         self._frame(client, client.camera.aspect)
 
     def camera_moved(self, client: viser.ClientHandle) -> None:
-        """Keep both clamps in the client's picture when its camera or its shape has changed.
-
-        Parameters
-        ----------
-        client
-            Whose scene this stage is on.
-
-        Notes
-        -----
-        A browser that is still laying out its page reports a size that changes a moment later,
-        and resets the camera once after it connects. So the camera is framed again when the
-        picture's shape changes, and whenever it is not where it was put until three seconds after
-        the page, which may be slow, has first said that it is there.
-        Once the user has looked around after that, the camera is left alone.
-        """
+        """Keep both clamps in the client's picture when its camera or its shape has changed."""
         if self._removed or self._looked_around:
             return
         camera = client.camera

@@ -96,19 +96,7 @@ class StreamedMesh:
 
 
 def keep_finish(scene: viser.SceneApi, name: str, finish: Finish, *, unlit: bool = False) -> None:
-    """Add a triangle too small to be seen that keeps the page's shader for a finish.
-
-    It must stand where the camera looks at first: a shader is compiled for what is drawn.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    name
-        The scene node; not below a streamed mesh, whose children go with each file.
-    finish, unlit
-        As those of the streamed mesh.
-    """
+    """Add a triangle too small to be seen that keeps the page's shader for a finish."""
     file, positions, colors = _file(np.array([[0, 1, 2]]), 3, finish, unlit=unlit)
     positions[:] = 1.0e-3 * np.eye(3)
     colors[:] = 0.0

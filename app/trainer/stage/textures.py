@@ -11,24 +11,7 @@ Image = NDArray[np.float32]
 
 
 def smooth_noise(shape: tuple[int, int], *, cells: float, fall: float, seed: int) -> Image:
-    """Return periodic noise about 0.5 with most values between 0 and 1.
-
-    Parameters
-    ----------
-    shape
-        Rows and columns.
-    cells
-        Coarsest waves across the picture.
-    fall
-        Exponent with which finer waves weaken; larger is softer.
-    seed
-        The same seed gives the same noise.
-
-    Returns
-    -------
-    Image
-        (H, W), clipped to 0 to 1.
-    """
+    """Return periodic noise about 0.5 with most values between 0 and 1."""
     rows, columns = shape
     spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal(shape))
     frequency = np.hypot(
@@ -41,22 +24,7 @@ def smooth_noise(shape: tuple[int, int], *, cells: float, fall: float, seed: int
 
 
 def noise_at(x: Image, y: Image, *, length: float, cells: float, fall: float, seed: int) -> Image:
-    """Return noise at places of the ground, alike wherever the places are denser or sparser.
-
-    Parameters
-    ----------
-    x, y
-        (H, W) places, mm.
-    length
-        After which the noise repeats itself, mm.
-    cells, fall, seed
-        Those of `smooth_noise`.
-
-    Returns
-    -------
-    Image
-        (H, W), 0 to 1.
-    """
+    """Return noise at places of the ground, alike wherever the places are denser or sparser."""
     size = 512
     tile = np.pad(smooth_noise((size, size), cells=cells, fall=fall, seed=seed), 1, mode="wrap")
     column, row = (
@@ -90,20 +58,7 @@ def smooth_step(values: Image, low: float, high: float) -> Image:
 
 
 def mixed_color(under: Image | Sequence[int], over: Image | Sequence[int], share: Image) -> Image:
-    """Return two colours or pictures mixed pixel by pixel.
-
-    Parameters
-    ----------
-    under, over
-        (H, W, 3) pictures, or one colour of three numbers.
-    share
-        (H, W) part of `over`, 0 to 1.
-
-    Returns
-    -------
-    Image
-        (H, W, 3).
-    """
+    """Return two colours or pictures mixed pixel by pixel."""
     amount = share[..., None]
     return (
         np.asarray(under, np.float32) * (1.0 - amount) + np.asarray(over, np.float32) * amount
@@ -111,38 +66,12 @@ def mixed_color(under: Image | Sequence[int], over: Image | Sequence[int], share
 
 
 def blurred(picture: Image, radius: float) -> Image:
-    """Return the picture under a Gaussian blur.
-
-    Parameters
-    ----------
-    picture
-        (H, W) or (H, W, 3).
-    radius
-        Standard deviation, pixels.
-
-    Returns
-    -------
-    Image
-        The shape of `picture`.
-    """
+    """Return the picture under a Gaussian blur."""
     return cv2.GaussianBlur(picture, (0, 0), radius).astype(np.float32)
 
 
 def normal_map(height: Image, relief: float) -> Image:
-    """Return the tangent-space normals of a height picture as colours.
-
-    Parameters
-    ----------
-    height
-        (H, W), any unit.
-    relief
-        Slope given to one unit of height per pixel.
-
-    Returns
-    -------
-    Image
-        (H, W, 3), 128 for zero; green points to the picture's top, as glTF asks.
-    """
+    """Return the tangent-space normals of a height picture as colours."""
     right = cv2.Sobel(height, cv2.CV_32F, 1, 0, ksize=3) * (relief / 8.0)
     down = cv2.Sobel(height, cv2.CV_32F, 0, 1, ksize=3) * (relief / 8.0)
     normals = np.stack([-right, down, np.ones_like(height)], axis=-1)
@@ -151,25 +80,7 @@ def normal_map(height: Image, relief: float) -> Image:
 
 
 def jpeg_file(picture: Image, *, quality: int) -> bytes:
-    """Return a picture as a JPEG file.
-
-    Parameters
-    ----------
-    picture
-        (H, W, 3) red, green, blue, 0 to 255.
-    quality
-        0 to 100.
-
-    Returns
-    -------
-    bytes
-        The file.
-
-    Raises
-    ------
-    ValueError
-        If OpenCV cannot write the picture.
-    """
+    """Return a picture as a JPEG file."""
     pixels = np.clip(picture, 0.0, 255.0).round().astype(np.uint8)[..., ::-1]
     written, file = cv2.imencode(
         ".jpg", np.ascontiguousarray(pixels), [cv2.IMWRITE_JPEG_QUALITY, quality]

@@ -28,17 +28,7 @@ _DROOP = 0.35  # how much of a fringe's reach it hangs down
 
 
 def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
-    """Send what the duct's surfaces are drawn in.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    look
-        What the duct is made of.
-    radius
-        Its radius, mm.
-    """
+    """Send what the duct's surfaces are drawn in."""
     texture = wall_texture(look, radius)
     finish = Finish(
         roughness=look.roughness,
@@ -148,15 +138,7 @@ class Tissue:
         self._surface.visible = visible
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
-        """Draw the surface as it is now.
-
-        Parameters
-        ----------
-        vertices
-            (V, 3) the skin's vertices, deformed and marked, mm.
-        shade
-            (V,) how much light reaches each, 0 to 1.
-        """
+        """Draw the surface as it is now."""
         wall, surface = self._wall, self._surface
         shape = (wall.rings, wall.sides)
         outer = vertices[: wall.count].reshape(*shape, 3)

@@ -43,20 +43,7 @@ _VEINS = (
 
 @cache
 def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = _PIXELS) -> bytes:
-    """Return the bed as a GLB file.
-
-    Parameters
-    ----------
-    rows, columns
-        Points of the surface.
-    pixels
-        Width of the textures; below 512 the normal map is left out.
-
-    Returns
-    -------
-    bytes
-        The file, mm at a span of 50.8 mm; z = 0 is the bed's floor below the duct's middle.
-    """
+    """Return the bed as a GLB file."""
     ground = _drawn_ground(pixels)
     surface_x, surface_y, height = _surface(rows, columns, pixels)
     vertices = np.stack([surface_x, surface_y, height], axis=-1).reshape(-1, 3).astype(np.float64)
@@ -79,18 +66,7 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
 
 
 def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the height of the full bed at places.
-
-    Parameters
-    ----------
-    x, y
-        The places, mm at a span of 50.8 mm; one beyond the bed counts as on its edge.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        The heights, mm.
-    """
+    """Return the height of the full bed at places."""
     surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
     columns, rows = np.arange(_COLUMNS, dtype=np.float64), np.arange(_ROWS, dtype=np.float64)
     column = np.interp(x, surface_x[0].astype(np.float64), columns).astype(np.float32)

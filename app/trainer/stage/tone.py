@@ -51,23 +51,7 @@ def linear_light(srgb: ArrayLike) -> NDArray[np.float64]:
 
 
 def shown_color(light: ArrayLike) -> NDArray[np.float64]:
-    """Return the sRGB colours that the page shows of linear light.
-
-    Parameters
-    ----------
-    light
-        (..., 3) linear light.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (..., 3) sRGB, 0 to 255.
-
-    Notes
-    -----
-    ACESFilmicToneMapping of three.js, Stephen Hill's fit of the ACES reference and output
-    transforms: (v (v + a) - b) / (v (c v + d) + e) between two matrices.
-    """
+    """Return the sRGB colours that the page shows of linear light."""
     v = _EXPOSURE * np.asarray(light, np.float64) @ _ACES_INPUT.T
     fitted = (v * (v + _RISE) - _FLOOR) / (v * (_BEND * v + _SLOPE) + _OFFSET)
     part = np.clip(fitted @ _ACES_OUTPUT.T, 0.0, 1.0)
@@ -76,19 +60,7 @@ def shown_color(light: ArrayLike) -> NDArray[np.float64]:
 
 
 def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
-    """Return the linear light that the page shows as these sRGB colours.
-
-    Parameters
-    ----------
-    srgb
-        (..., 3) sRGB, 0 to 255.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (..., 3) linear light, which may be above 1. The curve has no bright colours of full
-        strength: those come out paler.
-    """
+    """Return the linear light that the page shows as these sRGB colours."""
     shown = np.clip(linear_light(srgb) @ np.linalg.inv(_ACES_OUTPUT).T, 0.0, _MOST)
     square = 1.0 - _BEND * shown
     half = 0.5 * (_RISE - _SLOPE * shown)
@@ -99,14 +71,7 @@ def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
 
 @cache
 def color_table() -> NDArray[np.uint8]:
-    """Return the map's colours as the page can show them.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        (256, 3) sRGB, from no stress to the threshold. Cividis, to one of 255 steps, up to nine
-        tenths; from there on the page's curve has only a paler, slightly darker yellow.
-    """
+    """Return the map's colours as the page can show them."""
     table = shown_color(light_table()).round().astype(np.uint8)
     table.setflags(write=False)
     return table
@@ -114,13 +79,7 @@ def color_table() -> NDArray[np.uint8]:
 
 @cache
 def light_table() -> NDArray[np.float32]:
-    """Return the light that the page shows as the colours of `color_table`.
-
-    Returns
-    -------
-    NDArray[np.float32]
-        (256, 3) linear light.
-    """
+    """Return the light that the page shows as the colours of `color_table`."""
     cividis = color_map()
     table = light_for(cividis).astype(np.float32)
     last = int(np.flatnonzero(table.min(axis=1) > 0.0)[-1])

@@ -57,15 +57,7 @@ class Underlay:
         self._mesh.visible = visible
 
     def show(self, places: NDArray[np.float32], normals: NDArray[np.float32]) -> None:
-        """Follow the wall.
-
-        Parameters
-        ----------
-        places
-            (rings * sides, 3) of the streamed wall, mm.
-        normals
-            (rings * sides, 3) outward unit normals.
-        """
+        """Follow the wall."""
         sink_wall(places, normals, self._places)
         self._mesh.vertices = self._places
 
@@ -78,15 +70,7 @@ class Underlay:
 def sink_wall(
     places: NDArray[np.float32], normals: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
-    """Write places just below a wall.
-
-    Parameters
-    ----------
-    places, normals
-        (V, 3) the wall's places, mm, and outward unit normals.
-    out
-        (V, 3) receives the places below, mm.
-    """
+    """Write places just below a wall."""
     for v in range(out.shape[0]):
         for i in range(3):
             out[v, i] = places[v, i] - np.float32(DEPTH) * normals[v, i]

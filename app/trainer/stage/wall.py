@@ -34,18 +34,7 @@ class Wall:
 
     @classmethod
     def of(cls, skin: Skin) -> "Wall":
-        """Return the outer wall of a skin.
-
-        Parameters
-        ----------
-        skin
-            The skin.
-
-        Returns
-        -------
-        Wall
-            Its outer wall.
-        """
+        """Return the outer wall of a skin."""
         faces = skin.faces[: skin.outer_faces]
         count = int(faces.max()) + 1
         # Between two rings lie two faces for each side.
@@ -66,21 +55,7 @@ class Wall:
         return self.skin.stations[: self.count].reshape(self.rings, self.sides)
 
     def sampled(self, picture: Image, *, length: float) -> NDArray[np.float32]:
-        """Return a periodic picture's values at the wall's vertices.
-
-        Parameters
-        ----------
-        picture
-            (H, W); its rows run around the duct, its columns along it.
-        length
-            What the picture's width covers of the axis, mm.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            (rings, sides) values. They belong to a place of the organ, so that the pieces of a
-            torn one look as the whole did.
-        """
+        """Return a periodic picture's values at the wall's vertices."""
         height, width = picture.shape
         # A border of one pixel on each side, so that the interpolation meets across the seam.
         padded = np.pad(picture, 1, mode="wrap")
@@ -99,17 +74,7 @@ def wall_normals(
     right_handed: bool,
     out: NDArray[np.float32],
 ) -> None:
-    """Write the outward unit normals of a wall.
-
-    Parameters
-    ----------
-    places
-        (rings * sides, 3) or more vertices, mm.
-    rings, sides, right_handed
-        The wall's.
-    out
-        (rings * sides, 3) receives them.
-    """  # fmt: skip
+    """Write the outward unit normals of a wall."""
     sign = 1.0 if right_handed else -1.0
     for ring in range(rings):
         before, after = max(ring - 1, 0), min(ring + 1, rings - 1)

@@ -48,20 +48,7 @@ class WallTexture:
 
 @lru_cache(maxsize=8)  # a few ducts; trainees can build any number
 def wall_texture(look: Appearance, radius: float) -> WallTexture:
-    """Return the pictures of a duct's wall.
-
-    Parameters
-    ----------
-    look
-        What it is made of.
-    radius
-        Its radius, mm.
-
-    Returns
-    -------
-    WallTexture
-        They repeat after `PERIOD` radii along the duct, and once around it.
-    """
+    """Return the pictures of a duct's wall."""
     grain = _Grain(radius)
     broad, patches, speckle = grain(9.0, 5.0, 31), grain(4.0, 3.0, 32), grain(0.9, 0.9, 34)
     # Bundles of fibres run along the duct, wavy where the wall is slack.
