@@ -8,13 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from organ_geometry.coding.encoder_search import Effort
-from organ_geometry.coding.organ_encoder import (
-    EncodedOrgan,
-    Selection,
-    encoded_organ,
-)
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, Polarity
 from organ_geometry.contours.organ_seed import Seed
@@ -26,6 +19,13 @@ from organ_geometry.curves.half_curves import (
     NotSingleValued,
 )
 from organ_geometry.curves.key_sections import check_tolerance
+from organ_geometry.encoder.encode import (
+    EncodedOrgan,
+    Selection,
+    encoded_organ,
+)
+from organ_geometry.encoder.search import Effort
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_warnings import organ_warnings

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.organ_encoder import EncodedOrgan
-from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
 from organ_geometry.curves.fitted_section import FittedSection
 from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+from organ_geometry.encoder.encode import EncodedOrgan
 from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 _BACK_CORNERS = 64
 

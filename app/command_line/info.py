@@ -20,7 +20,7 @@ def info(
 
     Example: bluntdissect info duct.organ
     """
-    from organ_geometry.coding.organ_file import VERSION, code_from_bytes, read_organ
+    from organ_geometry.organ_file import VERSION, code_from_bytes, read_organ
 
     read = read_organ(organ)
     code = code_from_bytes(read.encoded)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from app.compression.build_process import Abandoned, BuildProcess, Progress
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
 from organ_geometry.images.image_region import Region
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.medical_file import is_dicom_file, is_volume_file, read_header

@@ -16,7 +16,7 @@ from app.command_line.load import PRESET_NAMES
 from app.simulation.preset import presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.coding.organ_file import read_organ
+from organ_geometry.organ_file import read_organ
 
 KEYS = {
     "theory",

@@ -13,7 +13,7 @@ from program import command, refused, run
 from app.compression.report import report_lines
 from app.compression.stack_job import StackJob, compress_stack, jobs_into
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.coding.organ_file import read_organ
+from organ_geometry.organ_file import read_organ
 
 SPACING = '{"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}'
 

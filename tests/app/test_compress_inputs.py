@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from program import refused, run
 
-from organ_geometry.coding.organ_file import read_organ
+from organ_geometry.organ_file import read_organ
 
 itk = pytest.importorskip("SimpleITK")
 

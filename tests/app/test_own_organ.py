@@ -13,7 +13,7 @@ from simulated import phantom
 from app.simulation.preset import presets
 from app.simulation.session import Session
 from assets import BILE_DUCT
-from organ_geometry.coding.organ_file import read_organ
+from organ_geometry.organ_file import read_organ
 from physics import THEORIES
 
 MODULUS, STRENGTH = 0.310264, 0.2115

@@ -33,10 +33,10 @@ from app.simulation.session import Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.coding.organ_file import read_organ, write_organ
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import build_organ
+from organ_geometry.organ_file import read_organ, write_organ
 from physics import Cubic, Exact, Fem, MassSpring, TautString
 
 RUNS = Path(__file__).parent / "runs"

@@ -25,7 +25,7 @@ from viser import ClientHandle
 from app.simulation.session import Phase, Session
 from app.trainer import server
 from app.trainer.server import AddressTakenError, Trainer
-from organ_geometry.coding.organ_file import write_organ
+from organ_geometry.organ_file import write_organ
 from physics import Beam, Cubic, TautString
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)

@@ -1,9 +1,9 @@
 """The package says where its files are."""
 
 import assets
-from organ_geometry.coding.organ_file import read_organ
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
+from organ_geometry.organ_file import read_organ
 
 
 def test_the_paths_exist_and_are_all_that_is_exported() -> None:

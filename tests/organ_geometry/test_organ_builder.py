@@ -13,10 +13,6 @@ import trimesh
 from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.coding.encoder_search import Effort
-from organ_geometry.coding.organ_file import code_from_bytes, organ_from_bytes
-from organ_geometry.coding.surface_distance import wall_distances
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.edge_curve import enclosed_area
 from organ_geometry.contours.edges import find_edges
 from organ_geometry.contours.organ_tracing import trace_organ
@@ -27,9 +23,13 @@ from organ_geometry.curves.half_curves import (
     fit_half_curves,
     polygon_distances,
 )
+from organ_geometry.encoder.search import Effort
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_organ, organ_of_edges
+from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
+from organ_geometry.surface_distance import wall_distances
 
 Cover = Callable[..., NDArray[np.float64]]
 WriteStack = Callable[..., Path]

@@ -4,16 +4,6 @@ import numpy as np
 import pytest
 from contours import LENGTH, RADIUS, bent_tube, circle, cylinder
 
-from organ_geometry.coding.encoder_search import Effort
-from organ_geometry.coding.organ_encoder import EncodedOrgan, encoded_organ
-from organ_geometry.coding.organ_file import code_from_bytes
-from organ_geometry.coding.section_signals import (
-    extents,
-    fitted_signals,
-    signals_to_rows,
-)
-from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.contour import ContourLoft, centroid_and_radius, even_points
 from organ_geometry.curves.axis_curve import (
     even_axis,
@@ -23,6 +13,13 @@ from organ_geometry.curves.axis_curve import (
     refinement,
 )
 from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.encoder.encode import EncodedOrgan, encoded_organ
+from organ_geometry.encoder.search import Effort
+from organ_geometry.encoder.section_encoder import extents, fitted_signals
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.organ_file import code_from_bytes
+from organ_geometry.organ_file.coefficients import signals_to_rows
+from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 # The floor of two free degree-6 curves on a circle, published as 0.30 % of its radius.
 CIRCLE_FLOOR = 0.0031

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from organ_decoder import crc16, decode
 
-from organ_geometry.coding.organ_code import OrganCode
-from organ_geometry.coding.organ_encoder import encoded_organ
-from organ_geometry.coding.organ_file import (
+from organ_geometry.encoder.encode import encoded_organ
+from organ_geometry.organ import Organ
+from organ_geometry.organ_file import (
     LARGEST_FILE_BYTES,
     OrganFileError,
     code_bytes,
@@ -21,9 +21,9 @@ from organ_geometry.coding.organ_file import (
     read_organ,
     write_organ,
 )
-from organ_geometry.coding.section_signals import signals_to_rows
-from organ_geometry.coding.symbol_coder import SymbolReader, SymbolWriter
-from organ_geometry.organ import Organ
+from organ_geometry.organ_file.coefficients import signals_to_rows
+from organ_geometry.organ_file.organ_code import OrganCode
+from organ_geometry.organ_file.symbol_coder import SymbolReader, SymbolWriter
 
 # Sums of a few hundred products; the spline's length is a sum of a thousand chords.
 ROUNDING = 1e-9

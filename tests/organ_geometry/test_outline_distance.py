@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.coding.surface_distance import LocatedPoints
 from organ_geometry.curves.half_curves import (
     closed_outlines,
     fit_half_curves,
@@ -13,6 +12,7 @@ from organ_geometry.curves.half_curves import (
     resampled,
 )
 from organ_geometry.curves.outline_distance import outline_distances
+from organ_geometry.surface_distance import LocatedPoints
 
 
 def rows_and_points(seed: int, spread: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,14 +11,14 @@ from contours import RADIUS, cylinder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.coding.organ_encoder import encoded_organ
-from organ_geometry.coding.organ_file import code_from_bytes, organ_from_bytes
-from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
-from organ_geometry.coding.wall_thickness import thinnest_walls
 from organ_geometry.contours.contour import SectionContour
+from organ_geometry.encoder.encode import encoded_organ
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.encoder.wall_thickness import thinnest_walls
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
+from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
+from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")

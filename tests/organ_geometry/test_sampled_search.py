@@ -6,15 +6,15 @@ from contours import RADIUS, bent_tube, cylinder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.coding.edge_changes import EdgePoints
-from organ_geometry.coding.encoder_search import EncoderSearch
-from organ_geometry.coding.organ_attempts import OrganAttempts
-from organ_geometry.coding.organ_encoder import EncodedOrgan, encoded_organ
-from organ_geometry.coding.organ_file import organ_from_bytes
-from organ_geometry.coding.sampled_search import MANY_SECTIONS, SAMPLE, SampledSearch
-from organ_geometry.coding.surface_distance import root_mean_squares, section_distances
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall
 from organ_geometry.contours.contour import SectionContour
+from organ_geometry.encoder.candidate import OrganAttempts
+from organ_geometry.encoder.encode import EncodedOrgan, encoded_organ
+from organ_geometry.encoder.jacobian import EdgePoints
+from organ_geometry.encoder.sampled_search import MANY_SECTIONS, SAMPLE, SampledSearch
+from organ_geometry.encoder.search import EncoderSearch
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.organ_file import organ_from_bytes
+from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 TOLERANCE = 0.02 * RADIUS
 LONG = 240

@@ -8,15 +8,16 @@ from contours import RADIUS, bent_tube, cylinder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.coding.aiming import EACH_SLICE, Aiming
-from organ_geometry.coding.edge_changes import EdgePoints
-from organ_geometry.coding.encoder_search import EncoderSearch
-from organ_geometry.coding.key_lattice import differences_to_values, nearest_differences
-from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
-from organ_geometry.coding.organ_code import signal_steps
-from organ_geometry.coding.section_encoder import CodedSections
-from organ_geometry.coding.slice_descent import SliceDescent
 from organ_geometry.contours.contour import SectionContour
+from organ_geometry.encoder.candidate import KeptCode, OrganAttempts
+from organ_geometry.encoder.coordinate_descent import SliceDescent
+from organ_geometry.encoder.jacobian import EdgePoints
+from organ_geometry.encoder.key_lattice import nearest_differences
+from organ_geometry.encoder.penalties import EACH_SLICE, Aiming
+from organ_geometry.encoder.search import EncoderSearch
+from organ_geometry.encoder.section_encoder import CodedSections
+from organ_geometry.organ_file.key_order import differences_to_values
+from organ_geometry.organ_file.organ_code import signal_steps
 
 
 def attempts_of(contours: list[SectionContour], share: float) -> OrganAttempts:

@@ -6,15 +6,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.key_lattice import known_order
-from organ_geometry.coding.organ_code import (
+from organ_geometry.curves.axis_curve import key_depth, key_levels
+from organ_geometry.organ import Organ
+from organ_geometry.organ_file.coefficients import SIGNALS, WIDTH
+from organ_geometry.organ_file.key_order import known_order
+from organ_geometry.organ_file.organ_code import (
     LARGEST_KEY_DEPTH,
     OrganCode,
 )
-from organ_geometry.coding.section_signals import SIGNALS, WIDTH
-from organ_geometry.coding.symbol_coder import EVEN_START, SymbolError, SymbolReader, SymbolWriter
-from organ_geometry.curves.axis_curve import key_depth, key_levels
-from organ_geometry.organ import Organ
+from organ_geometry.organ_file.symbol_coder import (
+    EVEN_START,
+    SymbolError,
+    SymbolReader,
+    SymbolWriter,
+)
 from organ_geometry.whole_file import write_whole
 
 MAGIC = 0x89

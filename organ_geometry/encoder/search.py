@@ -7,12 +7,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from organ_geometry.coding.axis_encoder import coded_axis, most_levels
-from organ_geometry.coding.organ_attempts import AXIS_PRICE, KeptCode, OrganAttempts
-from organ_geometry.coding.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
-from organ_geometry.coding.organ_cut import OrganCut, best_turn
-from organ_geometry.coding.section_signals import signals_to_rows
 from organ_geometry.curves.key_sections import key_sections
+from organ_geometry.encoder.axis_encoder import coded_axis, most_levels
+from organ_geometry.encoder.axis_sampling import OrganCut, best_turn
+from organ_geometry.encoder.candidate import AXIS_PRICE, KeptCode, OrganAttempts
+from organ_geometry.organ_file.coefficients import signals_to_rows
+from organ_geometry.organ_file.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
 
 Effort: TypeAlias = Literal["quick", "full"]
 Search: TypeAlias = Literal["quick", "full", "sample"]

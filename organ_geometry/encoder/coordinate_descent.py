@@ -13,12 +13,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.aiming import Aim
-from organ_geometry.coding.edge_changes import EdgePoints, PointShares
-from organ_geometry.coding.key_lattice import differences_to_values, nearest_differences
-from organ_geometry.coding.number_prices import bend_prices, first_prices, learned_prices
-from organ_geometry.coding.section_encoder import CodedSections
 from organ_geometry.curves.key_blend import KeyBlend
+from organ_geometry.encoder.bit_costs import bend_prices, first_prices, learned_prices
+from organ_geometry.encoder.jacobian import EdgePoints, PointShares
+from organ_geometry.encoder.key_lattice import nearest_differences
+from organ_geometry.encoder.penalties import Aim
+from organ_geometry.encoder.section_encoder import CodedSections
+from organ_geometry.organ_file.key_order import differences_to_values
 
 KEY_PRICE = 6.0
 """Bits of a key section, its numbers apart."""

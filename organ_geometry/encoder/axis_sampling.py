@@ -8,8 +8,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.axis_encoder import CodedAxis
-from organ_geometry.coding.organ_code import (
+from organ_geometry.contours.contour import ContourLoft, SectionContour
+from organ_geometry.curves.axis_curve import even_places, key_depth, natural_cubic, refinement
+from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines, polygon_distances
+from organ_geometry.curves.key_blend import KeyBlend
+from organ_geometry.encoder.axis_encoder import CodedAxis
+from organ_geometry.encoder.section_encoder import Outlines, SectionEncoder, extents, fitted_signals
+from organ_geometry.organ_file.coefficients import signals_to_rows
+from organ_geometry.organ_file.organ_code import (
     COARSEST_TILTS,
     ROLLS,
     TURNS,
@@ -19,13 +25,7 @@ from organ_geometry.coding.organ_code import (
     chord_frame,
     leans_of,
 )
-from organ_geometry.coding.section_encoder import Outlines, SectionEncoder
-from organ_geometry.coding.section_signals import extents, fitted_signals, signals_to_rows
-from organ_geometry.coding.surface_distance import LocatedPoints
-from organ_geometry.contours.contour import ContourLoft, SectionContour
-from organ_geometry.curves.axis_curve import even_places, key_depth, natural_cubic, refinement
-from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines, polygon_distances
-from organ_geometry.curves.key_blend import KeyBlend
+from organ_geometry.surface_distance import LocatedPoints
 
 _TURN_STEP, _TURNED_OUTLINES = 2, 32
 # An end section leans out of the axis by up to 1 in 1/4.

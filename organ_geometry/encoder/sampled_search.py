@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.aiming import EACH_SLICE, Aiming
-from organ_geometry.coding.edge_changes import EdgePoints
-from organ_geometry.coding.encoder_search import EncoderSearch, NotKept
-from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
-from organ_geometry.coding.organ_code import signal_steps
-from organ_geometry.coding.slice_descent import SliceDescent
+from organ_geometry.encoder.candidate import KeptCode, OrganAttempts
+from organ_geometry.encoder.coordinate_descent import SliceDescent
+from organ_geometry.encoder.jacobian import EdgePoints
+from organ_geometry.encoder.penalties import EACH_SLICE, Aiming
+from organ_geometry.encoder.search import EncoderSearch, NotKept
+from organ_geometry.organ_file.organ_code import signal_steps
 
 MANY_SECTIONS = 192
 """Stacks of fewer sections are searched by all of them."""

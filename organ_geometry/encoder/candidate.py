@@ -9,10 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.aiming import EACH_SLICE, NEAR, Aiming
-from organ_geometry.coding.axis_encoder import CodedAxis, coded_axis
-from organ_geometry.coding.edge_changes import EdgePoints
-from organ_geometry.coding.organ_code import (
+from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
+from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+from organ_geometry.encoder.axis_encoder import CodedAxis, coded_axis
+from organ_geometry.encoder.axis_sampling import OrganCut
+from organ_geometry.encoder.coordinate_descent import OrganNumbers, SliceDescent
+from organ_geometry.encoder.jacobian import EdgePoints
+from organ_geometry.encoder.penalties import EACH_SLICE, NEAR, Aiming
+from organ_geometry.encoder.section_encoder import CodedSections
+from organ_geometry.encoder.wall_thickness import thinnest_walls
+from organ_geometry.organ_file import code_bytes
+from organ_geometry.organ_file.organ_code import (
     COARSEST_TILTS,
     LARGEST_KEY_DEPTH,
     OrganCode,
@@ -22,13 +29,6 @@ from organ_geometry.coding.organ_code import (
     tolerance_number,
     tolerance_of,
 )
-from organ_geometry.coding.organ_cut import OrganCut
-from organ_geometry.coding.organ_file import code_bytes
-from organ_geometry.coding.section_encoder import CodedSections
-from organ_geometry.coding.slice_descent import OrganNumbers, SliceDescent
-from organ_geometry.coding.wall_thickness import thinnest_walls
-from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
-from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
 
 AXIS_PRICE = 0.2
 """Squared error, summed over the sections, that a bit of the axis is worth, in squared steps."""

@@ -6,19 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.key_lattice import descend
-from organ_geometry.coding.organ_code import (
-    LARGEST_AXIS_DEPTH,
-    axis_keys,
-    bend_steps,
-    chord_frame,
-    scale_of,
-)
 from organ_geometry.curves.axis_curve import (
     key_levels,
     natural_cubic,
     natural_cubic_slopes,
     refinement,
+)
+from organ_geometry.encoder.key_lattice import descend
+from organ_geometry.organ_file.organ_code import (
+    LARGEST_AXIS_DEPTH,
+    axis_keys,
+    bend_steps,
+    chord_frame,
+    scale_of,
 )
 
 _LARGEST_SIZE = 12

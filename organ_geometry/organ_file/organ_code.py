@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.key_lattice import differences_to_values
-from organ_geometry.coding.section_signals import ASIDE, SIGNALS, WIDTH, signals_to_rows
 from organ_geometry.curves.axis_curve import even_axis, key_depth, least_turning, refinement
 from organ_geometry.organ import Organ
+from organ_geometry.organ_file.coefficients import ASIDE, SIGNALS, WIDTH, signals_to_rows
+from organ_geometry.organ_file.key_order import differences_to_values
 
 ROLLS = 256
 TURNS = 32

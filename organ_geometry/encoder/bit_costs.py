@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.section_signals import SIGNALS
 from organ_geometry.curves.axis_curve import key_depth, key_levels
+from organ_geometry.organ_file.coefficients import SIGNALS
 
 LARGEST_SIZE = 12
 """Largest size that has a price of its own."""

@@ -3,19 +3,17 @@
 import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.key_lattice import (
-    best_breaks,
-    descend,
-    differences_to_values,
-    nearest_differences,
-)
-from organ_geometry.coding.number_prices import LARGEST_SIZE, first_prices, learned_prices
-from organ_geometry.coding.organ_code import signal_steps
-from organ_geometry.coding.section_signals import ASIDE, SIGNALS, WIDTH, extents, fitted_signals
+from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_SHARE
 from organ_geometry.curves.key_blend import KeyBlend
+from organ_geometry.encoder.bit_costs import LARGEST_SIZE, first_prices, learned_prices
+from organ_geometry.encoder.key_lattice import best_breaks, descend, nearest_differences
+from organ_geometry.organ_file.coefficients import ASIDE, CIRCLE, SIGNALS, SKEW, SYMMETRIC, WIDTH
+from organ_geometry.organ_file.key_order import differences_to_values
+from organ_geometry.organ_file.organ_code import signal_steps
 
 KEY_BITS = 16.0
 """What a key section takes where little is known of it."""
@@ -229,3 +227,111 @@ def _stored(
     spans[:, WIDTH] = np.maximum(spans[:, WIDTH], np.finfo(np.float64).tiny)
     store(_CURVES, fitted_signals(outlines, spans)[:, _CURVES])
     return stored, decoded
+
+
+_TINY = float(np.finfo(np.float64).tiny)
+_LEVEL = np.eye(COEFFICIENTS)[0]
+_ROUNDNESS = (1e-4, 1e-2, 1.0)
+"""Share of an outline's weight with which a half is held to be round: more where that leaves it."""
+_LEAVES = 1.5
+"""How far from its middle a half-curve may go, in half the outline's height."""
+
+
+def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return half width and middle of outlines."""
+    low, high = outlines[:, :, 0].min(axis=1), outlines[:, :, 0].max(axis=1)
+    return np.stack([0.5 * RANGE_SHARE * (high - low), 0.5 * (high + low)], axis=1)
+
+
+def fitted_signals(
+    outlines: NDArray[np.float64], spans: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the signals of the half-curves over given spans that lie nearest to outlines."""
+    x, y = outlines[:, :, 0], outlines[:, :, 1]
+    # A span far from its outline would make numbers of no meaning.
+    spans = np.maximum(spans, [1e-6 * float(np.ptp(x)), -np.inf])
+    systems, all_sums = _normal_equations(np.ascontiguousarray(outlines), spans)
+    fits: list[NDArray[np.float64]] = []
+    low, high = y.min(axis=1), y.max(axis=1)
+    middles, reach = 0.5 * (low + high), _LEAVES * 0.5 * (high - low)
+    for system, sums, sign in zip(systems, all_sums, (1.0, -1.0), strict=True):
+        trace = np.einsum("sii->s", system)[:, np.newaxis] + np.finfo(np.float64).tiny
+        # Where an outline has no points, as of sections that cross, the half is round.
+        round_half = sign * spans[:, :1] * CIRCLE + middles[:, np.newaxis] * _LEVEL
+        fit = np.zeros((len(outlines), COEFFICIENTS))
+        left = np.arange(len(outlines), dtype=np.intp)
+        for share in _ROUNDNESS:
+            held = share * trace[left]
+            fit[left] = np.linalg.solve(
+                system[left] + held[:, :, np.newaxis] * np.eye(COEFFICIENTS),
+                (sums[left] + held * round_half[left])[:, :, np.newaxis],
+            )[:, :, 0]
+            away = np.abs(fit[left] @ _SPREAD.T - middles[left, np.newaxis]).max(axis=1)
+            left = left[away > reach[left]]
+            if not left.size:
+                break
+        fits.append(fit)
+    signals = np.empty((len(outlines), SIGNALS))
+    signals[:, :2] = spans
+    signals[:, SYMMETRIC] = 0.5 * (fits[0] - fits[1]) - spans[:, :1] * CIRCLE
+    signals[:, SKEW] = 0.5 * (fits[0] + fits[1])
+    return signals
+
+
+def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6."""
+    values = np.empty((*u.shape, COEFFICIENTS))
+    values[..., 0] = 1.0
+    values[..., 1] = 2.0 * u
+    for order in range(2, COEFFICIENTS):
+        values[..., order] = 2.0 * u * values[..., order - 1] - values[..., order - 2]
+    return values
+
+
+_SPREAD = second_kind(np.linspace(-1.0, 1.0, 33))
+
+
+@numba.njit(cache=True)
+def _normal_equations(
+    outlines: NDArray[np.float64], spans: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (2, S, 7, 7) and (2, S, 7) normal equations of the bottom and the top half-curves."""
+    sections, count = outlines.shape[0], outlines.shape[1]
+    systems = np.zeros((2, sections, COEFFICIENTS, COEFFICIENTS))
+    sums = np.zeros((2, sections, COEFFICIENTS))
+    basis = np.empty(COEFFICIENTS)
+    for s in range(sections):
+        area = 0.0
+        left = right = 0
+        for p in range(count):
+            after = p + 1 if p + 1 < count else 0
+            area += outlines[s, p, 0] * outlines[s, after, 1]
+            area -= outlines[s, p, 1] * outlines[s, after, 0]
+            if outlines[s, p, 0] < outlines[s, left, 0]:
+                left = p
+            if outlines[s, p, 0] > outlines[s, right, 0]:
+                right = p
+        way = (right - left) % count
+        for p in range(count):
+            after = p + 1 if p + 1 < count else 0
+            before = p - 1 if p > 0 else count - 1
+            chord_x = outlines[s, after, 0] - outlines[s, before, 0]
+            chord_y = outlines[s, after, 1] - outlines[s, before, 1]
+            weight = chord_x * chord_x / max(math.hypot(chord_x, chord_y), _TINY)
+            # The sense of positive area goes from left to right on the side of smaller y.
+            half = 1 if ((p - left) % count <= way) == (area >= 0.0) else 0
+            u = min(max((outlines[s, p, 0] - spans[s, 1]) / spans[s, 0], -1.02), 1.02)
+            basis[0] = 1.0
+            basis[1] = 2.0 * u
+            for k in range(2, COEFFICIENTS):
+                basis[k] = 2.0 * u * basis[k - 1] - basis[k - 2]
+            for i in range(COEFFICIENTS):
+                weighted = weight * basis[i]
+                sums[half, s, i] += weighted * outlines[s, p, 1]
+                for j in range(i + 1):
+                    systems[half, s, i, j] += weighted * basis[j]
+        for half in range(2):
+            for i in range(COEFFICIENTS):
+                for j in range(i):
+                    systems[half, s, j, i] = systems[half, s, i, j]
+    return systems, sums

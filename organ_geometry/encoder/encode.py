@@ -7,14 +7,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.encoder_search import Effort, EncoderSearch, NotKept
-from organ_geometry.coding.organ_attempts import KeptCode, OrganAttempts
-from organ_geometry.coding.organ_file import organ_from_bytes
-from organ_geometry.coding.sampled_search import MANY_SECTIONS, SampledSearch
-from organ_geometry.coding.section_encoder import Outlines
-from organ_geometry.coding.tolerance_floor import ToleranceTooSmall, smallest_kept
 from organ_geometry.contours.contour import SectionContour
+from organ_geometry.encoder.candidate import KeptCode, OrganAttempts
+from organ_geometry.encoder.sampled_search import MANY_SECTIONS, SampledSearch
+from organ_geometry.encoder.search import Effort, EncoderSearch, NotKept
+from organ_geometry.encoder.section_encoder import Outlines
+from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall, smallest_kept
 from organ_geometry.organ import Organ
+from organ_geometry.organ_file import organ_from_bytes
 
 Selection: TypeAlias = Literal["fewest", "thesis"]
 

@@ -12,11 +12,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.coding.key_lattice import differences_to_values
-from organ_geometry.coding.organ_cut import BendMoves, OrganCut
-from organ_geometry.coding.section_signals import ASIDE, CIRCLE, SKEW
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
+from organ_geometry.encoder.axis_sampling import BendMoves, OrganCut
+from organ_geometry.organ_file.coefficients import ASIDE, CIRCLE, SKEW
+from organ_geometry.organ_file.key_order import differences_to_values
 
 _HALF_CORNERS = 48
 _U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))

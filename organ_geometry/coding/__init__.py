@@ -1,1 +1,0 @@
-"""The organ file: an organ in few bytes."""
