@@ -14,7 +14,7 @@ import psutil
 from app.command_line.load import shipped_organ
 
 if TYPE_CHECKING:
-    from app.trainer.server import Trainer
+    from app.trainer.server.trainer import Trainer
 
 __all__ = ["Served", "Takings", "served_trainer"]
 
@@ -115,7 +115,7 @@ def main() -> None:
     """Serve, and answer each line with the takings, until the parent has gone."""
     if "--traced" in sys.argv:
         tracemalloc.start()
-    from app.trainer.server import Trainer
+    from app.trainer.server.trainer import Trainer
 
     trainer = Trainer(shipped_organ(), port=0)
     print(trainer.address, flush=True)

@@ -177,7 +177,7 @@ def write_file(order: "Order", path: Path) -> dict[str, object]:
 
 def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
     """Return the page that plays an order."""
-    from app.trainer.player import order_page, page_edge_length
+    from app.trainer.pages.html_player import order_page, page_edge_length
     from organ_geometry.whole_file import check_target
 
     check_target(path)

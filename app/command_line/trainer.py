@@ -71,7 +71,7 @@ def trainer(
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
-    from app.trainer.server import Trainer
+    from app.trainer.server.trainer import Trainer
 
     running = Trainer(
         tissue, chosen, host=host, port=port, look=look,

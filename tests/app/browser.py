@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, Playwright, sync_playwright
 
-from app.trainer.client_view import ClientView
-from app.trainer.server import Trainer
+from app.trainer.server.client_view import ClientView
+from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 
 SWITCHES = [

@@ -10,11 +10,11 @@ from simulated import phantom, settle, tear
 from app.simulation.dissection import Dissection, default_preset
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.server.warm_up import Warming, warm_session
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.heat_map import HeatMap
 from app.trainer.stage.tissue import Tissue
-from app.trainer.warming import Warming, warm_session
 from physics import Exact
 
 

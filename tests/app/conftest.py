@@ -9,7 +9,7 @@ from own_organ import tube_file
 from playwright.sync_api import Browser
 from simulated import phantom
 
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 
 __all__ = ["tube_file"]
 

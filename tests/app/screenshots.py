@@ -10,7 +10,7 @@ from simulated import phantom
 
 from app.simulation.scripted_hand import CAREFUL, do_exercise
 from app.simulation.session import Session
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "phone": (390, 844)}
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, expect
 from simulated import phantom
 
 from app.simulation.reading import Phase
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ

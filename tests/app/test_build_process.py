@@ -11,7 +11,7 @@ from made import dead, doubled, forever, missing, refused
 
 from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
-from app.trainer.background import Background
+from app.trainer.client.background_worker import Background
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ

@@ -14,7 +14,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from app.export.order import Order
 from app.simulation.preset import preset_named
 from app.simulation.session import Session
-from app.trainer.downloads import SUFFIXES, download, order_on_screen
+from app.trainer.pages.downloads import SUFFIXES, download, order_on_screen
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
 from physics import Cubic, Exact

@@ -5,8 +5,8 @@ import pytest
 from browser import RADIUS, stage_pixel, trainer_page
 from playwright.sync_api import Browser
 
-from app.trainer.drag_proxy import Hold
-from app.trainer.server import Trainer
+from app.trainer.scene.drag_proxy import Hold
+from app.trainer.server.trainer import Trainer
 
 PIXELS = 3.0
 """How far the hand may be from the mouse in the picture: its last move and the page's rounding."""

@@ -15,8 +15,8 @@ from app.haptics.servo_process import FeltSetting, HookSnapshot, ServoProcess
 from app.simulation.reading import Phase
 from app.simulation.replay import Replay
 from app.simulation.session import Session
-from app.trainer.haptic_hand import HapticHand, felt_in
-from app.trainer.workplace import Workplace
+from app.trainer.client.client_state import Workplace
+from app.trainer.client.haptic_hand import HapticHand, felt_in
 from physics import Exact, TautString
 
 REST = HookSnapshot(0, 0.0, 0.0, 0.0, False)

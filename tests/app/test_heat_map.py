@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from playwright.sync_api import Browser
 from simulated import phantom
 
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import TOWARDS_VIEWER, viewpoint
 from app.trainer.stage.heat_map import DARKEST, heat_colors, heat_legend_html
 from app.trainer.stage.tone import color_table, light_for, light_table, shown_color

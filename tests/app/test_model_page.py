@@ -13,7 +13,7 @@ from simulated import phantom
 
 from app.simulation.preset import OrganBeam
 from app.simulation.preset_file import read_preset
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 from organ_geometry.organ_file import read_organ
 from physics import THEORIES
 

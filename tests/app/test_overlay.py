@@ -5,9 +5,9 @@ import viser
 from simulated import phantom
 
 from app.simulation.session import Session
-from app.trainer.force_arrow import ForceArrow
-from app.trainer.other_model import Chain, Ghost
-from app.trainer.overlay import CLEAR, KEY_POINTS_OF_A_SECTION, Overlay
+from app.trainer.scene.comparison_meshes import Chain, Ghost
+from app.trainer.scene.force_arrow import ForceArrow
+from app.trainer.scene.overlay import CLEAR, KEY_POINTS_OF_A_SECTION, Overlay
 
 SINGLE = 1e-4
 """mm: what float32 leaves of some 50 mm."""

@@ -16,10 +16,10 @@ from app.simulation.replay import Replay, series_csv
 from app.simulation.run_log import run_json
 from app.simulation.scripted_hand import CAREFUL, HASTY, do_exercise
 from app.simulation.session import Session
-from app.trainer.downloads import SUFFIXES, download
+from app.trainer.client.client_state import HAND_ONLY
+from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
-from app.trainer.server import Trainer
-from app.trainer.workplace import HAND_ONLY
+from app.trainer.server.trainer import Trainer
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from physics import Beam, Cubic, Exact
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from browser import PlayerPage, running_browser
 from simulated import phantom
-from test_player import AT_TOP, LARGEST
+from test_html_player import AT_TOP, LARGEST
 
 from app.export.recorded_run import RecordedRun
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import PIECES
 from app.simulation.replay import Replay
 from app.simulation.session import Session
-from app.trainer.player import REST_SECONDS
-from app.trainer.run_page import run_page
+from app.trainer.pages.html_player import REST_SECONDS
+from app.trainer.pages.run_page import run_page
 from organ_geometry.mesh.skin import organ_skin
 
 EDGE_LENGTH = 1.5

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, expect
 from simulated import phantom, pull, tear
 
 from app.simulation.session import Phase, Session
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.contact import BITE, Contact, HookPlace, _press
@@ -244,7 +244,8 @@ def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: B
 def test_slow_page_gets_the_simple_picture_and_a_way_back(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.trainer.client_view.LEAST_PICTURES", 1000.0)  # no page draws as many
+    least = "app.trainer.server.client_view.LEAST_PICTURES"
+    monkeypatch.setattr(least, 1000.0)  # no page draws as many
     trainer = Trainer(phantom(), port=0, look="auto")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:

@@ -23,8 +23,8 @@ from simulated import phantom
 from viser import ClientHandle
 
 from app.simulation.session import Phase, Session
-from app.trainer import server
-from app.trainer.server import AddressTakenError, Trainer
+from app.trainer.server import trainer as server
+from app.trainer.server.trainer import AddressTakenError, Trainer
 from organ_geometry.organ_file import write_organ
 from physics import Beam, Cubic, TautString
 
@@ -289,14 +289,14 @@ def test_prints_the_address_that_answers_and_ends_cleanly(number: signal.Signals
 
 BUSY_WARMING = f"""
 import numpy, scipy.fft
-from app.trainer import warming
+from app.trainer.server import warm_up
 
 def busy(**_):
     places = numpy.ones((300, 300))
     while True:
         scipy.fft.dctn(places)
 
-warming.stage_files = busy
+warm_up.stage_files = busy
 {ENTRY}"""
 
 

@@ -10,8 +10,8 @@ from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation.session import Session
-from app.trainer.client_view import ClientView
-from app.trainer.server import Trainer
+from app.trainer.server.client_view import ClientView
+from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 
 CAMERA = """() => {

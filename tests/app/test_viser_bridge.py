@@ -12,9 +12,9 @@ from playwright.sync_api import Browser
 from viser import _messages
 from viser._icons import svg_from_icon
 
-from app.trainer.server import Trainer
+from app.trainer.server.trainer import Trainer
+from app.trainer.server.warm_up import ICONS
 from app.trainer.viser_bridge import close_silent, kept_by_tab, prepare_page, tab_keeps
-from app.trainer.warming import ICONS
 from benchmarks.page_protocol import CAMERA, connected
 
 

@@ -22,10 +22,10 @@ from app.compression.organ_workbench import (
 from app.compression.report import DOUBTFUL
 from app.simulation.dissection import default_preset, fits
 from app.simulation.preset import presets
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import figure, note, number, on_click, on_input
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
-from app.trainer.workplace import Workplace
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import BuiltOrgan

@@ -6,8 +6,8 @@ import viser
 
 from app.simulation.ghost import GhostReading
 from app.simulation.reading import Phase, Reading
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import figure, heading, note, on_work
-from app.trainer.workplace import Workplace
 from physics import Cubic, Exact, Fem, TautString, Theory
 
 __all__ = ["OFFERED_THEORIES", "CompareTab"]

@@ -7,8 +7,8 @@ import viser
 from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback
 from app.simulation.run_log import RunFile
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import note, on_click, on_input
-from app.trainer.workplace import Workplace
 
 __all__ = ["ExerciseTab"]
 

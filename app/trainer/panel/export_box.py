@@ -2,9 +2,9 @@
 
 import viser
 
-from app.trainer.downloads import SUFFIXES, download
+from app.trainer.client.client_state import Workplace
+from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.controls import on_click
-from app.trainer.workplace import Workplace
 
 __all__ = ["ExportBox"]
 

@@ -8,11 +8,11 @@ from app.simulation.dissection import fits
 from app.simulation.model import Model
 from app.simulation.preset import Preset
 from app.simulation.reading import Phase, Reading
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_input, on_work
 from app.trainer.panel.preset_form import PresetForm
 from app.trainer.panel.train_tab import slider_step
-from app.trainer.workplace import Workplace
 
 __all__ = ["SIMPLE_PICTURE", "ModelTab"]
 

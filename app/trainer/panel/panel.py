@@ -5,6 +5,7 @@ from viser import theme
 
 from app.simulation.reading import Reading
 from app.simulation.run_log import RunFile
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click
@@ -24,7 +25,6 @@ from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.viser_bridge import announce, offer_home, open_tab
-from app.trainer.workplace import Workplace
 
 __all__ = ["DISCLAIMER", "Panel"]
 

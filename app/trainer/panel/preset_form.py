@@ -11,8 +11,8 @@ from app.simulation.dissection import Dissection
 from app.simulation.model import Model
 from app.simulation.preset import LIMITS, OrganBeam, Preset
 from app.simulation.preset_file import preset_toml, read_preset
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_click, on_input
-from app.trainer.workplace import Workplace
 
 __all__ = ["PresetForm"]
 

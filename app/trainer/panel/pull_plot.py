@@ -12,7 +12,7 @@ from app.simulation.grasped_duct import GraspedDuct
 from app.simulation.model import Model
 from app.simulation.reading import Reading
 from app.simulation.session import Session
-from app.trainer.background import Background
+from app.trainer.client.background_worker import Background
 from app.trainer.panel.plots import Curve, area, axes, dots, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory

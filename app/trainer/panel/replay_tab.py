@@ -5,9 +5,9 @@ from collections.abc import Callable
 import viser
 
 from app.simulation.run_log import RunFile, read_run, run_json
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import note, number, on_click, on_work
 from app.trainer.panel.result_page import run_csv, run_name
-from app.trainer.workplace import Workplace
 
 __all__ = ["ReplayTab"]
 

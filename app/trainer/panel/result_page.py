@@ -12,11 +12,11 @@ from app.simulation.measures import Measures
 from app.simulation.replay import Replay, Series, series_csv
 from app.simulation.run_log import RunFile, run_json
 from app.simulation.scripted_hand import CAREFUL, do_exercise
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
-from app.trainer.workplace import Workplace
 
 __all__ = ["ResultPage", "run_csv", "run_name"]
 

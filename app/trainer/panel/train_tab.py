@@ -6,10 +6,10 @@ import numpy as np
 import viser
 
 from app.simulation.reading import Phase, Reading
+from app.trainer.client.client_state import HAND_ONLY, Workplace
 from app.trainer.panel.controls import note, number, on_click, on_input
 from app.trainer.panel.pull_plot import PullPlot
 from app.trainer.viser_bridge import set_arrow_step
-from app.trainer.workplace import HAND_ONLY, Workplace
 
 __all__ = ["TrainTab", "slider_step"]
 

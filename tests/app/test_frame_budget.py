@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from app.trainer.turns import FULL, MOST_TICKS, ROOMY, Turns
+from app.trainer.server.frame_budget import FULL, MOST_TICKS, ROOMY, Turns
 
 STEP, PICTURE = 0.01, 0.09
 """Work for each client, in ticks: a session's step, and its duct's picture."""

@@ -14,8 +14,8 @@ from viser import transforms
 from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
 from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
-from app.trainer.page_text import titled_page
-from app.trainer.scene import LIFT_AFTER_TEAR, TORN_ENDS
+from app.trainer.pages.page_text import titled_page
+from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR, TORN_ENDS
 from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.contact import Contact, HookPlace, sink

@@ -14,8 +14,8 @@ from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
-from app.trainer.page_text import titled_page
-from app.trainer.player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
+from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
+from app.trainer.pages.page_text import titled_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
 

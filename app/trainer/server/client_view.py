@@ -12,15 +12,15 @@ from app.simulation.exercise import ExerciseInputs
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
 from app.simulation.session import Session
-from app.trainer.aids import Aids
-from app.trainer.background import Background
+from app.trainer.client.background_worker import Background
+from app.trainer.client.client_state import Workplace
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
-from app.trainer.scene import Scene
+from app.trainer.scene.annotations import Aids
+from app.trainer.scene.duct_scene import Scene
 from app.trainer.stage.dressed_surface import watch_pace
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import command_number
-from app.trainer.workplace import Workplace
 
 __all__ = ["ClientView"]
 

@@ -6,10 +6,10 @@ import viser
 from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
 from app.simulation.session import Session
-from app.trainer.force_arrow import ForceArrow
-from app.trainer.goal_band import HALF_LENGTH, GoalBand
-from app.trainer.other_model import Chain, Ghost
-from app.trainer.overlay import Overlay
+from app.trainer.scene.comparison_meshes import Chain, Ghost
+from app.trainer.scene.force_arrow import ForceArrow
+from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand
+from app.trainer.scene.overlay import Overlay
 
 __all__ = ["Aids"]
 

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import viser
 
-from app.trainer import warming
+from app.trainer.server import warm_up
 
 TESTS = Path(__file__).parent
 
 
 def test_every_icon_of_the_panel_is_read_ahead() -> None:
-    source = Path(warming.__file__).parent
+    source = Path(warm_up.__file__).parent.parent
     used = {
         name
         for path in (source / "panel").glob("*.py")
         for name in re.findall(r"viser\.Icon\.(\w+)", path.read_text("utf-8"))
     }
-    assert {getattr(viser.Icon, name) for name in used} == set(warming.ICONS)
+    assert {getattr(viser.Icon, name) for name in used} == set(warm_up.ICONS)
 
 
 def test_nothing_is_compiled_after_the_warming() -> None:

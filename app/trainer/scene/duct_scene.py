@@ -12,7 +12,7 @@ from viser import transforms
 
 from app.simulation.preset import Preset
 from app.simulation.session import Phase, Reading, Session, Surface
-from app.trainer.drag_proxy import DragProxy, Hold
+from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.contact import Contact, HookPlace, sink

@@ -4,7 +4,7 @@ import numpy as np
 
 from app.export.recorded_run import RecordedRun
 from app.simulation.reading import Phase, Reading
-from app.trainer.player import DRAWN_NOT_COMPUTED, Scenes, caption, player_page
+from app.trainer.pages.html_player import DRAWN_NOT_COMPUTED, Scenes, caption, player_page
 
 __all__ = ["PAGE_FRAMES", "run_page"]
 

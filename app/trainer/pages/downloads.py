@@ -8,7 +8,7 @@ import numpy as np
 from app.export.order import Order
 from app.simulation.reading import Phase
 from app.simulation.session import Session
-from app.trainer.player import order_page, page_edge_length
+from app.trainer.pages.html_player import order_page, page_edge_length
 
 __all__ = ["SUFFIXES", "Download", "download", "order_on_screen"]
 

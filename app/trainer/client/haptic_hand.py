@@ -8,7 +8,7 @@ replay know no difference.
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation.reading import Phase
 from app.simulation.session import Session
-from app.trainer.workplace import Workplace
+from app.trainer.client.client_state import Workplace
 
 __all__ = ["HapticHand", "felt_in"]
 

@@ -12,9 +12,9 @@ from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
 from app.simulation.run_log import RunFile
 from app.simulation.session import Session
-from app.trainer.background import Background
-from app.trainer.drag_proxy import Hold
-from app.trainer.replay_player import ReplayPlayer
+from app.trainer.client.background_worker import Background
+from app.trainer.client.replay_playback import ReplayPlayer
+from app.trainer.scene.drag_proxy import Hold
 from organ_geometry.organ import Organ
 
 __all__ = ["HAND_ONLY", "Workplace", "explained"]

@@ -19,14 +19,16 @@ from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
-from app.trainer.background import Background
-from app.trainer.client_view import ClientView
-from app.trainer.haptic_hand import HapticHand, felt_in
-from app.trainer.metronome import Metronome
+from app.trainer.client.background_worker import Background
+from app.trainer.client.client_state import explained
+from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.panel.help import SEEN, show_first_minute
+from app.trainer.server.client_view import ClientView
+from app.trainer.server.fixed_rate_timer import Metronome
+from app.trainer.server.frame_budget import Turns
+from app.trainer.server.warm_up import Warming, warm_session
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
-from app.trainer.turns import Turns
 from app.trainer.viser_bridge import (
     close_silent,
     kept_by_tab,
@@ -34,8 +36,6 @@ from app.trainer.viser_bridge import (
     refuse_tunnels,
     tab_keeps,
 )
-from app.trainer.warming import Warming, warm_session
-from app.trainer.workplace import explained
 from organ_geometry.organ import Organ
 
 __all__ = ["AddressTakenError", "Trainer"]

@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from app.trainer.metronome import Metronome
+from app.trainer.server.fixed_rate_timer import Metronome
 
 PERIOD = 0.25  # binary, so that sums are exact
 

@@ -1,0 +1,1 @@
+"""What one client's page asks for: its state, its replay, its haptic device."""

@@ -1,0 +1,1 @@
+"""Stand-alone pages and the files that the Export box gives."""
