@@ -24,7 +24,7 @@ class Takings(msgspec.Struct, frozen=True):
 
     Attributes
     ----------
-    beats, missed
+    ticks, missed
         Ticks that ran, and ticks that the machine had no time for.
     frames
         How often the duct of each client was drawn.
@@ -40,7 +40,7 @@ class Takings(msgspec.Struct, frozen=True):
         Inputs that the runs of all sessions hold.
     """
 
-    beats: int
+    ticks: int
     missed: int
     frames: dict[int, int]
     processor_s: float
@@ -95,12 +95,12 @@ def served_trainer(*, traced: bool = False) -> Iterator[Served]:
 
 def _takings(trainer: "Trainer") -> Takings:
     times, memory = psutil.Process().cpu_times(), psutil.Process().memory_info()
-    metronome = trainer.metronome
+    timer = trainer.timer
     traced = tracemalloc.is_tracing()
     gc.collect()
     return Takings(
-        beats=metronome.beats,
-        missed=metronome.missed,
+        ticks=timer.ticks,
+        missed=timer.missed,
         frames=trainer.frames,
         processor_s=times.user + times.system,
         resident_bytes=memory.rss,

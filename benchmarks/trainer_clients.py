@@ -68,11 +68,11 @@ async def _counted(served: Served, clients: int, seconds: float) -> dict[str, fl
     elapsed = time.perf_counter() - began
     stop.set()
     came = await asyncio.gather(*pages)
-    beats, missed = after.beats - before.beats, after.missed - before.missed
+    ticks, missed = after.ticks - before.ticks, after.missed - before.missed
     drawn = min(after.frames[each] - before.frames[each] for each in before.frames)
     return {
-        f"steps_per_second_{clients}": beats / elapsed,
-        f"missed_percent_{clients}": 100.0 * missed / max(beats + missed, 1),
+        f"steps_per_second_{clients}": ticks / elapsed,
+        f"missed_percent_{clients}": 100.0 * missed / max(ticks + missed, 1),
         f"drawn_per_second_{clients}": drawn / elapsed,
         f"frames_per_second_{clients}": min(frames for frames, _ in came) / elapsed,
         f"longest_gap_ms_{clients}": 1e3 * max(gap for _, gap in came),

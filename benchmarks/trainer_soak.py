@@ -78,7 +78,7 @@ async def _samples(served: Served, seconds: float, every: float, console: Consol
             f"{(loop.time() - began) / 60.0:6.1f} min  {takings.resident_bytes / 1e6:7.1f} MB, "
             f"Python {takings.traced_bytes / 1e6:6.2f} MB, {takings.blocks:,} blocks, "
             f"{takings.log_inputs:,} inputs, {sum(takings.frames.values()):,} frames, "
-            f"{takings.missed:,} of {takings.beats + takings.missed:,} ticks missed",
+            f"{takings.missed:,} of {takings.ticks + takings.missed:,} ticks missed",
             highlight=False,
         )
     page.cancel()

@@ -10,7 +10,7 @@ from simulated import phantom, settle, tear
 from app.simulation.dissection import Dissection, default_preset
 from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.server.warm_up import Warming, warm_session
+from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.heat_map import HeatMap
@@ -92,7 +92,7 @@ def main() -> None:
     session = Session(organ)
     train(server.scene, session)
     report(before, "before the other theories")
-    Warming(Dissection.of(organ, default_preset(organ)), "full").done.wait()
+    WarmUp(Dissection.of(organ, default_preset(organ)), "full").done.wait()
     before = signatures()
     for theory in OFFERED_THEORIES.values():
         session = Session(organ)

@@ -71,7 +71,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         wall = np.unique(skin.faces[: skin.outer_faces]).size
         tab.wait_until(lambda: tab.vertices("skin").shape == (wall, 3))
         tab.page.keyboard.press("Escape")
-        view.workplace.ramp_to_tear()
+        view.state.ramp_to_tear()
         tab.wait_for_phase("torn")
         assert session.reading().phase is Phase.TORN
 

@@ -11,7 +11,7 @@ from made import dead, doubled, forever, missing, refused
 
 from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
-from app.trainer.client.background_worker import Background
+from app.trainer.client.background_worker import BackgroundWorker
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
@@ -120,21 +120,21 @@ def test_closing_a_workbench_ends_what_is_built_on_it(process: BuildProcess) -> 
 
 
 def test_who_waits_is_told_for_how_many() -> None:
-    background, at, go = Background(), threading.Event(), threading.Event()
+    background, at, go = BackgroundWorker(), threading.Event(), threading.Event()
 
     def work() -> None:
         at.set()
         assert go.wait(60.0)
 
-    assert background.others_before("mine") == 0
-    background.do("first", work)
+    assert background.tasks_ahead_of("mine") == 0
+    background.submit("first", work)
     assert at.wait(60.0)
-    assert background.others_before("first") == 0
-    assert background.others_before("mine") == 1
-    background.do("second", lambda: None)
-    assert background.others_before("mine") == 2
-    background.do("mine", lambda: None)
-    assert background.others_before("mine") == 2
+    assert background.tasks_ahead_of("first") == 0
+    assert background.tasks_ahead_of("mine") == 1
+    background.submit("second", lambda: None)
+    assert background.tasks_ahead_of("mine") == 2
+    background.submit("mine", lambda: None)
+    assert background.tasks_ahead_of("mine") == 2
     go.set()
     background.stop()
-    assert background.others_before("mine") == 0
+    assert background.tasks_ahead_of("mine") == 0

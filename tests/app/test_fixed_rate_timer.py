@@ -1,11 +1,11 @@
-"""The metronome: what is late comes, what is later than a period is missed and counted."""
+"""The timer: what is late comes, what is later than a period is missed and counted."""
 
 import threading
 from typing import cast
 
 import pytest
 
-from app.trainer.server.fixed_rate_timer import Metronome
+from app.trainer.server.fixed_rate_timer import FixedRateTimer
 
 PERIOD = 0.25  # binary, so that sums are exact
 
@@ -26,17 +26,17 @@ class FakeTime:
         return self.stopped
 
 
-def test_beats_are_even_and_none_is_missed_while_work_is_shorter_than_a_period() -> None:
+def test_ticks_are_even_and_none_is_missed_while_work_is_shorter_than_a_period() -> None:
     time = FakeTime()
-    metronome = Metronome(PERIOD, clock=time)
+    timer = FixedRateTimer(PERIOD, clock=time)
     stop = cast("threading.Event", time)
     came: list[float] = []
-    for beat in range(40):
-        metronome.wait(stop)
+    for tick in range(40):
+        timer.wait(stop)
         came.append(time.now)
-        time.now += PERIOD * (0.0, 0.5, 0.875)[beat % 3]
-    assert came == [100.0 + PERIOD * beat for beat in range(40)]
-    assert (metronome.beats, metronome.missed) == (40, 0)
+        time.now += PERIOD * (0.0, 0.5, 0.875)[tick % 3]
+    assert came == [100.0 + PERIOD * tick for tick in range(40)]
+    assert (timer.ticks, timer.missed) == (40, 0)
 
 
 @pytest.mark.parametrize(
@@ -46,37 +46,37 @@ def test_a_long_piece_of_work_misses_what_was_due_meanwhile_and_the_rest_stays_e
     work: float, missed: int
 ) -> None:
     time = FakeTime()
-    metronome = Metronome(PERIOD, clock=time)
+    timer = FixedRateTimer(PERIOD, clock=time)
     stop = cast("threading.Event", time)
-    metronome.wait(stop)
+    timer.wait(stop)
     time.now += work * PERIOD
-    assert metronome.wait(stop) == work * PERIOD
-    assert (metronome.beats, metronome.missed) == (2, missed)
-    metronome.wait(stop)
+    assert timer.wait(stop) == work * PERIOD
+    assert (timer.ticks, timer.missed) == (2, missed)
+    timer.wait(stop)
     assert time.now == 100.0 + PERIOD * (missed + 2)
-    assert metronome.missed == missed
+    assert timer.missed == missed
 
 
 def test_every_tick_due_was_run_or_missed() -> None:
     time = FakeTime()
-    metronome = Metronome(PERIOD, clock=time)
+    timer = FixedRateTimer(PERIOD, clock=time)
     stop = cast("threading.Event", time)
     passed = 0.0
-    for beat in range(200):
-        passed += metronome.wait(stop) or 0.0
-        time.now += PERIOD * ((7 * beat) % 13) / 4.0
-    assert passed == pytest.approx((metronome.beats + metronome.missed - 1) * PERIOD, abs=PERIOD)
+    for tick in range(200):
+        passed += timer.wait(stop) or 0.0
+        time.now += PERIOD * ((7 * tick) % 13) / 4.0
+    assert passed == pytest.approx((timer.ticks + timer.missed - 1) * PERIOD, abs=PERIOD)
 
 
 def test_a_stop_ends_the_wait() -> None:
     stop = threading.Event()
     stop.set()
-    metronome = Metronome(60.0)
-    assert metronome.wait(stop) is None
-    assert metronome.beats == 0
+    timer = FixedRateTimer(60.0)
+    assert timer.wait(stop) is None
+    assert timer.ticks == 0
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, float("nan")])
 def test_a_period_is_positive(period: float) -> None:
     with pytest.raises(ValueError, match="period must be positive"):
-        Metronome(period)
+        FixedRateTimer(period)

@@ -15,7 +15,7 @@ from app.haptics.servo_process import FeltSetting, HookSnapshot, ServoProcess
 from app.simulation.reading import Phase
 from app.simulation.replay import Replay
 from app.simulation.session import Session
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from physics import Exact, TautString
 
@@ -50,10 +50,10 @@ class Servo:
 
 @dataclass
 class Page:
-    """What a hand needs of a workplace, without a client."""
+    """What a hand needs of a state, without a client."""
 
     session: Session
-    player: object | None = None
+    playback: object | None = None
     paused: bool = False
     device: str | None = None
     said: list[str] = field(default_factory=list[str])
@@ -80,13 +80,13 @@ class Page:
 def led() -> tuple[HapticHand, Servo, Page]:
     servo, page = Servo(), Page(Session(phantom(), vertices=300))
     hand = HapticHand(cast(ServoProcess, servo))
-    hand.attend(cast(Workplace, page))
+    hand.attend(cast(ClientState, page))
     return hand, servo, page
 
 
 def go(hand: HapticHand, page: Page, ticks: int = 30) -> None:
     for _ in range(ticks):
-        hand.attend(cast(Workplace, page))
+        hand.attend(cast(ClientState, page))
         page.session.advance()
 
 
@@ -146,10 +146,10 @@ def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, P
     servo.hook = replace(old, peak=9.0)  # of the duct that was felt before
     go(hand, page)
     assert not page.session.run.started
-    page.player = object()
+    page.playback = object()
     go(hand, page, 1)
     assert servo.felt[-1] is None  # no force while a replay is seen
-    page.player = None
+    page.playback = None
     servo.unfelt = "theory string cannot be felt"
     page.session.choose_theory(TautString())
     go(hand, page, 3)
@@ -165,7 +165,7 @@ def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, Pa
     assert page.device is None
     assert page.said == ["The service has gone. The mouse has the hook again."]
     other = Page(Session(phantom(), vertices=300))
-    hand.attend(cast(Workplace, other))
+    hand.attend(cast(ClientState, other))
     assert other.device is None
     hand.stop()
     assert servo.stopped

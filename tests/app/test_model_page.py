@@ -63,7 +63,7 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         assert view.session.dissection.preset.name == "thesis-bile-duct"
-        view.workplace.practise_on(read_organ(tube_file))
+        view.state.practise_on(read_organ(tube_file))
         duct = tab.page.get_by_test_id("duct")
         expect(duct).to_contain_text("hollow, 58", timeout=PATIENCE)
         expect(duct).to_contain_text("the organ's own hollow sections")

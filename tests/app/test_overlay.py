@@ -5,7 +5,7 @@ import viser
 from simulated import phantom
 
 from app.simulation.session import Session
-from app.trainer.scene.comparison_meshes import Chain, Ghost
+from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.overlay import CLEAR, KEY_POINTS_OF_A_SECTION, Overlay
 
@@ -86,7 +86,7 @@ def test_force_arrow_stands_on_its_foot_along_the_force_with_its_number(
 
 def test_ghost_and_chain_show_what_they_are_given(scene: viser.SceneApi) -> None:
     skin = Session(phantom()).surfaces[0].skin
-    ghost, chain = Ghost(scene, skin), Chain(scene, 5)
+    ghost, chain = GhostMesh(scene, skin), ChainLines(scene, 5)
     mesh, nodes = node(scene, "/organ/ghost"), node(scene, "/organ/chain/nodes")
     links = node(scene, "/organ/chain/links")
     assert isinstance(mesh, viser.MeshHandle)

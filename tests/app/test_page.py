@@ -155,7 +155,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         tab.wait_for_force(3.0)
         tab.open("Train")  # out of the number field, where keys are figures
         keyboard.press("p")
-        tab.wait_until(lambda: view.workplace.paused)
+        tab.wait_until(lambda: view.state.paused)
         expect(tab.readout).to_contain_text("Paused")
         tab.slide("Force F (N)", 1.0)
         held = session.reading()
@@ -279,7 +279,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         session = view.session
-        view.workplace.exercise_inputs = "any"  # as by `trainer --exercise-inputs any`
+        view.state.exercise_inputs = "any"  # as by `trainer --exercise-inputs any`
         rest = tab.vertices("skin")
         tab.open("Learn")
         task = tab.page.get_by_test_id("task")
@@ -295,7 +295,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         outcome.wait_for()
         assert outcome.get_attribute("data-outcome") == "Passed"
         expect(tab.page.get_by_test_id("remark")).to_contain_text("Sliders and keys were allowed")
-        run = view.workplace.last_run
+        run = view.state.last_run
         assert run is not None
         assert run.outcome is not None
         assert run.outcome.passed
@@ -320,22 +320,22 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
         tab.press("Watch it again")
         expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible(timeout=PATIENCE)
-        tab.wait_until(lambda: view.workplace.player is not None)
+        tab.wait_until(lambda: view.state.playback is not None)
         live = session.reading()
-        player = view.workplace.player
-        assert player is not None
+        playback = view.state.playback
+        assert playback is not None
         tab.wait_until(lambda: tab.slider("Time (s)") > 0.0)  # from 0 to 0 is no jump
         tab.slide("Time (s)", 0.0)
-        tab.wait_until(lambda: player.time < 0.02)
+        tab.wait_until(lambda: playback.time < 0.02)
         tab.wait_until(lambda: apart(tab, rest) < 0.01)
         tab.slide("Time (s)", round(0.5 * run.log.ticks / 30.0, 2))
-        tab.wait_until(lambda: abs(player.time - 0.5 * run.log.ticks / 30.0) < 0.02)
+        tab.wait_until(lambda: abs(playback.time - 0.5 * run.log.ticks / 30.0) < 0.02)
         tab.slide("Time (s)", 100.0)
-        tab.wait_until(lambda: player.at_end)
+        tab.wait_until(lambda: playback.at_end)
         last = again.session.reading()
         tab.wait_until(lambda: tab.figure("force-n") == pytest.approx(last.force, rel=1e-5))
         assert tab.figure("deflection-mm") == pytest.approx(last.deflection, rel=1e-5)
-        assert player.session.measures() == run.measures
+        assert playback.session.measures() == run.measures
         tab.wait_until(lambda: apart(tab, rest) > 0.5)
         tab.press("Leave the replay")
         tab.wait_for_force(live.force)
@@ -345,9 +345,9 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         file = tmp_path / "run.json"
         file.write_bytes(run_json(run))
         tab.page.locator("input[type=file]").set_input_files(file)
-        tab.wait_until(lambda: view.workplace.player is not None)
-        assert view.workplace.player is not None
-        assert run_json(view.workplace.player.run) == file.read_bytes()
+        tab.wait_until(lambda: view.state.playback is not None)
+        assert view.state.playback is not None
+        assert run_json(view.state.playback.run) == file.read_bytes()
         tab.press("Leave the replay")
         file.write_text("{}")
         tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)
@@ -402,7 +402,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
 
         # Held, it counts down: at the goal and in the tab. Time goes by the test's own ticks.
         tab.open("Learn")
-        view.workplace._paused = True
+        view.state._paused = True
         run = session.run
         middle = 0.5 * (gentle.low_mm + gentle.high_mm)
         session.grab(session.grasp)
@@ -412,7 +412,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         found = []
         while "s to go" in run.standing:
             expect(state).to_contain_text(run.standing)
-            goal = view._aids._goal
+            goal = view._annotations._goal
             assert goal is not None
             tab.wait_until(lambda goal=goal: goal._label.text == run.standing)
             found.append(run.standing)
@@ -447,7 +447,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
 ) -> None:
     with trainer_page(browser, trainer.address, width=900, height=700) as tab:
         view = newest(trainer)
-        session, workplace = view.session, view.workplace
+        session, state = view.session, view.state
         gentle = session.exercises_offered()[2]
         outcome = tab.page.get_by_test_id("outcome")
         table = tab.page.get_by_test_id("measures")
@@ -455,8 +455,8 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
             (HASTY, "Not passed", ["this try", "expert", "limit"]),
             (CAREFUL, "Passed", ["this try", "try 1", "expert", "limit"]),
         ):
-            workplace.start_exercise(gentle, Feedback.CONTINUOUS)
-            workplace._paused = True  # time goes by the hand's own ticks
+            state.start_exercise(gentle, Feedback.CONTINUOUS)
+            state._paused = True  # time goes by the hand's own ticks
             do_exercise(session, manner)
             expect(outcome).to_have_attribute("data-outcome", word)
             table.wait_for()  # the run is made again, and the expert's
@@ -489,8 +489,8 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         assert [deflection[2][0], deflection[3][0]] == [gentle.high_mm, gentle.low_mm]
         assert force[4][0] == gentle.force_limit_N
         assert rate[4][0] == gentle.loading_rate_limit_N_per_s
-        assert workplace.last_run is not None
-        fastest = workplace.last_run.measures.maximum_loading_rate_N_per_s
+        assert state.last_run is not None
+        fastest = state.last_run.measures.maximum_loading_rate_N_per_s
         assert max(one for one in rate[1] if one is not None) == fastest
         assert distance[4][0] == 100.0 * gentle.reserve_limit
         tab.press("Watch it again")
@@ -500,7 +500,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible()
         tab.wait_until(lambda: seen(tab, "goal/area"))  # what the run was about
         tab.press("Leave the replay")
-        tab.wait_until(lambda: workplace.player is None)
+        tab.wait_until(lambda: state.playback is None)
 
 
 def apart(tab: TrainerPage, before: np.ndarray) -> float:
@@ -573,7 +573,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
             assert f"{figure:.2f}" not in words
         # Time cannot be held, and the slider that is hidden is not taken from a browser.
         tab.page.keyboard.press("p")
-        assert not view.workplace.paused
+        assert not view.state.paused
         threshold = session.threshold
         tab.page.evaluate(
             "() => window.__viserMutable.sendMessage({...window.__update, updates: {value: 400}})"
@@ -693,7 +693,7 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
         with trainer_page(browser, trainer.address) as tab:
             tab.open("Learn")
             expect(tab.page.get_by_test_id("task")).to_contain_text("your teacher lets them count")
-            assert newest(trainer).workplace.exercise_inputs == "any"
+            assert newest(trainer).state.exercise_inputs == "any"
             context = browser.new_context()
             page = context.new_page()
             page.goto(f"{trainer.address}/?fixedDpr=1")

@@ -174,7 +174,7 @@ def test_dialogs_close_in_every_way_and_nothing_covers_them(
         dialog.wait_for()
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
-        newest(trainer).workplace.refuse("A notice that lies over the picture, and over no dialog.")
+        newest(trainer).state.refuse("A notice that lies over the picture, and over no dialog.")
         tab.press("Help")
         dialog.wait_for()
         page.wait_for_timeout(500)

@@ -1,55 +1,58 @@
-"""Work that nobody waits for: one thread, which of each kind of work does the newest only."""
+"""A worker thread that keeps only the newest task of each kind."""
 
 import logging
 import queue
 import threading
 from collections.abc import Callable, Hashable
 
-__all__ = ["Background"]
+__all__ = ["BackgroundWorker"]
 
 log = logging.getLogger(__name__)
 
 
-class Background:
-    """A thread that is started with its first work and ends with `stop`, or with the program."""
+class BackgroundWorker:
+    """A thread that starts with its first task and ends with `stop`, or with the program.
+
+    A newer task of a kind replaces the one that still waits, at its place in the queue.
+    """
 
     def __init__(self) -> None:
         self._newest: dict[Hashable, Callable[[], None]] = {}
         self._lock = threading.Lock()
-        self._due: queue.SimpleQueue[Hashable | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Hashable | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
-        self._at: Hashable | None = None
+        self._running: Hashable | None = None
 
-    def do(self, kind: Hashable, work: Callable[[], None]) -> None:
-        """Have something done soon."""
+    def submit(self, kind: Hashable, task: Callable[[], None]) -> None:
+        """Run a task soon, instead of one of its kind that has not begun."""
         with self._lock:
-            waiting = kind in self._newest
-            self._newest[kind] = work
-            if not waiting:
-                self._due.put(kind)
+            queued = kind in self._newest
+            self._newest[kind] = task
+            if not queued:
+                self._queue.put(kind)
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="background", daemon=True)
                 self._thread.start()
 
-    def others_before(self, kind: Hashable) -> int:
-        """Return how many works of other kinds come before one that is asked for now."""
+    def tasks_ahead_of(self, kind: Hashable) -> int:
+        """Return how many tasks of other kinds come before one that is submitted now."""
         with self._lock:
-            return sum(each not in (kind, None) for each in (self._at, *self._newest))
+            return sum(each not in (kind, None) for each in (self._running, *self._newest))
 
     def stop(self) -> None:
-        """End the thread after the work that it is at."""
-        self._due.put(None)
+        """End the thread after the tasks that are queued; wait some seconds for it."""
+        self._queue.put(None)
         if self._thread is not None:
             self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
-        while (kind := self._due.get()) is not None:
+        while (kind := self._queue.get()) is not None:
             with self._lock:
-                work, self._at = self._newest.pop(kind), kind
+                task, self._running = self._newest.pop(kind), kind
             try:
-                work()
+                task()
             except Exception:
-                log.exception("work in the background has failed")
+                log.exception("a task in the background has failed")
             finally:
                 with self._lock:
-                    self._at = None
+                    self._running = None

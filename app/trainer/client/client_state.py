@@ -1,4 +1,4 @@
-"""A workplace: one client's session, what it wants to see of it, and the run that it replays."""
+"""A state: one client's session, what it wants to see of it, and the run that it replays."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -12,12 +12,12 @@ from app.simulation.feedback import Feedback
 from app.simulation.reading import Phase
 from app.simulation.run_log import RunFile
 from app.simulation.session import Session
-from app.trainer.client.background_worker import Background
-from app.trainer.client.replay_playback import ReplayPlayer
+from app.trainer.client.background_worker import BackgroundWorker
+from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
 from organ_geometry.organ import Organ
 
-__all__ = ["HAND_ONLY", "Workplace", "explained"]
+__all__ = ["HAND_ONLY", "ClientState", "explained"]
 
 PAST_BREAK = 1.05
 """Force of a ramp to the tear, in forces at break."""
@@ -26,7 +26,7 @@ PATIENCE = 0.4
 """A wait that is longer is explained, s."""
 
 
-class Workplace:
+class ClientState:
     """What the parts of one client's page share. Its methods may be called from any thread.
 
     Parameters
@@ -62,8 +62,8 @@ class Workplace:
         self,
         client: viser.ClientHandle,
         session: Session,
-        background: Background,
-        builder: Background,
+        background: BackgroundWorker,
+        builder: BackgroundWorker,
         build_process: BuildProcess | None = None,
         exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
@@ -76,7 +76,7 @@ class Workplace:
         self.last_run: RunFile | None = None
         self.device: str | None = None
         self._device_notice: viser.NotificationHandle | None = None
-        self._player: ReplayPlayer | None = None
+        self._playback: ReplayPlayback | None = None
         self._paused = False
         self._held_from: float | None = None
         self._other_organ: Callable[[], None] | None = None
@@ -86,20 +86,20 @@ class Workplace:
         self.keep_run()
 
     @property
-    def player(self) -> ReplayPlayer | None:
+    def playback(self) -> ReplayPlayback | None:
         """The replay that is seen instead of the session, or None."""
-        return self._player
+        return self._playback
 
     @property
     def shown(self) -> Session:
         """The session that is seen."""
-        player = self._player
-        return self.session if player is None else player.session
+        playback = self._playback
+        return self.session if playback is None else playback.session
 
     @property
     def figures_visible(self) -> bool:
         """Whether the trainee is to see the figures now."""
-        return self._player is not None or self.session.run.feedback_visible
+        return self._playback is not None or self.session.run.feedback_visible
 
     @property
     def in_exercise(self) -> bool:
@@ -217,7 +217,7 @@ class Workplace:
 
     def pull_with(self, force: float) -> None:
         """Pull with a force; after a run that is over, as a new run."""
-        if self._player is None and not self._refuses_mouse() and not self._refuses_force():
+        if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
             # Not before the force is wished for: the inputs would go back to none.
@@ -225,7 +225,7 @@ class Workplace:
 
     def ramp_to_tear(self) -> None:
         """Pull evenly until the duct tears."""
-        if self._player is not None or self._refuses_mouse() or self._refuses_force():
+        if self._playback is not None or self._refuses_mouse() or self._refuses_force():
             return
         self._begin_anew(True)
         event = self.session.reading().breaks_at
@@ -236,7 +236,7 @@ class Workplace:
 
     def grab(self, hold: Hold) -> None:
         """Take the duct by hand."""
-        if self._player is not None or self._refuses_mouse():
+        if self._playback is not None or self._refuses_mouse():
             return
         session = self.session
         if session.reading().phase is not Phase.INTACT:
@@ -265,18 +265,18 @@ class Workplace:
         self.session.let_go()
         self.pulls += 1
 
-    def start_replay(self, run: RunFile) -> ReplayPlayer:
+    def start_replay(self, run: RunFile) -> ReplayPlayback:
         """Show a run again instead of the session, which stands still meanwhile."""
-        player = ReplayPlayer(run, self.session.dissection.organ)
+        playback = ReplayPlayback(run, self.session.dissection.organ)
         self.let_go()
-        player.play()
-        self._player = player
+        playback.play()
+        self._playback = playback
         self._changed = True
-        return player
+        return playback
 
     def leave_replay(self) -> None:
         """Show the session again, as it was left."""
-        self._player = None
+        self._playback = None
         self._changed = True
 
     def refuse(self, reason: str) -> None:

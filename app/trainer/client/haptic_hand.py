@@ -8,7 +8,7 @@ replay know no difference.
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation.reading import Phase
 from app.simulation.session import Session
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 
 __all__ = ["HapticHand", "felt_in"]
 
@@ -32,41 +32,39 @@ class HapticHand:
 
     def __init__(self, servo: ServoProcess) -> None:
         self._servo = servo
-        self._workplace: Workplace | None = None
+        self._state: ClientState | None = None
         self._setting: FeltSetting | None = None
         self._generation = 0
         self._holds = self._torn = False
         self._told: str | None = None
 
-    def attend(self, workplace: Workplace | None) -> None:
+    def attend(self, state: ClientState | None) -> None:
         """Go one tick on."""
         servo = self._servo
-        if workplace is not self._workplace:
+        if state is not self._state:
             self._leave()
-            self._workplace = workplace
-            if workplace is not None and servo.ended is None:
-                workplace.give_hook(servo.device)
-        if workplace is None:
+            self._state = state
+            if state is not None and servo.ended is None:
+                state.give_hook(servo.device)
+        if state is None:
             self._feel(None)
             return
         if (why := servo.ended) is not None:
-            if workplace.device is not None:
-                workplace.take_hook_back(
-                    f"{why[0].upper()}{why[1:]}. The mouse has the hook again."
-                )
+            if state.device is not None:
+                state.take_hook_back(f"{why[0].upper()}{why[1:]}. The mouse has the hook again.")
                 self._holds = False
             return
-        session, whole = workplace.session, workplace.session.reading().phase is Phase.INTACT
+        session, whole = state.session, state.session.reading().phase is Phase.INTACT
         if not whole:
             self._holds, self._torn = False, True
             return
         renewed, self._torn = self._torn, False
-        watching = workplace.player is not None or workplace.paused
+        watching = state.playback is not None or state.paused
         self._feel(None if watching else felt_in(session), again=renewed)
         if servo.unfelt not in (None, self._told):
-            workplace.refuse(f"The device has no force: {servo.unfelt}.")
+            state.refuse(f"The device has no force: {servo.unfelt}.")
         self._told = servo.unfelt
-        self._lead(workplace)
+        self._lead(state)
 
     def stop(self) -> None:
         """End the servo: there is no force any more."""
@@ -78,27 +76,27 @@ class HapticHand:
             self._setting = setting
             self._generation = self._servo.feel(setting)
 
-    def _lead(self, workplace: Workplace) -> None:
+    def _lead(self, state: ClientState) -> None:
         hook = self._servo.snapshot()
         if hook.generation != self._generation or self._setting is None:
             return
-        session = workplace.session
+        session = state.session
         if not self._holds and (hook.torn or hook.peak > TAKEN):
-            self._holds = workplace.grab_by_device()
+            self._holds = state.grab_by_device()
         if not self._holds:
             return
         # To the hand it has torn: the session follows, and tears at the same stress.
         session.hand_to(session.deflection_limit if hook.torn else hook.peak)
         if hook.peak <= LEFT and not hook.torn:
             self._holds = False
-            workplace.release()
+            state.release()
 
     def _leave(self) -> None:
-        if self._workplace is not None:
+        if self._state is not None:
             if self._holds:
-                self._workplace.release()
-            self._workplace.take_hook_back(None)
-        self._workplace, self._holds, self._torn = None, False, False
+                self._state.release()
+            self._state.take_hook_back(None)
+        self._state, self._holds, self._torn = None, False, False
 
 
 def _same(one: FeltSetting | None, other: FeltSetting | None) -> bool:

@@ -9,10 +9,10 @@ from app.simulation.run_log import RunFile
 from app.simulation.session import Session
 from organ_geometry.organ import Organ
 
-__all__ = ["ReplayPlayer"]
+__all__ = ["ReplayPlayback"]
 
 
-class ReplayPlayer:
+class ReplayPlayback:
     """A run made again, seen from the clock while a slider seeks in it.
 
     A jump back makes the run again from its start, which may take a while for a long one. It is

@@ -22,7 +22,7 @@ from app.compression.organ_workbench import (
 from app.compression.report import DOUBTFUL
 from app.simulation.dissection import default_preset, fits
 from app.simulation.preset import presets
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import figure, note, number, on_click, on_input
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
@@ -59,13 +59,13 @@ class BuildTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
-        self._bench = OrganWorkbench(process=workplace.build_process)
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
+        self._bench = OrganWorkbench(process=state.build_process)
         self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
@@ -208,7 +208,7 @@ class BuildTab:
         with self._lock:
             self._wishes += 1
             wish = self._wishes
-        builder, kind = self._workplace.builder, (id(self), "build")
+        builder, kind = self._state.builder, (id(self), "build")
 
         def do() -> None:
             said = ""
@@ -219,7 +219,7 @@ class BuildTab:
                 return
             except ValueError as error:
                 said = f"<b>Not possible:</b> {html.escape(str(error))}."
-                self._workplace.refuse(f"{error}.")  # beside viser's word that the file has come
+                self._state.refuse(f"{error}.")  # beside viser's word that the file has come
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."
@@ -229,9 +229,9 @@ class BuildTab:
 
         def begin() -> None:
             if wish == self._wishes:
-                before = builder.others_before(kind)
+                before = builder.tasks_ahead_of(kind)
                 self._say(_waiting(before) if before else "One moment.")
-                builder.do(kind, do)
+                builder.submit(kind, do)
 
         if after:
             pause = threading.Timer(after, begin)
@@ -337,7 +337,7 @@ class BuildTab:
         return _TELLING
 
     def _look(self) -> None:
-        self._workplace.background.do((id(self), "picture"), self._picture)
+        self._state.background.submit((id(self), "picture"), self._picture)
 
     def _picture(self) -> None:
         opened = self._bench.opened
@@ -379,12 +379,12 @@ class BuildTab:
             self._practise_on(built)
 
     def _practise_on(self, built: BuiltOrgan) -> None:
-        workplace = self._workplace
-        workplace.attempt("Preparing your duct.", lambda: workplace.practise_on(built.organ))
+        state = self._state
+        state.attempt("Preparing your duct.", lambda: state.practise_on(built.organ))
 
     def _ask_before(self, built: BuiltOrgan) -> None:
         """Ask whether an organ is wanted that is probably another."""
-        gui = self._workplace.client.gui
+        gui = self._state.client.gui
         page = Dialog(gui, "Is this the organ that you mean?")
         with page:
             gui.add_html(_doubts_html(built))
@@ -401,7 +401,7 @@ class BuildTab:
     def _send_organ(self) -> None:
         built, opened = self._bench.built, self._bench.opened
         if built is not None and opened is not None:
-            self._workplace.client.send_file_download(
+            self._state.client.send_file_download(
                 f"{opened.source.stem}.organ", built.organ.encoded, save_immediately=True
             )
 

@@ -6,7 +6,7 @@ import viser
 
 from app.simulation.ghost import GhostReading
 from app.simulation.reading import Phase, Reading
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import figure, heading, note, on_work
 from physics import Cubic, Exact, Fem, TautString, Theory
 
@@ -40,14 +40,14 @@ class CompareTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
         self._choosing = 0
-        session = workplace.session
+        session = state.session
         self._theory = gui.add_dropdown(
             "Theory",
             tuple(OFFERED_THEORIES),
@@ -74,9 +74,9 @@ class CompareTab:
 
     def show(self, reading: Reading) -> None:
         """Show a reading beside those of the others."""
-        workplace, session = self._workplace, self._workplace.session
-        visible, live = workplace.figures_visible, workplace.player is None
-        settled = reading.phase is Phase.INTACT and not workplace.in_exercise and live
+        state, session = self._state, self._state.session
+        visible, live = state.figures_visible, state.playback is None
+        settled = reading.phase is Phase.INTACT and not state.in_exercise and live
         if self._theory.visible != settled:
             self._theory.visible = settled
         for handle, value in (
@@ -110,27 +110,27 @@ class CompareTab:
 
     def _choose_theory(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))
-        workplace = self._workplace
-        if theory is None or theory == workplace.session.theory or workplace.in_exercise:
+        state = self._state
+        if theory is None or theory == state.session.theory or state.in_exercise:
             return
-        self._choose(f"Preparing: {label}.", lambda: workplace.session.choose_theory(theory))
+        self._choose(f"Preparing: {label}.", lambda: state.session.choose_theory(theory))
 
     def _choose_ghost(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))
-        session = self._workplace.session
+        session = self._state.session
         self._choose(f"Preparing: {label}.", lambda: session.choose_ghost(theory))
 
     def _choose(self, what: str, action: Callable[[], object]) -> None:
         self._choosing += 1
         try:
-            self._workplace.attempt(f"{what} {_FIRST_TIME}", action)
+            self._state.attempt(f"{what} {_FIRST_TIME}", action)
         finally:
             self._choosing -= 1
-        self._theory.value = _label(self._workplace.session.theory)
+        self._theory.value = _label(self._state.session.theory)
         self._ghost.value = self._ghost_label()
 
     def _ghost_label(self) -> str:
-        ghost = self._workplace.session.ghost_theory
+        ghost = self._state.session.ghost_theory
         return NO_GHOST if ghost is None else _label(ghost)
 
 

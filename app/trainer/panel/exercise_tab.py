@@ -7,7 +7,7 @@ import viser
 from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback
 from app.simulation.run_log import RunFile
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click, on_input
 
 __all__ = ["ExerciseTab"]
@@ -31,14 +31,14 @@ class ExerciseTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     show_result
         Opens the result page of a run, in a thread that may wait.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
         self._offered: dict[str, Exercise] = {}
         self._key: object = None
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
@@ -56,7 +56,7 @@ class ExerciseTab:
             "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
             hint="End the exercise as it stands",
         )  # fmt: skip
-        self._state = gui.add_html("", visible=False)
+        self._status = gui.add_html("", visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self.result = gui.add_button(
             "Result of the last run", icon=viser.Icon.REPORT_ANALYTICS, color="gray", visible=False
@@ -76,18 +76,16 @@ class ExerciseTab:
         exercise = self._offered.get(str(self._choice.value))
         feedback = FEEDBACK.get(str(self._feedback.value), Feedback.CONTINUOUS)
         if exercise is not None:
-            self._workplace.start_exercise(exercise, feedback)
+            self._state.start_exercise(exercise, feedback)
 
     def again(self, run: RunFile) -> None:
         """Start a run's exercise again."""
         if run.log.exercise is not None:
-            self._workplace.start_exercise(
-                run.log.exercise, run.log.feedback, run.log.start.grasp_mm
-            )
+            self._state.start_exercise(run.log.exercise, run.log.feedback, run.log.start.grasp_mm)
 
     def take_offers(self) -> None:
         """Offer the exercises of the duct, for the grasp that they are set for."""
-        session = self._workplace.session
+        session = self._state.session
         key = (session.dissection, session.theory, session.task_grasp, session.threshold)
         if key == self._key:
             return
@@ -106,12 +104,12 @@ class ExerciseTab:
             self._start.disabled = not offered
             self._describe()
 
-        self._workplace.background.do((id(self), "offers"), find)
+        self._state.background.submit((id(self), "offers"), find)
 
     def show(self) -> None:
         """Show how the exercise stands."""
-        workplace = self._workplace
-        run, busy = workplace.session.run, workplace.in_exercise
+        state = self._state
+        run, busy = state.session.run, state.in_exercise
         if not busy:
             self.take_offers()
         for handle, visible in (
@@ -119,9 +117,9 @@ class ExerciseTab:
             (self._feedback, not busy),
             (self._start, not busy),
             (self._stop, busy),
-            (self._state, busy),
-            (self._progress, busy and workplace.figures_visible),
-            (self.result, not busy and workplace.last_run is not None),
+            (self._status, busy),
+            (self._progress, busy and state.figures_visible),
+            (self.result, not busy and state.last_run is not None),
         ):
             if handle.visible != visible:
                 handle.visible = visible
@@ -137,22 +135,22 @@ class ExerciseTab:
                 if run.started
                 else "Ready. Time runs from your first pull."
             )
-            standing = run.standing if workplace.figures_visible else ""
+            standing = run.standing if state.figures_visible else ""
             content = note(
                 f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}",
                 "exercise-state",
             )
-            if self._state.content != content:
-                self._state.content = content
+            if self._status.content != content:
+                self._status.content = content
 
     def _end(self) -> None:
-        if self._workplace.session.run.started:
-            self._workplace.finish()
+        if self._state.session.run.started:
+            self._state.finish()
         else:
-            self._workplace.reset()
+            self._state.reset()
 
     def _describe(self) -> None:
-        running = self._workplace.session.run.exercise if self._workplace.in_exercise else None
+        running = self._state.session.run.exercise if self._state.in_exercise else None
         exercise = running or self._offered.get(str(self._choice.value))
         if exercise is None:
             self._task.content = ""
@@ -166,5 +164,5 @@ class ExerciseTab:
             f"{title}<b>Goal</b> {html.escape(exercise.goal)}<br>"
             f"<b>Limit</b> {html.escape(exercise.limit)}<br>"
             f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first pull.<br>"
-            f"<b>With</b> {WITH[self._workplace.exercise_inputs]}</div>"
+            f"<b>With</b> {WITH[self._state.exercise_inputs]}</div>"
         )

@@ -2,7 +2,7 @@
 
 import viser
 
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.controls import on_click
 
@@ -16,12 +16,12 @@ class ExportBox:
     ----------
     gui
         The client's own GUI, inside a tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
         self._suffixes = {label: suffix for suffix, label in SUFFIXES.items()}
         self._kind = gui.add_dropdown(
             "Export as", tuple(self._suffixes), hint="The duct as it is now, in a file"
@@ -30,11 +30,11 @@ class ExportBox:
         on_click(button, self._send)
 
     def _send(self) -> None:
-        workplace, suffix = self._workplace, self._suffixes.get(self._kind.value)
+        state, suffix = self._state, self._suffixes.get(self._kind.value)
         if suffix is not None:
-            workplace.attempt("Writing the file.", lambda: self._send_file(suffix))
+            state.attempt("Writing the file.", lambda: self._send_file(suffix))
 
     def _send_file(self, suffix: str) -> None:
-        workplace = self._workplace
-        file = download(workplace.shown, suffix)
-        workplace.client.send_file_download(file.name, file.content, save_immediately=True)
+        state = self._state
+        file = download(state.shown, suffix)
+        state.client.send_file_download(file.name, file.content, save_immediately=True)

@@ -8,7 +8,7 @@ from app.simulation.dissection import fits
 from app.simulation.model import Model
 from app.simulation.preset import Preset
 from app.simulation.reading import Phase, Reading
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_input, on_work
 from app.trainer.panel.preset_form import PresetForm
@@ -32,13 +32,13 @@ class ModelTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
-        session = workplace.session
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
+        session = state.session
         self._own: Preset | None = None
         self._titles = self._offered()
         self._preset = gui.add_dropdown(
@@ -47,7 +47,7 @@ class ModelTab:
             initial_value=self._title(),
             hint="Material, section and break, with their sources below",
         )
-        self._form = PresetForm(gui, workplace)
+        self._form = PresetForm(gui, state)
         low, high, step, value = self._threshold_scale()
         self._threshold = gui.add_slider(
             "Threshold (kPa)",
@@ -59,12 +59,12 @@ class ModelTab:
         )
         self._points = gui.add_checkbox(
             "Points",
-            initial_value=workplace.overlay,
+            initial_value=state.overlay,
             hint="Show the key points, the sections kept and the driving points",
         )
         self._plain = gui.add_checkbox(
             SIMPLE_PICTURE,
-            initial_value=workplace.plain,
+            initial_value=state.plain,
             hint="Two colours and no gloss, for a page that draws slowly",
         )
         gui.add_html(note(_POINTS))
@@ -76,17 +76,15 @@ class ModelTab:
         on_input(
             self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA)
         )  # fmt: skip
-        on_input(self._plain, lambda value: workplace.show(plain=value is True))
-        on_input(self._points, lambda value: workplace.show(overlay=value is True))
+        on_input(self._plain, lambda value: state.show(plain=value is True))
+        on_input(self._points, lambda value: state.show(overlay=value is True))
 
     def show(self, reading: Reading) -> None:
         """Offer what can be chosen now."""
-        workplace = self._workplace
-        if self._plain.value != workplace.plain:
-            self._plain.value = workplace.plain
-        free = (
-            reading.phase is Phase.INTACT and workplace.player is None and not workplace.in_exercise
-        )
+        state = self._state
+        if self._plain.value != state.plain:
+            self._plain.value = state.plain
+        free = reading.phase is Phase.INTACT and state.playback is None and not state.in_exercise
         for handle in (self._preset, self._threshold):
             if handle.visible != free:
                 handle.visible = free
@@ -95,7 +93,7 @@ class ModelTab:
 
     def take_ranges(self) -> None:
         """Bring the inputs and the text in line with the session's model."""
-        session = self._workplace.session
+        session = self._state.session
         model = (session.dissection, session.theory)
         if model == self._model:
             return
@@ -114,7 +112,7 @@ class ModelTab:
 
     def _offered(self) -> dict[str, Preset]:
         """Return the presets to choose from, by title; the last one of one's own is kept."""
-        session = self._workplace.session
+        session = self._state.session
         presets, organ = session.presets_offered(), session.dissection.organ
         if not session.dissection.preset.ships:
             self._own = session.dissection.preset
@@ -128,41 +126,41 @@ class ModelTab:
 
     def _title(self) -> str:
         """Return the title of the preset that is solved."""
-        now = self._workplace.session.dissection.preset
+        now = self._state.session.dissection.preset
         titles = (title for title, preset in self._titles.items() if preset == now)
         return next(titles, now.label)
 
     def _set_threshold(self, threshold: float) -> None:
-        if not self._workplace.in_exercise:
-            self._workplace.session.set_threshold(threshold)
+        if not self._state.in_exercise:
+            self._state.session.set_threshold(threshold)
 
     def _choose_preset(self, title: object) -> None:
-        workplace, preset = self._workplace, self._titles.get(str(title))
-        session = workplace.session
-        if preset is None or preset == session.dissection.preset or workplace.in_exercise:
+        state, preset = self._state, self._titles.get(str(title))
+        session = state.session
+        if preset is None or preset == session.dissection.preset or state.in_exercise:
             return
-        workplace.keep_run()
-        workplace.attempt("Preparing the duct.", lambda: session.choose_preset(preset))
-        workplace.pulls += 1
+        state.keep_run()
+        state.attempt("Preparing the duct.", lambda: session.choose_preset(preset))
+        state.pulls += 1
         self._preset.value = self._title()
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
         """Return the threshold slider's ends, step and value, kPa, in round numbers."""
-        low, high = (KPA_PER_MPA * end for end in self._workplace.session.threshold_range)
+        low, high = (KPA_PER_MPA * end for end in self._state.session.threshold_range)
         step = slider_step(high)
-        value = KPA_PER_MPA * self._workplace.session.threshold
+        value = KPA_PER_MPA * self._state.session.threshold
         low, high, value = (round(step * round(end / step), 9) for end in (low, high, value))
         return low, high, step, value
 
     def _solve_thresholds(self) -> None:
         """Find every theory's threshold and break, in the background."""
-        workplace, model = self._workplace, self._model
+        state, model = self._state, self._model
 
         def solve() -> None:
             rows: list[str] = []
             for label, theory in OFFERED_THEORIES.items():
                 try:
-                    found = Model.of(workplace.session.dissection, theory)
+                    found = Model.of(state.session.dissection, theory)
                 except ValueError:
                     threshold, force = "–", "ends before"
                 else:
@@ -182,10 +180,10 @@ class ModelTab:
                     "</div>"
                 )
 
-        workplace.background.do((id(self), "thresholds"), solve)
+        state.background.submit((id(self), "thresholds"), solve)
 
     def _about_html(self) -> str:
-        session = self._workplace.session
+        session = self._state.session
         preset, beam = session.dissection.preset, session.dissection.beam
         geometry = (
             f"{session.dissection.section(session.theory)}. Area {beam.area:.1f} mm², "

@@ -5,7 +5,7 @@ from viser import theme
 
 from app.simulation.reading import Reading
 from app.simulation.run_log import RunFile
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click
@@ -40,14 +40,14 @@ class Panel:
 
     Parameters
     ----------
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, state: ClientState) -> None:
+        self._state = state
         self._said = ""
-        gui = self._gui = workplace.client.gui
+        gui = self._gui = state.client.gui
         gui.configure_theme(
             titlebar_content=theme.TitlebarConfig(
                 buttons=(),
@@ -76,47 +76,45 @@ class Panel:
         # A new tab is a module of its own, and a line here and, if it follows readings, in `show`.
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
-            self._train = TrainTab(gui, workplace)
+            self._train = TrainTab(gui, state)
         with tabs.add_tab(LEARN):
-            self._exercises = ExerciseTab(gui, workplace)
+            self._exercises = ExerciseTab(gui, state)
         with tabs.add_tab("Compare"):
-            self._compare = CompareTab(gui, workplace)
+            self._compare = CompareTab(gui, state)
         with tabs.add_tab(REPLAY):
-            self._replay = ReplayTab(gui, workplace)
+            self._replay = ReplayTab(gui, state)
         with tabs.add_tab("Build"):
-            self._build = BuildTab(gui, workplace)
+            self._build = BuildTab(gui, state)
         with tabs.add_tab("Model"):
-            self._model = ModelTab(gui, workplace)
-            ExportBox(gui, workplace)
+            self._model = ModelTab(gui, state)
+            ExportBox(gui, state)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
-        on_click(ask, lambda: show_help(workplace.client))
+        on_click(ask, lambda: show_help(state.client))
         on_click(self._exercises.result, self._show_last)
         self._add_commands()
-        if workplace.in_exercise:  # a page that was loaded anew
-            open_tab(workplace.client, LEARN)
-        self.show(workplace.shown.reading())
+        if state.in_exercise:  # a page that was loaded anew
+            open_tab(state.client, LEARN)
+        self.show(state.shown.reading())
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
-        workplace = self._workplace
-        visible = workplace.figures_visible
+        state = self._state
+        visible = state.figures_visible
         if visible:
-            state = (
-                "Replay" if workplace.player is not None else "Paused" if workplace.paused else ""
-            )
-            content = readout_html(reading, state)
+            mode = "Replay" if state.playback is not None else "Paused" if state.paused else ""
+            content = readout_html(reading, mode)
         else:
             content = hidden_readout_html(reading.phase)
         if self._readout.content != content:
             self._readout.content = content
         self._announce(reading)
-        content = duct_html(workplace.shown, figures=visible)
+        content = duct_html(state.shown, figures=visible)
         if self._duct.content != content:
             self._duct.content = content
         self._legend.show(
-            workplace.heat and visible,
-            workplace.shown.stress_range[1],
-            workplace.client.camera.aspect,
+            state.heat and visible,
+            state.shown.stress_range[1],
+            state.client.camera.aspect,
         )
         self._train.show(reading)
         self._exercises.show()
@@ -126,18 +124,18 @@ class Panel:
 
     def _announce(self, reading: Reading) -> None:
         """Let a screen reader say what has become of the duct, and none of its figures."""
-        workplace = self._workplace
-        run = workplace.session.run
+        state = self._state
+        run = state.session.run
         words = [
-            "Replay" if workplace.player is not None else "",
-            "Paused" if workplace.paused else "",
-            ("Exercise" if run.started else "Exercise ready") if workplace.in_exercise else "",
-            zone(reading) if workplace.figures_visible else zone_told(reading.phase),
+            "Replay" if state.playback is not None else "",
+            "Paused" if state.paused else "",
+            ("Exercise" if run.started else "Exercise ready") if state.in_exercise else "",
+            zone(reading) if state.figures_visible else zone_told(reading.phase),
         ]
         said = ", ".join(word for word in words if word)
         if said != self._said:
             self._said = said
-            announce(workplace.client, said)
+            announce(state.client, said)
 
     def close(self) -> None:
         """Remove what the client has sent: it has gone."""
@@ -149,38 +147,38 @@ class Panel:
 
         def again() -> None:
             self._exercises.again(run)
-            open_tab(self._workplace.client, LEARN)
+            open_tab(self._state.client, LEARN)
 
         def watch() -> None:
             self._replay.replay(lambda: run)
-            open_tab(self._workplace.client, REPLAY)
+            open_tab(self._state.client, REPLAY)
 
-        ResultPage(self._workplace, run, again=again if offered else None, replay=watch)
+        ResultPage(self._state, run, again=again if offered else None, replay=watch)
 
     def _show_last(self) -> None:
-        run = self._workplace.last_run
+        run = self._state.last_run
         if run is not None:
-            self._workplace.attempt("Measuring the run.", lambda: self.show_result(run))
+            self._state.attempt("Measuring the run.", lambda: self.show_result(run))
 
     def _add_commands(self) -> None:
-        workplace = self._workplace
+        state = self._state
         actions = {
-            "R": workplace.reset,
-            "T": workplace.ramp_to_tear,
-            "P": lambda: workplace.set_paused(not workplace.paused),
-            "H": lambda: workplace.show(heat=not workplace.heat),
-            "V": workplace.bring_home,
+            "R": state.reset,
+            "T": state.ramp_to_tear,
+            "P": lambda: state.set_paused(not state.paused),
+            "H": lambda: state.show(heat=not state.heat),
+            "V": state.bring_home,
         }
         for key, name, what in HOTKEYS:
             command = self._gui.add_command(name, description=what, hotkey=key)
 
             @command.on_trigger
             async def _(_: object, action=actions[key]) -> None:  # pyright: ignore
-                if workplace.player is None or action in (actions["H"], actions["V"]):
+                if state.playback is None or action in (actions["H"], actions["V"]):
                     action()
 
             if key == "V":
-                offer_home(workplace.client, command, f"{name} ({key})", what)
+                offer_home(state.client, command, f"{name} ({key})", what)
 
 
 _LOGO = (

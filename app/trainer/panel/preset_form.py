@@ -11,7 +11,7 @@ from app.simulation.dissection import Dissection
 from app.simulation.model import Model
 from app.simulation.preset import LIMITS, OrganBeam, Preset
 from app.simulation.preset_file import preset_toml, read_preset
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_click, on_input
 
 __all__ = ["PresetForm"]
@@ -32,12 +32,12 @@ class PresetForm:
     ----------
     gui
         The client's own GUI, inside a tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
         self._dissection: Dissection | None = None
         self._shown: dict[str, float] = {}
         # In a folder: viser shows an upload button whether it is visible or not.
@@ -86,7 +86,7 @@ class PresetForm:
         @self._open.on_upload
         def _(_: object) -> None:
             sent = self._open.value
-            self._workplace.attempt(
+            self._state.attempt(
                 "Preparing the duct.", lambda: self._start(read_preset(sent.content, sent.name))
             )
 
@@ -99,12 +99,12 @@ class PresetForm:
 
     def show(self) -> None:
         """Put the figures of the preset that is solved into the fields, if it is another."""
-        dissection = self._workplace.session.dissection
+        dissection = self._state.session.dissection
         if dissection is self._dissection:
             return
         self._dissection, preset = dissection, dissection.preset
         first, second = dissection.clamps
-        model = Model.of(dissection, self._workplace.session.theory)
+        model = Model.of(dissection, self._state.session.theory)
         stress, force = preset.break_stress_MPa, preset.break_force_N
         figures = {
             "modulus": KPA_PER_MPA * preset.modulus_MPa,
@@ -127,10 +127,10 @@ class PresetForm:
         for name, visible in (("force", by_force), ("stress", not by_force)):
             if self._fields[name].visible != visible:
                 self._fields[name].visible = visible
-        self._workplace.background.do((id(self), "figures"), self._preview)
+        self._state.background.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
-        dissection, theory = self._dissection, self._workplace.session.theory
+        dissection, theory = self._dissection, self._state.session.theory
         if dissection is None:
             return
         try:
@@ -194,26 +194,26 @@ class PresetForm:
     def _take(self) -> None:
         dissection = self._dissection
         if dissection is not None:
-            self._workplace.attempt(
+            self._state.attempt(
                 "Preparing the duct.", lambda: self._start(self._edited(dissection)[0])
             )
 
     def _start(self, preset: Preset) -> None:
-        workplace = self._workplace
-        if workplace.in_exercise:
+        state = self._state
+        if state.in_exercise:
             raise ValueError("An exercise goes on until it is over. Stop it first.")
-        workplace.keep_run()
-        workplace.session.choose_preset(preset)
-        workplace.pulls += 1
+        state.keep_run()
+        state.session.choose_preset(preset)
+        state.pulls += 1
 
     def _send(self) -> None:
         dissection = self._dissection
         if dissection is not None:
-            self._workplace.attempt("Writing the file.", lambda: self._send_file(dissection))
+            self._state.attempt("Writing the file.", lambda: self._send_file(dissection))
 
     def _send_file(self, dissection: Dissection) -> None:
         preset = self._edited(dissection)[0]
-        self._workplace.client.send_file_download(
+        self._state.client.send_file_download(
             f"{preset.name}.toml", preset_toml(preset), save_immediately=True
         )
 

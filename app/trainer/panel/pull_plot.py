@@ -12,7 +12,7 @@ from app.simulation.grasped_duct import GraspedDuct
 from app.simulation.model import Model
 from app.simulation.reading import Reading
 from app.simulation.session import Session
-from app.trainer.client.background_worker import Background
+from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.panel.plots import Curve, area, axes, dots, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
@@ -74,7 +74,7 @@ class PullPlot:
         Solves the theories beside the chosen one.
     """
 
-    def __init__(self, gui: viser.GuiApi, background: Background) -> None:
+    def __init__(self, gui: viser.GuiApi, background: BackgroundWorker) -> None:
         nothing = np.zeros(2)
         self._background = background
         self._lock = threading.Lock()
@@ -156,7 +156,7 @@ class PullPlot:
 
         with self._lock:
             self._cubic = self._exact = self._ansys = None
-        self._background.do((id(self), "others"), solve)
+        self._background.submit((id(self), "others"), solve)
 
     def _explain(self) -> None:
         there = {

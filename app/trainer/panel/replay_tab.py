@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.simulation.run_log import RunFile, read_run, run_json
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_work
 from app.trainer.panel.result_page import run_csv, run_name
 
@@ -26,12 +26,12 @@ class ReplayTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
         self._time = gui.add_slider(
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
         )
@@ -58,7 +58,7 @@ class ReplayTab:
         self._of: object = None
         self._was_playing = False
         on_click(self._this, self._replay_this)
-        on_click(self._leave, workplace.leave_replay)
+        on_click(self._leave, state.leave_replay)
         on_click(self._play, self._play_or_pause)
         on_click(self._json, lambda: self._download("json"))
         on_click(self._csv, lambda: self._download("csv"))
@@ -71,43 +71,45 @@ class ReplayTab:
 
     def replay(self, read: Callable[[], RunFile]) -> None:
         """Show a run again, or say why it cannot be."""
-        start = self._workplace.start_replay
-        self._workplace.attempt("Making the run again.", lambda: start(read()))
+        start = self._state.start_replay
+        self._state.attempt("Making the run again.", lambda: start(read()))
 
     def show(self) -> None:
         """Show where the replay is."""
-        workplace, player = self._workplace, self._workplace.player
-        there = player is not None
+        state, playback = self._state, self._state.playback
+        there = playback is not None
         for handle, visible in (
             (self._time, there),
             (self._play, there),
             (self._leave, there),
             (self._this, not there),
-            (self._upload, not there and not workplace.in_exercise),
+            (self._upload, not there and not state.in_exercise),
             (self._json, not there),
             (self._csv, not there),
         ):
             if handle.visible != visible:
                 handle.visible = visible
-        some = workplace.session.run.started or workplace.last_run is not None
+        some = state.session.run.started or state.last_run is not None
         for button in (self._this, self._json, self._csv):
-            if button.disabled == (some and not workplace.in_exercise):
+            if button.disabled == (some and not state.in_exercise):
                 button.disabled = not button.disabled
-        if player is None:
+        if playback is None:
             self._of = None
             return
-        if self._of is not player:
-            self._of = player
-            self._time.max = max(round(player.duration, 2), STEP)
-        if self._playing != player.playing:
-            self._playing = player.playing
-            self._play.label = "Pause" if player.playing else "Play"
-            self._play.icon = viser.Icon.PLAYER_PAUSE if player.playing else viser.Icon.PLAYER_PLAY
-        time = min(round(player.time, 2), self._time.max)
-        if (player.playing and time != self._put) or (not player.playing and self._was_playing):
+        if self._of is not playback:
+            self._of = playback
+            self._time.max = max(round(playback.duration, 2), STEP)
+        if self._playing != playback.playing:
+            self._playing = playback.playing
+            self._play.label = "Pause" if playback.playing else "Play"
+            self._play.icon = (
+                viser.Icon.PLAYER_PAUSE if playback.playing else viser.Icon.PLAYER_PLAY
+            )
+        time = min(round(playback.time, 2), self._time.max)
+        if (playback.playing and time != self._put) or (not playback.playing and self._was_playing):
             self._put = time
             self._time.value = time
-        self._was_playing = player.playing
+        self._was_playing = playback.playing
 
     def _replay_this(self) -> None:
         run = self._run()
@@ -116,26 +118,26 @@ class ReplayTab:
 
     def _run(self) -> RunFile | None:
         """Return the run that goes, or the last one."""
-        if self._workplace.session.run.started:
-            return self._workplace.session.run_file()
-        return self._workplace.last_run
+        if self._state.session.run.started:
+            return self._state.session.run_file()
+        return self._state.last_run
 
     def _download(self, kind: str) -> None:
         run = self._run()
         if run is None:
             return
-        content = run_json(run) if kind == "json" else run_csv(run, self._workplace)
-        self._workplace.client.send_file_download(
+        content = run_json(run) if kind == "json" else run_csv(run, self._state)
+        self._state.client.send_file_download(
             f"{run_name(run)}.{kind}", content, save_immediately=True
         )
 
     def _play_or_pause(self) -> None:
-        player = self._workplace.player
-        if player is not None:
-            (player.pause if player.playing else player.play)()
+        playback = self._state.playback
+        if playback is not None:
+            (playback.pause if playback.playing else playback.play)()
 
     def _seek(self, seconds: object) -> None:
-        player = self._workplace.player
-        if player is not None:
-            player.seek(number(seconds))
-            player.pause()  # after the jump: where it pauses is what the slider is put to
+        playback = self._state.playback
+        if playback is not None:
+            playback.seek(number(seconds))
+            playback.pause()  # after the jump: where it pauses is what the slider is put to

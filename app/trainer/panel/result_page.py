@@ -12,7 +12,7 @@ from app.simulation.measures import Measures
 from app.simulation.replay import Replay, Series, series_csv
 from app.simulation.run_log import RunFile, run_json
 from app.simulation.scripted_hand import CAREFUL, do_exercise
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
@@ -31,37 +31,37 @@ _BESIDE = (
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _series(run: RunFile, workplace: Workplace) -> Series:
-    organ = workplace.session.dissection.organ
+def _series(run: RunFile, state: ClientState) -> Series:
+    organ = state.session.dissection.organ
     return Replay(run.log, organ, vertices=FEW).series()
 
 
-def _expert(run: RunFile, workplace: Workplace) -> Measures | None:
+def _expert(run: RunFile, state: ClientState) -> Measures | None:
     """Return the measures of a careful scripted hand in the same exercise; None for free pulls."""
     if run.log.exercise is None:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = Replay(waiting, workplace.session.dissection.organ, vertices=FEW).session
+    session = Replay(waiting, state.session.dissection.organ, vertices=FEW).session
     if session.goal is None:
         return None
     do_exercise(session, CAREFUL)
     return session.measures()
 
 
-def _beside(run: RunFile, workplace: Workplace) -> dict[str, Measures]:
+def _beside(run: RunFile, state: ClientState) -> dict[str, Measures]:
     """Return what a result stands beside: this session's last tries, newest first, the expert."""
-    tries = workplace.session.earlier_tries(run)
+    tries = state.session.earlier_tries(run)
     found = {
         f"try {number}": each.measures
         for number, each in list(enumerate(tries, 1))[: -TRIES_BESIDE - 1 : -1]
     }
-    expert = _expert(run, workplace)
+    expert = _expert(run, state)
     return found if expert is None else {**found, "expert": expert}
 
 
-def run_csv(run: RunFile, workplace: Workplace) -> bytes:
+def run_csv(run: RunFile, state: ClientState) -> bytes:
     """Return a run tick by tick, as comma-separated values."""
-    return series_csv(_series(run, workplace)).encode()
+    return series_csv(_series(run, state)).encode()
 
 
 def run_name(run: RunFile) -> str:
@@ -76,8 +76,8 @@ class ResultPage:
 
     Parameters
     ----------
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     run
         The run.
     again
@@ -88,18 +88,18 @@ class ResultPage:
 
     def __init__(
         self,
-        workplace: Workplace,
+        state: ClientState,
         run: RunFile,
         *,
         again: Callable[[], object] | None,
         replay: Callable[[], object],
     ) -> None:
-        gui, client = workplace.client.gui, workplace.client
+        gui, client = state.client.gui, state.client
         self._gui = gui
-        series = _series(run, workplace)
+        series = _series(run, state)
         exercise = run.log.exercise
         title = "Free pull" if exercise is None else exercise.title
-        beside = _beside(run, workplace)
+        beside = _beside(run, state)
         self._dialog = Dialog(gui, "Result")
         with self._dialog:
             by_sliders = exercise is not None and run.log.exercise_inputs == "any"

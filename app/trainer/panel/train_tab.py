@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from app.simulation.reading import Phase, Reading
-from app.trainer.client.client_state import HAND_ONLY, Workplace
+from app.trainer.client.client_state import HAND_ONLY, ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input
 from app.trainer.panel.pull_plot import PullPlot
 from app.trainer.viser_bridge import set_arrow_step
@@ -24,13 +24,13 @@ class TrainTab:
     ----------
     gui
         The client's own GUI, inside the tab.
-    workplace
-        The client's workplace.
+    state
+        The client's state.
     """
 
-    def __init__(self, gui: viser.GuiApi, workplace: Workplace) -> None:
-        self._workplace = workplace
-        session = workplace.session
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+        self._state = state
+        session = state.session
         self._scale = 0.0
         low, high = session.grasp_range
         self._force = gui.add_slider(
@@ -52,7 +52,7 @@ class TrainTab:
         self._hand_only = gui.add_html(note(HAND_ONLY, "hand-only"), visible=False)
         self._heat = gui.add_checkbox(
             "Stress (H)",
-            initial_value=workplace.heat,
+            initial_value=state.heat,
             hint="Colour the surface by its tensile stress, from none to the threshold",
         )
         self._pause = gui.add_button(
@@ -61,21 +61,21 @@ class TrainTab:
         self._reset = gui.add_button(
             "Reset (R)", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
         )
-        self._plot = PullPlot(gui, workplace.background)
+        self._plot = PullPlot(gui, state.background)
         self._model: object = None
         self._paused = False
         self._cause: object = None
 
-        on_input(self._force, lambda value: workplace.pull_with(number(value)))
+        on_input(self._force, lambda value: state.pull_with(number(value)))
         on_input(self._grasp, lambda value: session.set_grasp(number(value)))
-        on_input(self._heat, lambda value: workplace.show(heat=value is True))
-        on_click(self._reset, workplace.reset)
-        on_click(self._pause, lambda: workplace.set_paused(not workplace.paused))
+        on_input(self._heat, lambda value: state.show(heat=value is True))
+        on_click(self._reset, state.reset)
+        on_click(self._pause, lambda: state.set_paused(not state.paused))
         self.take_ranges()
 
     def take_ranges(self) -> None:
         """Bring the inputs' ranges in line with the session's."""
-        session = self._workplace.session
+        session = self._state.session
         model = session.dissection, session.theory
         if model == self._model:
             return
@@ -91,43 +91,43 @@ class TrainTab:
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
-        workplace = self._workplace
-        visible = workplace.figures_visible
+        state = self._state
+        visible = state.figures_visible
         self.take_ranges()
-        hand_only = workplace.session.run.hand_only
-        live = workplace.player is None and reading.phase is Phase.INTACT
-        _see(self._hand_only, workplace.player is None and hand_only)
-        _see(self._force, workplace.player is None and visible)
-        _see(self._grasp, workplace.player is None)
+        hand_only = state.session.run.hand_only
+        live = state.playback is None and reading.phase is Phase.INTACT
+        _see(self._hand_only, state.playback is None and hand_only)
+        _see(self._force, state.playback is None and visible)
+        _see(self._grasp, state.playback is None)
         for slider in (self._force, self._grasp):  # a torn duct keeps their place
             taken = live and not hand_only
             if slider.disabled == taken:
                 slider.disabled = not taken
         _see(self._heat, visible)
-        _see(self._pause, workplace.player is None and not workplace.in_exercise)
-        _see(self._reset, workplace.player is None)
+        _see(self._pause, state.playback is None and not state.in_exercise)
+        _see(self._reset, state.playback is None)
         self._plot.visible = visible
         if visible:
-            self._plot.show(workplace.shown, reading)
-        if self._heat.value != workplace.heat:
-            self._heat.value = workplace.heat
-        if workplace.paused != self._paused:
-            self._paused = workplace.paused
+            self._plot.show(state.shown, reading)
+        if self._heat.value != state.heat:
+            self._heat.value = state.heat
+        if state.paused != self._paused:
+            self._paused = state.paused
             self._pause.label = "Go on (P)" if self._paused else "Pause (P)"
         self._follow(reading, live=live, visible=visible)
         event = reading.breaks_at
         scale = self._force.max if event is None else event.force
         if visible and scale != self._scale:
             self._scale = scale
-            set_arrow_step(workplace.client, self._force, ARROW * scale)
+            set_arrow_step(state.client, self._force, ARROW * scale)
 
     def _follow(self, reading: Reading, *, live: bool, visible: bool) -> None:
         """Let the sliders show what was not done by them: by hand, a reset, a ramp, a tear.
 
         Never what they have done themselves: a hand on a slider is ahead of what has come here.
         """
-        session = self._workplace.session
-        cause = (self._workplace.pulls, live, visible, reading.by_hand)
+        session = self._state.session
+        cause = (self._state.pulls, live, visible, reading.by_hand)
         if cause == self._cause and not reading.by_hand:
             return
         self._cause = cause

@@ -6,12 +6,12 @@ import viser
 from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
 from app.simulation.session import Session
-from app.trainer.scene.comparison_meshes import Chain, Ghost
+from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand
 from app.trainer.scene.overlay import Overlay
 
-__all__ = ["Aids"]
+__all__ = ["Annotations"]
 
 CHAIN_ASIDE = 1.9
 """How far before the duct's axis the chain hangs, in radii: beside it, as the viewer sees it."""
@@ -19,7 +19,7 @@ ARROW_FOOT = 1.25
 """Where the arrow starts over the duct's axis, in radii: above the wall."""
 
 
-class Aids:
+class Annotations:
     """The force's arrow, a goal, the model's points, the ghost and the chain, made when asked for.
 
     Parameters
@@ -34,8 +34,8 @@ class Aids:
         self._arrow: ForceArrow | None = None
         self._goal: GoalBand | None = None
         self._overlay: Overlay | None = None
-        self._ghost: Ghost | None = None
-        self._chain: Chain | None = None
+        self._ghost: GhostMesh | None = None
+        self._chain: ChainLines | None = None
         self._nodes = np.zeros((0, 3))
         # Of the organ at the clamps, found once: a look at its sections takes milliseconds.
         self._radius, self._first = 0.0, np.zeros(3)
@@ -111,7 +111,7 @@ class Aids:
         if self._ghost is None:
             if ghost is None:
                 return
-            self._ghost = Ghost(self._client.scene, ghost.surface.skin)
+            self._ghost = GhostMesh(self._client.scene, ghost.surface.skin)
         if self._ghost.visible != (ghost is not None):
             self._ghost.visible = ghost is not None
         if ghost is not None:
@@ -122,7 +122,7 @@ class Aids:
         if self._chain is None:
             if chain is None:
                 return
-            self._chain = Chain(self._client.scene, len(chain.places))
+            self._chain = ChainLines(self._client.scene, len(chain.places))
             self._nodes = np.empty_like(chain.places)
         if self._chain.visible != (chain is not None):
             self._chain.visible = chain is not None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.wall import Wall
 from organ_geometry.mesh.skin import Skin
 
-__all__ = ["Chain", "Ghost"]
+__all__ = ["ChainLines", "GhostMesh"]
 
 GHOST_COLOR = (70, 130, 235)
 NODE_COLOR, LINK_COLOR = (236, 120, 220), (190, 100, 200)
@@ -17,7 +17,7 @@ NODE_SIZE = 0.55
 """Radius, mm."""
 
 
-class Ghost:
+class GhostMesh:
     """Another duct over the first, translucent. Hidden until it is made visible.
 
     Parameters
@@ -60,7 +60,7 @@ class Ghost:
         self._mesh.remove()
 
 
-class Chain:
+class ChainLines:
     """The nodes and links of a mass-spring chain. Hidden until it is made visible.
 
     Parameters

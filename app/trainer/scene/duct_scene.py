@@ -25,7 +25,7 @@ from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from organ_geometry.organ import Organ
 
-__all__ = ["Scene"]
+__all__ = ["DuctScene"]
 
 SAME_STAGE = 0.01
 """Change of span and radius that the eye does not see: a megabyte need not be sent anew for it."""
@@ -43,7 +43,7 @@ class _Drawn:
     tissue: Tissue | PlainTissue
 
 
-class Scene:
+class DuctScene:
     """One client's picture of its session.
 
     Parameters

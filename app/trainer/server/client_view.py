@@ -1,4 +1,4 @@
-"""One browser client: its workplace, its scene and its panel."""
+"""One browser client: its state, its scene and its panel."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ from app.simulation.exercise import ExerciseInputs
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
 from app.simulation.session import Session
-from app.trainer.client.background_worker import Background
-from app.trainer.client.client_state import Workplace
+from app.trainer.client.background_worker import BackgroundWorker
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
-from app.trainer.scene.annotations import Aids
-from app.trainer.scene.duct_scene import Scene
+from app.trainer.scene.annotations import Annotations
+from app.trainer.scene.duct_scene import DuctScene
 from app.trainer.stage.dressed_surface import watch_pace
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import command_number
@@ -58,7 +58,7 @@ class ClientView:
     ----------
     client, session
         As given.
-    workplace
+    state
         What the page's parts share.
     frames
         How often the duct was drawn.
@@ -69,21 +69,21 @@ class ClientView:
         client: viser.ClientHandle,
         session: Session,
         look: LookChoice,
-        background: Background,
-        builder: Background,
+        background: BackgroundWorker,
+        builder: BackgroundWorker,
         build_process: BuildProcess | None = None,
         exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
         self.client, self.session = client, session
-        self.workplace = Workplace(
+        self.state = ClientState(
             client, session, background, builder, build_process, exercise_inputs
         )
-        self.workplace.plain = look == "plain"
-        self._scene = Scene(client, session, "plain" if look == "plain" else "full")
+        self.state.plain = look == "plain"
+        self._scene = DuctScene(client, session, "plain" if look == "plain" else "full")
         # Before the panel is sent: what is seen can be dragged.
-        self._scene.let_drag(self.workplace.grab, self.workplace.lead, self.workplace.let_go)
-        self._aids = Aids(client)
-        self._panel = Panel(self.workplace)
+        self._scene.let_drag(self.state.grab, self.state.lead, self.state.let_go)
+        self._annotations = Annotations(client)
+        self._panel = Panel(self.state)
         if look != "plain":
             self._watch_pace(may_simplify=look == "auto")
         self._clock = Clock()  # of a replay
@@ -109,7 +109,7 @@ class ClientView:
 
             @command.on_trigger
             async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
-                self.workplace.show(plain=True)
+                self.state.show(plain=True)
                 self.client.add_notification(
                     "A simpler picture",
                     f"This page draws fewer than {LEAST_PICTURES:g} pictures a second. The full "
@@ -121,22 +121,22 @@ class ClientView:
 
     def close(self) -> None:
         """Let go of the duct, and of what was sent: the client has gone."""
-        self.workplace.let_go()
+        self.state.let_go()
         self._panel.close()
 
     def tick(self, seconds: float, *, draws: bool = True) -> None:
         """Advance the session, or its replay, and show what has changed."""
-        workplace = self.workplace
-        workplace.take_organ()
-        if workplace.take_home():
+        state = self.state
+        state.take_organ()
+        if state.take_home():
             self._scene.frame_camera()
-        player = workplace.player
-        if player is not None:
-            changed = player.tick(self._clock.ticks(seconds))
+        playback = state.playback
+        if playback is not None:
+            changed = playback.tick(self._clock.ticks(seconds))
         else:
-            changed = not workplace.paused and self.session.step(seconds)
-        visible = workplace.figures_visible
-        changed |= workplace.take_change() | (visible != self._figures)
+            changed = not state.paused and self.session.step(seconds)
+        visible = state.figures_visible
+        changed |= state.take_change() | (visible != self._figures)
         self._figures = visible
         self._panel_due -= seconds
         run = self.session.run
@@ -150,26 +150,26 @@ class ClientView:
             self._undrawn = False
             self._draw()
         if self._panel_stale and self._panel_due <= 0.0:
-            reading = workplace.shown.reading()
+            reading = state.shown.reading()
             self._panel_due = PANEL_SECONDS
             self._panel_stale = False
             self._panel.show(reading)
-            self._aids.say_standing(workplace.shown, figures=workplace.figures_visible)
+            self._annotations.say_standing(state.shown, figures=state.figures_visible)
             self._tell(reading)
 
     def _draw(self) -> None:
         self.frames += 1
-        workplace = self.workplace
-        shown, figures = workplace.shown, workplace.figures_visible
+        state = self.state
+        shown, figures = state.shown, state.figures_visible
         reading = shown.reading()
-        heat = workplace.heat and figures
+        heat = state.heat and figures
         scene = self._scene
         scene.watch(shown)
-        scene.set_look("plain" if workplace.plain else "full")
+        scene.set_look("plain" if state.plain else "full")
         if scene.heat_wanted != heat:
             scene.set_heat(heat)
         scene.draw(reading, self._shares(shown) if heat else None)
-        self._aids.draw(shown, reading, figures=figures, overlay=workplace.overlay)
+        self._annotations.draw(shown, reading, figures=figures, overlay=state.overlay)
 
     def _shares(self, session: Session) -> Sequence[NDArray[np.float32]]:
         """Return the stress at the vertices of each surface, in parts of the threshold."""
@@ -186,15 +186,15 @@ class ClientView:
 
     def _tell(self, reading: Reading) -> None:
         """Tell of a tear, and show the result of an exercise that has come to its end."""
-        workplace, run = self.workplace, self.session.run
+        state, run = self.state, self.session.run
         # Nothing is called torn while the picture shows it tearing.
         if run.over and run is not self._told and reading.phase is not Phase.TEARING:
             self._told = run
-            workplace.keep_run()
-            kept = workplace.last_run
+            state.keep_run()
+            kept = state.last_run
             if run.exercise is not None and kept is not None:
-                workplace.release()
-                workplace.background.do((id(self), "result"), lambda: self._panel.show_result(kept))
+                state.release()
+                state.background.submit((id(self), "result"), lambda: self._panel.show_result(kept))
             elif reading.phase is not Phase.INTACT:
                 self._notice = self._tear_notice(reading)
             self._panel_stale = True

@@ -1,31 +1,30 @@
-"""A metronome: even beats that a busy machine may miss, and the count of both."""
+"""A timer with a fixed rate: ticks that come too late are counted as missed, not caught up."""
 
 import threading
 import time
 from collections.abc import Callable
 
-__all__ = ["Metronome"]
+__all__ = ["FixedRateTimer"]
 
 
-class Metronome:
-    """Beats that are due at even times from the first `wait` on.
+class FixedRateTimer:
+    """Ticks that are due at equal intervals from the first `wait` on.
 
-    A beat may come late by less than a period. One that would come later still is missed: nothing
-    is caught up, and the next comes when it is due.
+    A tick may come late by less than a period. One that would come later is missed.
 
     Parameters
     ----------
     period
-        From beat to beat, s.
+        From tick to tick, s.
     clock
         Gives the time, s.
 
     Attributes
     ----------
-    beats, missed
-        How many there were, and how many were due and did not come.
-    work
-        From the last beat to the wait for the next, in periods.
+    ticks, missed
+        How many came, and how many were due and did not come.
+    load
+        Time from the last tick to the next `wait`, in periods.
 
     Raises
     ------
@@ -33,28 +32,28 @@ class Metronome:
         If the period is not positive.
     """
 
-    __slots__ = ("_clock", "_due", "_last", "_period", "beats", "missed", "work")
+    __slots__ = ("_clock", "_due", "_last", "_period", "load", "missed", "ticks")
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.monotonic) -> None:
         if not period > 0.0:
             raise ValueError(f"the period must be positive, got {period} s")
         self._period, self._clock = period, clock
         self._due = self._last = -1.0
-        self.beats = self.missed = 0
-        self.work = 0.0
+        self.ticks = self.missed = 0
+        self.load = 0.0
 
     def wait(self, stop: threading.Event) -> float | None:
-        """Wait for the next beat."""
+        """Return the seconds since the last tick when the next is due; None once stopped."""
         now = self._clock()
-        if not self.beats:
+        if not self.ticks:
             self._due = self._last = now
-        self.work = (now - self._last) / self._period
+        self.load = (now - self._last) / self._period
         if stop.wait(max(0.0, self._due - now)):
             return None
         now = self._clock()
-        passed = max(0, int((now - self._due) / self._period))
+        missed = max(0, int((now - self._due) / self._period))
         seconds, self._last = now - self._last, now
-        self._due += (passed + 1) * self._period
-        self.missed += passed
-        self.beats += 1
+        self._due += (missed + 1) * self._period
+        self.missed += missed
+        self.ticks += 1
         return seconds

@@ -1,46 +1,45 @@
-"""Whose duct is drawn in which tick: every duct in each, fewer while that takes too long."""
+"""How often each client's duct is drawn: at every tick, less often while that takes too long."""
 
-__all__ = ["Turns"]
+__all__ = ["FrameBudget"]
 
-MOST_TICKS = 4
-"""Longest time from one picture of a duct to the next, ticks: 7.5 pictures a second."""
-FULL, ROOMY = 0.8, 0.6
-"""Parts of a tick that its work may take, and below which more pictures are drawn again."""
+MAX_INTERVAL = 4
+"""Longest time between two frames of a duct, ticks: 7.5 frames a second."""
+HIGH_LOAD, LOW_LOAD = 0.8, 0.6
+"""Mean load, work by period, above which frames are left out, and below which they come back."""
 WEIGHT = 0.1
-"""Of the newest tick in the mean: a tick that something else held up says little."""
+"""Of the newest tick in the mean: one tick that another process has delayed says little."""
 
 
-class Turns:
-    """Who draws in a tick, when there may be no time for all.
+class FrameBudget:
+    """Which clients draw in a tick, when there may be no time for all.
 
-    Steps of the sessions are never left out, pictures may be. The mean work of a tick decides how
-    often each duct is drawn.
+    Steps of the sessions are never left out, frames may be.
 
     Attributes
     ----------
-    ticks
-        From one picture of a duct to the next.
+    interval
+        Ticks from one frame of a duct to the next.
     """
 
-    __slots__ = ("_mean", "_tick", "ticks")
+    __slots__ = ("_mean_load", "_tick", "interval")
 
     def __init__(self) -> None:
-        self.ticks: int = 1
+        self.interval: int = 1
         self._tick = 0
-        self._mean = 0.0
+        self._mean_load = 0.0
 
-    def take(self, work: float) -> None:
-        """Take the next tick."""
+    def begin_tick(self, load: float) -> None:
+        """Begin the next tick, after one that has worked for `load` periods."""
         self._tick += 1
-        self._mean += WEIGHT * (min(work, 1.0 / WEIGHT) - self._mean)
-        before = self.ticks
-        if self._mean > FULL and before < MOST_TICKS:
-            self.ticks = before + 1
-        elif before > 1 and self._mean * before / (before - 1) < ROOMY:
-            self.ticks = before - 1
-        # What it will take now; drawing is nearly all of the work.
-        self._mean *= before / self.ticks
+        self._mean_load += WEIGHT * (min(load, 1.0 / WEIGHT) - self._mean_load)
+        before = self.interval
+        if self._mean_load > HIGH_LOAD and before < MAX_INTERVAL:
+            self.interval = before + 1
+        elif before > 1 and self._mean_load * before / (before - 1) < LOW_LOAD:
+            self.interval = before - 1
+        # The load expected at the new interval: drawing is nearly all of the work.
+        self._mean_load *= before / self.interval
 
     def draws(self, number: int) -> bool:
-        """Return whether somebody draws in this tick."""
-        return (self._tick + number) % self.ticks == 0
+        """Return whether the client of this number draws in this tick."""
+        return (self._tick + number) % self.interval == 0

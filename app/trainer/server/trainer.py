@@ -19,14 +19,14 @@ from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
-from app.trainer.client.background_worker import Background
+from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.client_state import explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.client_view import ClientView
-from app.trainer.server.fixed_rate_timer import Metronome
-from app.trainer.server.frame_budget import Turns
-from app.trainer.server.warm_up import Warming, warm_session
+from app.trainer.server.fixed_rate_timer import FixedRateTimer
+from app.trainer.server.frame_budget import FrameBudget
+from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import (
@@ -83,7 +83,7 @@ class Trainer:
 
     Attributes
     ----------
-    metronome
+    timer
         Counts the ticks that ran and those that the machine had no time for.
     warming
         Prepares what no page waits for.
@@ -113,10 +113,10 @@ class Trainer:
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
         self._kept = Sessions(lambda: Session(organ, preset), most=most_clients)
-        self._background, self._builder = Background(), Background()
+        self._background, self._builder = BackgroundWorker(), BackgroundWorker()
         self._build_process = BuildProcess()
         self._stopping = threading.Event()
-        self.metronome, self._turns = Metronome(TICK_SECONDS), Turns()
+        self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
         # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
         warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         warm_session(organ, preset)
@@ -140,7 +140,7 @@ class Trainer:
         self._silent: set[int] = set()
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        self.warming = Warming(
+        self.warm_up = WarmUp(
             Dissection.of(organ, preset or default_preset(organ)),
             "plain" if look == "plain" else "full",
         )
@@ -171,7 +171,7 @@ class Trainer:
     def stop(self) -> None:
         """Stop the clock and the server, and let go of what the clients have sent."""
         self._stopping.set()
-        self.warming.stop()
+        self.warm_up.stop()
         self._clock.join(timeout=5.0)
         if self._hand is not None:
             self._hand.stop()
@@ -236,15 +236,15 @@ class Trainer:
 
     def _run(self) -> None:
         expiry = time.monotonic() + EXPIRY_SECONDS
-        while (seconds := self.metronome.wait(self._stopping)) is not None:
+        while (seconds := self.timer.wait(self._stopping)) is not None:
             with self._views_lock:
                 views = list(self._views.items())
-            self._turns.take(self.metronome.work)
+            self._budget.begin_tick(self.timer.load)
             if self._hand is not None:
                 self._attend(self._hand, views[0][1] if views else None)
             for place, (number, view) in enumerate(views):
                 try:
-                    view.tick(min(seconds, LONGEST_TICK), draws=self._turns.draws(place))
+                    view.tick(min(seconds, LONGEST_TICK), draws=self._budget.draws(place))
                 except Exception:
                     # A client that has just gone, or a fault of ours: the others go on.
                     with self._views_lock:
@@ -260,7 +260,7 @@ class Trainer:
     def _attend(self, hand: HapticHand, view: ClientView | None) -> None:
         """Let the hand on the device lead the first page."""
         try:
-            hand.attend(None if view is None else view.workplace)
+            hand.attend(None if view is None else view.state)
         except Exception:
             log.exception("the hand on the device has stopped")
             self._hand = None

@@ -27,7 +27,7 @@ from app.trainer.viser_bridge import read_icons
 from organ_geometry.organ import Organ
 from physics import Cubic
 
-__all__ = ["ICONS", "Warming", "warm_session"]
+__all__ = ["ICONS", "WarmUp", "warm_session"]
 
 ICONS = (
     viser.Icon.ARROW_BACK_UP,
@@ -69,7 +69,7 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
     session.reading()
 
 
-class Warming:
+class WarmUp:
     """A thread that draws what stands still and compiles the theories, and then ends.
 
     Parameters
@@ -90,7 +90,7 @@ class Warming:
         self._dissection = dissection
         self._look: Look = look
         self._stopping = False
-        self._thread = threading.Thread(target=self._run, name="warming", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="warm-up", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
