@@ -33,7 +33,7 @@ TURN = 20
 def converged_deflection(theory: Exact, grasp: float) -> float:
     """Return the deflection of the duct with ten times the intervals, mm."""
     fine = Exact(shear=theory.shear, law=theory.law, intervals=10 * theory.intervals)
-    return fine.deflection(DUCT, grasp, FORCE)
+    return fine.pull(DUCT, grasp).to_force(FORCE).deflection
 
 
 def walk_about(middle: float, count: int) -> NDArray[np.float64]:

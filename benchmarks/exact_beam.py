@@ -36,8 +36,8 @@ def walk(
 
 def compiled(theory: Exact, grasp: float, control: int) -> float:
     """Return the time of a warm solve inside compiled code, us."""
-    solver = theory.solver(DUCT, grasp)
-    solver.solve_force(FORCE)
+    solver = theory.pull(DUCT, grasp)
+    solver.to_force(FORCE)
     state, law, part = solver._state, solver._law, solver._part
     entry = kernels.FORCE if control == kernels.BY_FORCE else kernels.DEFLECTION
     loads = walk_about(float(state[4][entry]), SOLVES)
@@ -48,7 +48,7 @@ def compiled(theory: Exact, grasp: float, control: int) -> float:
 
 def called(theory: Exact, grasp: float) -> float:
     """Return the time of a warm solve by force called from Python, us."""
-    solve = theory.solver(DUCT, grasp).solve_force
+    solve = theory.pull(DUCT, grasp).to_force
     loads = walk_about(FORCE, SOLVES).tolist()
 
     def again() -> None:
@@ -60,12 +60,12 @@ def called(theory: Exact, grasp: float) -> float:
 
 def cold(theory: Exact, grasp: float) -> float:
     """Return the time of a solve by force from rest, called from Python, us."""
-    solver = theory.solver(DUCT, grasp)
+    solver = theory.pull(DUCT, grasp)
 
     def again() -> None:
         for _ in range(COLD_SOLVES):
             solver.rest()
-            solver.solve_force(FORCE)
+            solver.to_force(FORCE)
 
     return microseconds(again, COLD_SOLVES)
 
@@ -81,7 +81,9 @@ def exact_engines() -> list[Engine]:
     engines: list[Engine] = []
     for name, (law, theory) in THEORIES.items():
         for place, (at, grasp) in GRASPS.items():
-            error = relative_error(theory.deflection(DUCT, grasp, FORCE), theory, grasp)
+            error = relative_error(
+                theory.pull(DUCT, grasp).to_force(FORCE).deflection, theory, grasp
+            )
             warm, pulled = compiled(theory, grasp, kernels.BY_FORCE), f"{law}, {at}"
             held = compiled(theory, grasp, kernels.BY_DEFLECTION)
             key = name if name != "exact" and place == "centre" else f"{name}_{place}"

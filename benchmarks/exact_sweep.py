@@ -98,8 +98,8 @@ def sweep(theory: Exact, count: int, seed: int = 1) -> Sweep:
         case = f"{beam}, grasp {grasp:.6g}, deflection {deflection:.6g}"
         start = time.perf_counter()
         try:
-            force = theory.force(beam, grasp, deflection)
-            back = theory.deflection(beam, grasp, force)
+            force = theory.pull(beam, grasp).to_deflection(deflection).force
+            back = theory.pull(beam, grasp).to_force(force).deflection
         except BeyondLaw as failure:
             result.failures.append(f"{failure.reason}: {case}")
             continue

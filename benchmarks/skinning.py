@@ -33,7 +33,7 @@ def skinning_figures(organ: Organ) -> dict[str, float]:
     skin = organ_skin(organ, edge_length=math.sqrt(area / VERTICES))
     bound = skin.bound_to(dissection.driving)
     beam = dissection.beam
-    pulled = Cubic().under_force(beam, 0.5 * beam.span, 0.02, dissection.beam_stations)
+    pulled = Cubic().pull(beam, 0.5 * beam.span).to_force(0.02).sample(dissection.beam_stations)
     transforms = dissection.move(pulled, dissection.rest_transforms())
     out = np.empty_like(skin.vertices)
 

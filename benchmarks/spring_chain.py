@@ -19,7 +19,7 @@ def spring_chain_engine() -> Engine:
     """Return the time of a settling to within `SETTLED`: 40 segments on the span."""
     chain = MassSpring(nodes=41).chain(DUCT, CENTRE)
     chain.pull(FORCE)
-    chain.bend(Cubic().deflection(DUCT, CENTRE, FORCE))
+    chain.bend(Cubic().pull(DUCT, CENTRE).to_force(FORCE).deflection)
     chain.settle(FINE)
     error = relative_error(chain.deflection)
     loads = walk_about(FORCE, SOLVES).tolist()

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.duct import DUCT
 from benchmarks.page_protocol import Page, connected, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
-from physics import Exact, Pull
+from physics import Exact
 
 __all__ = ["CLIENTS", "client_figures", "pulling"]
 
@@ -103,8 +103,8 @@ async def answer_seconds(address: str, moves: int) -> list[float]:
 
 def machine_speed() -> dict[str, float]:
     """Return how fast this machine is now, so that other figures can be held against it."""
-    pull = Pull(Exact(shear=True, law="neo-hooke"), DUCT, 0.5 * DUCT.span)
-    nowhere = np.empty(0)
+    pull = Exact(shear=True, law="neo-hooke").pull(DUCT, 0.5 * DUCT.span)
+    stations = np.array([0.0])
 
     def loop() -> None:
         total = 0
@@ -113,7 +113,7 @@ def machine_speed() -> dict[str, float]:
 
     def solves() -> None:
         for load in range(1000):
-            pull.to_force(2.0 + 0.02 * (load % 2), nowhere)
+            pull.to_force(2.0 + 0.02 * (load % 2)).sample(stations)
 
     solves()
     return {

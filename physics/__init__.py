@@ -3,7 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import BeyondLaw, Exact, ExactSolver, Hold
+from physics.exact import BeyondLaw, Exact, ExactPull, Hold
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -14,7 +14,7 @@ from physics.rayleigh import BentBeam, RayleighBeam, Support
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
-    break_event,
+    break_of,
     calibrated_threshold,
     check_rupture,
     critical_stations,
@@ -40,7 +40,7 @@ __all__ = [
     "Cubic",
     "Equilibrium",
     "Exact",
-    "ExactSolver",
+    "ExactPull",
     "Fem",
     "FittedQ",
     "Hold",
@@ -56,7 +56,7 @@ __all__ = [
     "TearPath",
     "Theory",
     "VaryingBeam",
-    "break_event",
+    "break_of",
     "calibrated_threshold",
     "check_rupture",
     "critical_stations",

@@ -2,11 +2,28 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from physics.quantity import finite, positive
+from physics.section import Ring
 
-__all__ = ["Beam", "parts"]
+__all__ = ["Beam", "Sections", "Stations", "parts"]
+
+Stations = NDArray[np.float64]
+"""(N,) distances from the first clamp at rest, mm."""
+
+
+class Sections(NamedTuple):
+    """Sections of a beam at N stations: one number each, in powers of mm."""
+
+    areas: NDArray[np.float64]
+    second_moments: NDArray[np.float64]
+    fibre_distances: NDArray[np.float64]
+    shear_areas: NDArray[np.float64]  # Cowper's, where the beam has none of its own
+    offsets: NDArray[np.float64]  # of the centroid from the axis, above zero towards the pull
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +118,39 @@ class Beam:
             modulus=modulus,
             poisson_ratio=poisson_ratio,
         )
+
+    @property
+    def key_stations(self) -> Stations:
+        """(K,) places of the sections that the beam is given by, mm: here both clamps."""
+        return np.array([0.0, self.span])
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether one section is all there is."""
+        return True
+
+    @property
+    def has_shear_areas(self) -> bool:
+        """Whether the beam is given shear areas; if not, they are those of rings."""
+        return False
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether the beam is its own mirror image."""
+        return True
+
+    @property
+    def mean_section(self) -> tuple[float, float]:
+        """Mean area, mm^2, and mean second moment, mm^4."""
+        return self.area, self.second_moment
+
+    def sections_at(self, at: Stations) -> Sections:
+        """Return the sections at stations."""
+        shear = self.area * Ring(self.area, self.second_moment).shear_coefficient(
+            self.poisson_ratio
+        )
+        values = (self.area, self.second_moment, self.fibre_distance, shear, 0.0)
+        return Sections(*(np.full(at.shape, value) for value in values))
 
     def grasped_at(self, grasp: float) -> tuple[float, float]:
         """Return the lengths of the two parts that a grasp divides the span into."""

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,10 @@ from physics.beam import Beam
 from physics.cubic_kernels import fill_cubic_deflections
 from physics.equilibrium import Equilibrium
 from physics.fitted_q import FITTED_Q
+from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["Cubic"]
+__all__ = ["Cubic", "CubicPull"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +67,9 @@ class Cubic:
         k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
         return (finite(force, "force", "N") - k1 * deflection) / (k3 * deflection**3)
 
-    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force: the one real root of the cubic, by sinh."""
-        k1, k3 = self.stiffness(beam, grasp)
-        force = finite(force, "force", "N")
-        if isinstance(self.q, str):
-            return self._deflection_by_law(beam, grasp, force)
-        scale = math.sqrt(3.0 * k3 / k1)
-        argument = 1.5 * force / k1 * scale
-        if abs(argument) < 1e-8:
-            return force / k1  # sinh(asinh(z)/3) = z/3 here to the last digit
-        return 2.0 / scale * math.sinh(math.asinh(argument) / 3.0)
+    def pull(self, beam: Beam, grasp: float) -> "CubicPull":
+        """Return a beam at rest, grasped at a distance from the first clamp, mm."""
+        return CubicPull(self, beam, grasp)
 
     def deflections(
         self,
@@ -130,26 +123,46 @@ class Cubic:
                 f"got {out.dtype} of shape {out.shape}"
             )
         if isinstance(self.q, str):
-            beam.grasped_at(grasp)
-            out[:] = [self._deflection_by_law(beam, grasp, force) for force in row.tolist()]
+            pull = self.pull(beam, grasp)
+            out[:] = [pull.to_force(force).deflection for force in row.tolist()]
         else:
             fill_cubic_deflections(*self.stiffness(beam, grasp), row, out)
         return out
 
-    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection."""
-        deflection = finite(deflection, "deflection", "mm")
-        k1, k3 = self.stiffness(beam, grasp, deflection)
-        return (k1 + k3 * deflection**2) * deflection
 
-    def _deflection_by_law(self, beam: Beam, grasp: float, force: float) -> float:
+class CubicPull(Pull):
+    """A cubic beam that is pulled; see `Cubic`."""
+
+    def __init__(self, theory: Cubic, beam: Beam, grasp: float) -> None:
+        super().__init__(beam, grasp)
+        self._theory = theory
+
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the grasp, mm."""
+        deflection = finite(deflection, "deflection", "mm")
+        k1, k3 = self._theory.stiffness(self.beam, self.grasp, deflection)
+        self.force = (k1 + k3 * deflection**2) * deflection
+        self.deflection = deflection
+        return self
+
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force, N."""
+        force = finite(force, "force", "N")
+        if isinstance(self._theory.q, str):
+            self.deflection = self._root_by_law(force)
+        else:
+            self.deflection = _root(*self._theory.stiffness(self.beam, self.grasp), force)
+        self.force = force
+        return self
+
+    def _root_by_law(self, force: float) -> float:
         """Newton's method on ln F over ln delta, whose slope stays between about 1 and 3."""
-        pull = abs(force)
+        pull, beam, grasp = abs(force), self.beam, self.grasp
         if pull == 0.0:
             return 0.0
-        delta = Cubic(q=0.5).deflection(beam, grasp, pull)
+        delta = _root(*Cubic(q=0.5).stiffness(beam, grasp), pull)
         for _ in range(100):
-            k1, k3 = self.stiffness(beam, grasp, delta)
+            k1, k3 = self._theory.stiffness(beam, grasp, delta)
             stretching = k3 * delta**2
             power = FITTED_Q.at(beam, grasp, delta)[1]
             slope = 1.0 + (2.0 + power) * stretching / (k1 + stretching)
@@ -159,28 +172,11 @@ class Cubic:
                 break
         return math.copysign(delta, force)
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force; see `Theory`."""
-        return self._bent(beam, grasp, force, self.deflection(beam, grasp, force), stations)
-
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
-        return self._bent(beam, grasp, self.force(beam, grasp, deflection), deflection, stations)
-
-    def _bent(
-        self,
-        beam: Beam,
-        grasp: float,
-        force: float,
-        deflection: float,
-        stations: NDArray[np.float64],
-    ) -> Equilibrium:
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations, mm from the first clamp."""
+        beam, force, deflection = self.beam, self.force, self.deflection
         at = stations_on(beam.span, stations)
-        a, b = beam.grasped_at(grasp)
+        a, b = beam.grasped_at(self.grasp)
         span = beam.span
         # Each side is measured from its own clamp: near is that side's length, far the other's.
         first = at <= a
@@ -198,7 +194,7 @@ class Cubic:
         bending_energy = 1.5 * stiffness * deflection**2 * (span / (a * b)) ** 3  # (5.20)
         stretching_energy = 0.5 * beam.modulus * beam.area * strain**2 * span
         return Equilibrium(
-            theory=self.name,
+            theory=Cubic.name,
             grasp=a,
             force=force,
             deflection=deflection,
@@ -213,3 +209,12 @@ class Cubic:
             shear_force=stiffness * third,
             strain_energy=bending_energy + stretching_energy,
         )
+
+
+def _root(bending: float, stretching: float, force: float) -> float:
+    """Return the one real root of F = k1 delta + k3 delta^3, by sinh."""
+    scale = math.sqrt(3.0 * stretching / bending)
+    argument = 1.5 * force / bending * scale
+    if abs(argument) < 1e-8:
+        return force / bending  # sinh(asinh(z)/3) = z/3 here to the last digit
+    return 2.0 / scale * math.sinh(math.asinh(argument) / 3.0)

@@ -3,7 +3,7 @@
 import itertools
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from physics import exact_kernels as kernels
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.pull import Pull
 from physics.quantity import finite, stations_on
 from physics.section import Ring, lateral_constant
-from physics.varying_beam import VaryingBeam
 
-__all__ = ["BeyondLaw", "Exact", "ExactSolver", "Hold", "Law", "Reason", "sections_at"]
+__all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
 
 Law = Literal["linear", "neo-hooke"]
 """`linear`: tension, shear and moment proportional to engineering strains and curvature.
@@ -148,55 +148,32 @@ class Exact:
         if self.intervals < 4 or self.intervals % 2:
             raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
 
-    def solver(self, beam: Beam, grasp: float) -> "ExactSolver":
-        """Return a solver that starts each solution from the last one."""
-        return ExactSolver(beam, grasp, shear=self.shear, law=self.law, intervals=self.intervals)
-
-    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force, pulled up from rest."""
-        return self.solver(beam, grasp).solve_force(force)
-
-    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection, pulled up from rest."""
-        return self.solver(beam, grasp).solve_deflection(deflection)
-
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force, pulled up from rest; see `Theory`."""
-        solver = self.solver(beam, grasp)
-        solver.solve_force(force)
-        return solver.sample(stations)
-
-    def under_deflection(
-        self,
-        beam: Beam,
-        grasp: float,
-        deflection: float,
-        stations: NDArray[np.float64],
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection, pulled up from rest; see `Theory`."""
-        solver = self.solver(beam, grasp)
-        solver.solve_deflection(deflection)
-        return solver.sample(stations)
+    def pull(self, beam: Beam, grasp: float, second: float | None = None) -> "ExactPull":
+        """Return a beam at rest, grasped at one or two distances from the first clamp, mm."""
+        return ExactPull(self, beam, grasp, second)
 
 
-class ExactSolver:
+class ExactPull(Pull):
     """A beam held in its last equilibrium, from which the next one is found in microseconds.
 
     A load near the last one is solved from it; one that is far, or that this fails for, by pulling
-    the beam up from rest in steps. Not for use by two threads at once.
+    the beam up from rest in steps. After a load that it cannot carry the beam is at rest.
 
     Parameters
     ----------
+    theory
+        Law and intervals; a second grasp adds half of the intervals.
     beam
         The beam.
     grasp
         Distance of the grasp from the first clamp, mm.
     second
         Distance of a second grasp, farther from that clamp, mm; none when None.
-    shear, law, intervals
-        As for `Exact`; a second grasp adds half of the intervals.
+
+    Attributes
+    ----------
+    beam, grasp, force, deflection
+        As of each `Pull`.
 
     Raises
     ------
@@ -204,48 +181,27 @@ class ExactSolver:
         If a grasp is not between the clamps, or the second not beyond the first.
     """
 
-    __slots__ = (
-        "_beam",
-        "_bounds",
-        "_force_unit",
-        "_grasp",
-        "_half",
-        "_law",
-        "_line",
-        "_part",
-        "_second",
-        "_span",
-        "_state",
-        "_theory",
-    )
-
     def __init__(
-        self,
-        beam: Beam,
-        grasp: float,
-        second: float | None = None,
-        *,
-        shear: bool = False,
-        law: Law = "linear",
-        intervals: int = 40,
+        self, theory: Exact, beam: Beam, grasp: float, second: float | None = None
     ) -> None:
-        self._theory = Exact(shear=shear, law=law, intervals=intervals)
-        self._beam = beam
+        super().__init__(beam, grasp)
+        law, intervals = theory.law, theory.intervals
+        self._theory = theory
         self._span = beam.span
-        self._grasp = beam.grasped_at(grasp)[0]
         self._second = None if second is None else beam.grasped_at(second)[0]
-        if self._second is not None and self._second - self._grasp < NEAREST * self._span:
+        if self._second is not None and self._second - self.grasp < NEAREST * self._span:
             raise ValueError(
                 f"the second grasp must be {NEAREST * self._span:g} mm or more beyond the first, "
-                f"at {self._grasp:g} mm, got {self._second:g} mm; two at one place are one"
+                f"at {self.grasp:g} mm, got {self._second:g} mm; two at one place are one"
             )
-        self._half = self._second is None and _mirrored(beam, self._grasp)
+        central = abs(self.grasp - 0.5 * beam.span) <= 1e-12 * beam.span
+        self._half = self._second is None and central and beam.is_symmetric
         self._law = kernels.NEO_HOOKE if law == "neo-hooke" else kernels.LINEAR
         self._part = intervals // 2
-        area, second_moment = _mean_section(beam)
+        area, second_moment = beam.mean_section
         self._force_unit = beam.modulus * area
         gyration = math.sqrt(second_moment / area) / self._span
-        ends = [0.0, 0.5] if self._half else [0.0, self._grasp / self._span, 1.0]
+        ends = [0.0, 0.5] if self._half else [0.0, self.grasp / self._span, 1.0]
         if self._second is not None:
             ends.insert(2, self._second / self._span)
         self._bounds = np.zeros(1)
@@ -272,10 +228,10 @@ class ExactSolver:
         at = np.empty(2 * lengths.size)
         at[0::2] = middles - kernels.GAUSS * lengths
         at[1::2] = middles + kernels.GAUSS * lengths
-        areas, second_moments, _, shear_areas = sections_at(self._beam, at * self._span)
-        offsets = _offsets_at(self._beam, at * self._span) / self._span
+        areas, second_moments, _, shear_areas, offsets = self.beam.sections_at(at * self._span)
+        offsets = offsets / self._span
         self._line[kernels.ECCENTRIC] = float(np.any(offsets != 0.0))
-        nu = self._beam.poisson_ratio
+        nu = self.beam.poisson_ratio
         if self._law == kernels.LINEAR:
             points = np.zeros((kernels.LINEAR_ROWS, at.size))
             points[kernels.OFFSET] = offsets
@@ -293,13 +249,13 @@ class ExactSolver:
         points = np.zeros((kernels.NEO_HOOKE_ROWS, at.size))
         points[kernels.OFFSET] = offsets
         points[kernels.AREA] = areas / mean_area
-        constant = not isinstance(self._beam, VaryingBeam)
+        constant = self.beam.is_constant
         for i in range(1 if constant else at.size):
             columns = slice(None) if constant else i
             ring = Ring(float(areas[i]), float(second_moments[i]))
             distance, weight = ring.fibres
             coefficient = ring.free_shear_coefficient(nu)
-            if isinstance(self._beam, VaryingBeam) and self._beam.shear_areas is not None:
+            if self.beam.has_shear_areas:
                 coefficient = float(shear_areas[i] / areas[i])
             points[kernels.REACH, columns] = distance / self._span
             points[kernels.WEIGHT, columns] = weight
@@ -309,36 +265,36 @@ class ExactSolver:
     def rest(self) -> None:
         """Let go of the beam."""
         kernels.rest(self._state, self._law)
+        self._read()
 
-    @property
-    def force(self) -> float:
-        """The grasper's whole force, N."""
-        return float(self._line[kernels.FORCE]) * self._force_unit
+    def _read(self) -> None:
+        self.force = float(self._line[kernels.FORCE]) * self._force_unit
+        self.deflection = float(self._line[kernels.DEFLECTION]) * self._span
 
-    @property
-    def deflection(self) -> float:
-        """Displacement of the grasp along the pull, mm."""
-        return float(self._line[kernels.DEFLECTION]) * self._span
-
-    def solve_force(self, force: float) -> float:
-        """Find the equilibrium under a force and return the deflection."""
-        load = finite(force, "force", "N") / self._force_unit
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force of the (first) grasper, N."""
+        force = finite(force, "force", "N")
+        self._line[kernels.COMPLIANCE] = 0.0
+        load = force / self._force_unit
         outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_FORCE, load)
+        self._read()
         if outcome != kernels.FOUND:
             raise self._no_equilibrium(outcome, f"force of {force:g} N")
-        return self.deflection
+        return self
 
-    def solve_deflection(self, deflection: float) -> float:
-        """Find the equilibrium at a deflection of the grasp and return the force."""
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the (first) grasp, mm."""
+        deflection = finite(deflection, "deflection", "mm")
         self._line[kernels.COMPLIANCE] = 0.0
-        load = finite(deflection, "deflection", "mm") / self._span
+        load = deflection / self._span
         outcome = kernels.solve(self._state, self._law, self._part, kernels.BY_DEFLECTION, load)
+        self._read()
         if outcome != kernels.FOUND:
             raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
-        return self.force
+        return self
 
-    def hold(self, first: Hold, second: Hold | None = None) -> None:
-        """Find the equilibrium of a beam that is held at its grasps."""
+    def hold(self, first: Hold, second: Hold | None = None) -> Self:
+        """Find the equilibrium of a beam that is held at its grasps, one hold for each."""
         if (second is None) != (self._second is None):
             raise ValueError("give one hold for each grasp")
         load, control = self._set(first, kernels.COMPLIANCE)
@@ -352,8 +308,10 @@ class ExactSolver:
             )
             outcome = kernels.solve_both(self._state, self._law, self._part, control, load)
             words = f"{_words(first)} with a {_words(second)} at the second grasp"
+        self._read()
         if outcome != kernels.FOUND:
             raise self._no_equilibrium(outcome, words)
+        return self
 
     def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
         """Set the compliance of a grip; return what is prescribed and of which kind."""
@@ -435,19 +393,19 @@ class ExactSolver:
             ) from None
         along: NDArray[np.float64] = samples[kernels.ALONG]
         side = np.where(far, -1.0, 1.0)
-        areas, second_moments, fibre_distances, _ = sections_at(self._beam, at)
+        areas, second_moments, fibre_distances, _, offsets = self.beam.sections_at(at)
         tension = samples[kernels.TENSION] * self._force_unit
         moment = samples[kernels.BENT] * self._force_unit * self._span
         normal_stress = tension / areas
         if self._law == kernels.LINEAR:
-            about_centroid = moment + _offsets_at(self._beam, at) * tension
+            about_centroid = moment + offsets * tension
             bending_stress = np.abs(about_centroid) * fibre_distances / second_moments
         else:
             outer = self._outer_stress(samples, fibre_distances / self._span)
             bending_stress = np.maximum(outer - normal_stress, 0.0)
         return Equilibrium(
             theory=self._theory.name,
-            grasp=self._grasp,
+            grasp=self.grasp,
             force=self.force,
             deflection=self.deflection,
             stations=at.copy(),
@@ -478,7 +436,7 @@ class ExactSolver:
             stresses[i] = kernels.fibre_pull(
                 stretch, gam, float(line[kernels.SHEAR_MODULUS]), float(line[kernels.RATIO])
             )
-        return stresses * self._beam.modulus
+        return stresses * self.beam.modulus
 
 
 def _words(hold: Hold) -> str:
@@ -486,77 +444,13 @@ def _words(hold: Hold) -> str:
     return f"{hold.kind} of {hold.amount:g} {unit}"
 
 
-def _mirrored(beam: Beam, grasp: float) -> bool:
-    """Whether beam and grasp are their own mirror images, so that one half will do."""
-    if abs(grasp - 0.5 * beam.span) > 1e-12 * beam.span:
-        return False
-    if not isinstance(beam, VaryingBeam):
-        return True
-    rows = (
-        beam.areas,
-        beam.second_moments,
-        beam.fibre_distances,
-        beam.shear_areas,
-        beam.offsets,
-    )
-    return bool(
-        np.allclose(beam.stations, beam.span - beam.stations[::-1], rtol=0, atol=1e-12 * beam.span)
-        and all(row is None or np.allclose(row, row[::-1], rtol=1e-12, atol=0) for row in rows)
-    )
-
-
-def _mean_section(beam: Beam) -> tuple[float, float]:
-    """Return mean area, mm^2, and mean second moment, mm^4."""
-    if not isinstance(beam, VaryingBeam):
-        return beam.area, beam.second_moment
-    return (
-        float(np.trapezoid(beam.areas, beam.stations)) / beam.span,
-        float(np.trapezoid(beam.second_moments, beam.stations)) / beam.span,
-    )
-
-
-def sections_at(
-    beam: Beam, at: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return areas, second moments, fibre distances and Cowper's shear areas at places, mm."""
-    if not isinstance(beam, VaryingBeam):
-        shear = beam.area * Ring(beam.area, beam.second_moment).shear_coefficient(
-            beam.poisson_ratio
-        )
-        a, i, c, s = (
-            np.full(at.shape, value)
-            for value in (beam.area, beam.second_moment, beam.fibre_distance, shear)
-        )
-        return a, i, c, s
-    areas = np.interp(at, beam.stations, beam.areas)
-    second_moments = np.interp(at, beam.stations, beam.second_moments)
-    if beam.shear_areas is not None:
-        shear_areas = np.interp(at, beam.stations, beam.shear_areas)
-    else:
-        shear_areas = np.array(
-            [
-                a * Ring(float(a), float(i)).shear_coefficient(beam.poisson_ratio)
-                for a, i in zip(areas, second_moments, strict=True)
-            ]
-        )
-    fibre_distances = np.interp(at, beam.stations, beam.fibre_distances)
-    return areas, second_moments, fibre_distances, shear_areas
-
-
-def _offsets_at(beam: Beam, at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distances of the centroids from the axis at places, mm."""
-    if not isinstance(beam, VaryingBeam) or beam.offsets is None:
-        return np.zeros(at.shape)
-    return np.interp(at, beam.stations, beam.offsets)
-
-
 def _at_steps(bounds: NDArray[np.float64], count: int, beam: Beam) -> NDArray[np.float64]:
     """Return the bounds drawn so that one of them lies at each step of the sections."""
     # Across a step the curvature jumps, which an element's curve cannot follow. The bounds at the
     # clamps and the grasps, every `count`-th, stay; a part with more steps than bounds is left.
-    if not isinstance(beam, VaryingBeam):
+    if beam.is_constant:
         return bounds
-    steps = np.unique(beam.stations[1:][np.diff(beam.stations) == 0.0]) / beam.span
+    steps = np.unique(beam.key_stations[1:][np.diff(beam.key_stations) == 0.0]) / beam.span
     anchors: list[int] = [0]
     places: list[float] = [0.0]
     for first in range(0, bounds.size - 1, count):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.corotational import LAST_OF_HALF, LAST_OF_SPAN, element_state, pull_from_rest
 from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["Fem"]
+__all__ = ["Fem", "FemPull"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,74 +48,77 @@ class Fem:
         if int(self.elements) != self.elements or self.elements < 1:
             raise ValueError(f"elements must be a whole number above 0, got {self.elements}")
 
-    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force."""
-        return self._pulled(beam, grasp, finite(force, "force", "N"), by_force=True).deflection
+    def pull(self, beam: Beam, grasp: float) -> "FemPull":
+        """Return a beam at rest, grasped at a distance from the first clamp, mm."""
+        return FemPull(self, beam, grasp)
 
-    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection."""
-        deflection = finite(deflection, "deflection", "mm")
-        return self._pulled(beam, grasp, deflection, by_force=False).force
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force; see `Theory`."""
-        at = stations_on(beam.span, stations)
-        pulled = self._pulled(beam, grasp, finite(force, "force", "N"), by_force=True)
-        return self._sampled(beam, pulled, at)
+class FemPull(Pull):
+    """Elements that are pulled, each time from rest; see `Fem`."""
 
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
-        at = stations_on(beam.span, stations)
-        deflection = finite(deflection, "deflection", "mm")
-        pulled = self._pulled(beam, grasp, deflection, by_force=False)
-        return self._sampled(beam, pulled, at)
-
-    def _pulled(self, beam: Beam, grasp: float, load: float, *, by_force: bool) -> "_PulledNodes":
+    def __init__(self, theory: Fem, beam: Beam, grasp: float) -> None:
+        super().__init__(beam, grasp)
+        self._theory = theory
         a, b = beam.grasped_at(grasp)
-        count = int(self.elements)
+        count = int(theory.elements)
         # A symmetric beam is solved by halves, each with half the force.
-        parts = 2.0 if a == b else 1.0
-        rest = np.repeat([a / count], count) if a == b else np.repeat([a / count, b / count], count)
-        moved = np.empty((rest.size + 1, 3))
-        goal = abs(load) / parts if by_force else abs(load)
+        self._halved = a == b
+        parts = [a / count] if self._halved else [a / count, b / count]
+        self._rest = np.repeat(parts, count)  # (elements,) rest lengths, mm
+        # (elements + 1, 3) displacements along and across, mm, and rotations, rad.
+        self._moved = np.zeros((self._rest.size + 1, 3))
+
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force, N."""
+        force = finite(force, "force", "N")
+        self._solve(force, by_force=True)
+        self.force, self.deflection = force, float(self._moved[int(self._theory.elements), 1])
+        return self
+
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the grasp, mm."""
+        deflection = finite(deflection, "deflection", "mm")
+        share = self._solve(deflection, by_force=False)
+        parts = 2.0 if self._halved else 1.0
+        self.force, self.deflection = math.copysign(parts * share, deflection), deflection
+        return self
+
+    def _solve(self, load: float, *, by_force: bool) -> float:
+        """Move the nodes and return the force on them, N, of one half where it is solved by it."""
+        beam, theory = self.beam, self._theory
+        moved = np.empty_like(self._moved)
         share = pull_from_rest(
-            rest,
+            self._rest,
             beam.modulus * beam.area,
             beam.modulus * beam.second_moment,
-            self.energetic,
-            LAST_OF_HALF if a == b else LAST_OF_SPAN,
-            count,
-            goal,
+            theory.energetic,
+            LAST_OF_HALF if self._halved else LAST_OF_SPAN,
+            int(theory.elements),
+            abs(load) / (2.0 if by_force and self._halved else 1.0),
             by_force,
             moved,
         )
         if math.isnan(share):
             kind, unit = ("force", "N") if by_force else ("deflection", "mm")
             raise NoEquilibrium(
-                f"{kind} must be one at which the elements can balance, got {load:g} {unit}: "
-                f"the beam of {beam.span:g} mm grasped at {a:g} mm crushes an element before it"
+                f"{kind} must be one at which the elements can balance, got {load:g} {unit}: the "
+                f"beam of {beam.span:g} mm grasped at {self.grasp:g} mm crushes an element before "
+                f"it"
             )
         # Pulled the other way the beam does the same in the mirror, to the last digit.
         moved[:, 1:] = np.copysign(1.0, load) * moved[:, 1:]
-        return _PulledNodes(
-            grasp=a,
-            force=load if by_force else math.copysign(parts * share, load),
-            deflection=float(moved[count, 1]) if by_force else load,
-            rest=rest,
-            moved=moved,
-        )
+        self._moved = moved
+        return share
 
-    def _sampled(self, beam: Beam, pulled: "_PulledNodes", at: NDArray[np.float64]) -> Equilibrium:
-        a, span, count = pulled.grasp, beam.span, int(self.elements)
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations, mm from the first clamp."""
+        at = stations_on(self.beam.span, stations)
+        beam, theory, halved = self.beam, self._theory, self._halved
+        a, span, count = self.grasp, beam.span, int(theory.elements)
         ei = beam.modulus * beam.second_moment
         state = element_state(
-            pulled.rest, pulled.moved, beam.modulus * beam.area, ei, self.energetic
+            self._rest, self._moved, beam.modulus * beam.area, ei, theory.energetic
         )
-        halved = pulled.rest.size == count
         mirrored = at > (a if halved else span)
         sign = 1.0 - 2.0 * mirrored
         x = mirrored * span + sign * at
@@ -125,11 +129,11 @@ class Fem:
         e = np.maximum(np.searchsorted(nodes, x) - 1, 0)
         part = (x - nodes[e]) / (nodes[e + 1] - nodes[e])
         chord, t1, t2, shear = state[e, 1], state[e, 2], state[e, 3], state[e, 5]
-        places = np.column_stack([nodes, np.zeros_like(nodes)]) + pulled.moved[:, :2]
+        places = np.column_stack([nodes, np.zeros_like(nodes)]) + self._moved[:, :2]
         straight = (1.0 - part)[:, None] * places[e] + part[:, None] * places[e + 1]
-        bulge = pulled.rest[e] * part * (1.0 - part) * (t1 * (1.0 - part) - t2 * part)
+        bulge = self._rest[e] * part * (1.0 - part) * (t1 * (1.0 - part) - t2 * part)
         rotation = chord + (t1 * (1.0 - part) * (1.0 - 3.0 * part) + t2 * part * (3.0 * part - 2.0))
-        moment = ei / pulled.rest[e] * (t1 * (6.0 * part - 4.0) + t2 * (6.0 * part - 2.0))
+        moment = ei / self._rest[e] * (t1 * (6.0 * part - 4.0) + t2 * (6.0 * part - 2.0))
         normal_force = _tension(state, e, rotation)
         if not halved:
             # The pull has a part along a section that is turned where it is grasped: half counts.
@@ -139,10 +143,10 @@ class Fem:
         along = straight[:, 0] - bulge * np.sin(chord)
         rotation[(at == 0.0) | (at == span)] = 0.0
         return Equilibrium(
-            theory=self.name,
+            theory=theory.name,
             grasp=a,
-            force=pulled.force,
-            deflection=pulled.deflection,
+            force=self.force,
+            deflection=self.deflection,
             stations=at.copy(),
             along=mirrored * span + sign * along,
             across=straight[:, 1] + bulge * np.cos(chord),
@@ -154,31 +158,6 @@ class Fem:
             shear_force=sign * shear,
             strain_energy=(2.0 if halved else 1.0) * float(state[:, 6].sum()),
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _PulledNodes:
-    """The nodes of a pulled beam, or of its first half where it is symmetric.
-
-    Attributes
-    ----------
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force, N.
-    deflection
-        Displacement of the grasp along the pull, mm.
-    rest
-        (elements,) rest lengths, mm.
-    moved
-        (elements + 1, 3) displacements along and across, mm, and rotations, rad.
-    """
-
-    grasp: float
-    force: float
-    deflection: float
-    rest: NDArray[np.float64]
-    moved: NDArray[np.float64]
 
 
 def _tension(

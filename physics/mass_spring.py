@@ -1,7 +1,7 @@
 """The mass-spring chain at rest, called as the other theories are."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,10 @@ from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium
 from physics.mass_spring_chain import Integrator, MassSpringChain
+from physics.pull import Pull
 from physics.quantity import finite, positive
 
-__all__ = ["MassSpring"]
-
-NOWHERE = np.empty(0)
+__all__ = ["MassSpring", "MassSpringPull"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,31 +66,40 @@ class MassSpring:
             damping_ratio=self.damping_ratio,
         )
 
-    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force."""
-        return self.under_force(beam, grasp, force, NOWHERE).deflection
+    def pull(self, beam: Beam, grasp: float) -> "MassSpringPull":
+        """Return a beam at rest, grasped at a distance from the first clamp, mm."""
+        return MassSpringPull(self, beam, grasp)
 
-    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection."""
-        return self.under_deflection(beam, grasp, deflection, NOWHERE).force
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force; see `Theory`."""
-        chain = self.chain(beam, grasp)
+class MassSpringPull(Pull):
+    """A chain that is settled anew under each load; see `MassSpring`."""
+
+    def __init__(self, theory: MassSpring, beam: Beam, grasp: float) -> None:
+        super().__init__(beam, grasp)
+        self._theory = theory
+        self._chain = theory.chain(beam, grasp)
+
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force, N."""
+        chain = self._theory.chain(self.beam, self.grasp)
         chain.pull(force)
         # The cubic's deflection is near enough to start from.
-        chain.bend(Cubic().deflection(beam, grasp, force))
-        chain.settle(self.tolerance)
-        return chain.sampled(stations)
+        chain.bend(Cubic().pull(self.beam, self.grasp).to_force(force).deflection)
+        return self._settled(chain)
 
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
-        chain = self.chain(beam, grasp)
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the grasp, mm."""
+        chain = self._theory.chain(self.beam, self.grasp)
         chain.hold(finite(deflection, "deflection", "mm"))
         chain.bend(deflection)
-        chain.settle(self.tolerance)
-        return chain.sampled(stations)
+        return self._settled(chain)
+
+    def _settled(self, chain: MassSpringChain) -> Self:
+        chain.settle(self._theory.tolerance)
+        self._chain = chain
+        self.force, self.deflection = chain.force, chain.deflection
+        return self
+
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations, mm from the first clamp."""
+        return self._chain.sampled(stations)

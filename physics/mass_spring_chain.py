@@ -233,7 +233,9 @@ class MassSpringChain:
 
     def bend(self, deflection: float) -> None:
         """Put the masses, still, on the curve of the linear clamped beam."""
-        curve = Cubic().under_deflection(self._beam, self._grasp, deflection, self._stations)
+        curve = (
+            Cubic().pull(self._beam, self._grasp).to_deflection(deflection).sample(self._stations)
+        )
         self._moved[:, 0] = 0.0
         self._moved[:, 1] = curve.across
         self._moved[[0, -1]] = 0.0

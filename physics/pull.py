@@ -1,30 +1,39 @@
-"""A pull: equilibria of one beam at one grasp, one after the other."""
+"""A pull: one beam grasped at one place, solved for one load after the other."""
+
+from abc import ABC, abstractmethod
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
-from physics.exact import Exact, ExactSolver
-from physics.theory import Theory
 
 __all__ = ["Pull"]
 
 
-class Pull:
-    """A beam that is pulled at one place, step by step.
+class Pull(ABC):
+    """A beam grasped at one place, in the equilibrium that was last solved; at first at rest.
 
-    The exact beam starts each solution from the last one, some ten times faster than from rest; the
-    other theories solve each load by itself.
+    Each load is solved by `to_force` or `to_deflection`, which return the pull itself, so that
+    `pull.to_force(2.0).sample(stations)` reads as it is meant. A load that the theory cannot
+    carry is a `NoEquilibrium`. Not for use by two threads at once.
 
     Parameters
     ----------
-    theory
-        The theory.
     beam
         The beam.
     grasp
         Distance of the grasp from the first clamp, mm.
+
+    Attributes
+    ----------
+    beam, grasp
+        As given.
+    force
+        The grasper's whole force, N.
+    deflection
+        Displacement of the grasp along the pull, mm.
 
     Raises
     ------
@@ -32,59 +41,20 @@ class Pull:
         If the grasp is not between the clamps.
     """
 
-    def __init__(self, theory: Theory, beam: Beam, grasp: float) -> None:
-        beam.grasped_at(grasp)
-        self._theory, self._beam, self._grasp = theory, beam, grasp
-        self._solver: ExactSolver | None = None
-        if isinstance(theory, Exact):
-            self._solver = theory.solver(beam, grasp)
+    def __init__(self, beam: Beam, grasp: float) -> None:
+        self.beam = beam
+        self.grasp = beam.grasped_at(grasp)[0]
+        self.force = 0.0
+        self.deflection = 0.0
 
-    def to_force(self, force: float, stations: NDArray[np.float64]) -> Equilibrium:
-        """Return the equilibrium under a force.
+    @abstractmethod
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force of the grasper, N."""
 
-        Parameters
-        ----------
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
+    @abstractmethod
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the grasp along the pull, mm."""
 
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-
-        Raises
-        ------
-        NoEquilibrium
-            If the theory ends before.
-        """
-        if self._solver is None:
-            return self._theory.under_force(self._beam, self._grasp, force, stations)
-        self._solver.solve_force(force)
-        return self._solver.sample(stations)
-
-    def to_deflection(self, deflection: float, stations: NDArray[np.float64]) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-
-        Raises
-        ------
-        NoEquilibrium
-            If the theory ends before.
-        """
-        if self._solver is None:
-            return self._theory.under_deflection(self._beam, self._grasp, deflection, stations)
-        self._solver.solve_deflection(deflection)
-        return self._solver.sample(stations)
+    @abstractmethod
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at (N,) stations, mm from the first clamp."""

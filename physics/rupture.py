@@ -9,13 +9,11 @@ from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.pull import Pull
 from physics.quantity import positive
-from physics.theory import Theory
-from physics.varying_beam import VaryingBeam
 
 __all__ = [
     "BreakEvent",
     "RuptureCheck",
-    "break_event",
+    "break_of",
     "calibrated_threshold",
     "check_rupture",
     "critical_stations",
@@ -113,7 +111,7 @@ def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.f
     """
     beam.grasped_at(grasp)
     stations = np.union1d(np.linspace(0.0, beam.span, count), [grasp])
-    return np.union1d(stations, beam.stations) if isinstance(beam, VaryingBeam) else stations
+    return np.union1d(stations, beam.key_stations)
 
 
 def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
@@ -138,35 +136,34 @@ def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
     )
 
 
-def calibrated_threshold(theory: Theory, beam: Beam, grasp: float, force: float) -> float:
-    """Return the threshold at which a beam breaks under a known force."""
+def calibrated_threshold(pull: Pull, force: float) -> float:
+    """Return the threshold, MPa, at which a pulled beam breaks under a known force, N."""
     positive(force, "force at the break", "N")
-    stations = critical_stations(beam, grasp)
-    return float(theory.under_force(beam, grasp, force, stations).total_stress.max())
+    stations = critical_stations(pull.beam, pull.grasp)
+    return float(pull.to_force(force).sample(stations).total_stress.max())
 
 
-def break_event(theory: Theory, beam: Beam, grasp: float, threshold: float) -> BreakEvent | None:
-    """Return the load at which a beam reaches its threshold."""
+def break_of(pull: Pull, threshold: float) -> BreakEvent | None:
+    """Pull a beam until it reaches its threshold, MPa; return where, None if it never does."""
     positive(threshold, "threshold", "MPa")
-    stations = critical_stations(beam, grasp)
-    pull = Pull(theory, beam, grasp)
+    span, stations = pull.beam.span, critical_stations(pull.beam, pull.grasp)
 
     def reaches(deflection: float) -> bool:
         try:
-            pulled = pull.to_deflection(deflection, stations)
+            pulled = pull.to_deflection(deflection).sample(stations)
         except NoEquilibrium:
             return True
         return float(pulled.total_stress.max()) >= threshold
 
-    low, high = 0.0, 1e-3 * beam.span
+    low, high = 0.0, 1e-3 * span
     while not reaches(high):
         low, high = high, 2.0 * high
-        if high > 1e3 * beam.span:
+        if high > 1e3 * span:
             return None
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (low, middle) if reaches(middle) else (middle, high)
     try:
-        pulled = pull.to_deflection(high, stations)
+        pulled = pull.to_deflection(high).sample(stations)
     except NoEquilibrium:
         return None
     return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

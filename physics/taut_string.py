@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
+from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["TautString"]
+__all__ = ["StringPull", "TautString"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +27,32 @@ class TautString:
 
     name: ClassVar[str] = "string"
 
-    def force(self, beam: Beam, grasp: float, deflection: float) -> float:
-        """Return the grasper's whole force at a deflection."""
-        a, b = beam.grasped_at(grasp)
-        deflection = finite(deflection, "deflection", "mm")
-        return _force_and_slope(beam, a, b, deflection)[0]
+    def pull(self, beam: Beam, grasp: float) -> "StringPull":
+        """Return a beam at rest, grasped at a distance from the first clamp, mm."""
+        return StringPull(beam, grasp)
 
-    def deflection(self, beam: Beam, grasp: float, force: float) -> float:
-        """Return the deflection under a force."""
-        a, b = beam.grasped_at(grasp)
-        pull = abs(finite(force, "force", "N"))
-        if pull == 0.0:
-            return 0.0
+
+class StringPull(Pull):
+    """A string that is pulled; see `TautString`."""
+
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the grasp, mm."""
+        deflection = finite(deflection, "deflection", "mm")
+        a, b = self.beam.grasped_at(self.grasp)
+        self.force = _force_and_slope(self.beam, a, b, deflection)[0]
+        self.deflection = deflection
+        return self
+
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force, N, by Newton's method from below."""
+        force = finite(force, "force", "N")
+        self.deflection = math.copysign(self._root(abs(force)), force) if force else 0.0
+        self.force = force
+        return self
+
+    def _root(self, pull: float) -> float:
+        beam = self.beam
+        a, b = beam.grasped_at(self.grasp)
         # The small-slope law F = E A S delta^3 / (2 a^2 b^2) overrates the force: a start below.
         cube = 2.0 * (a * b) ** 2 * pull / (beam.modulus * beam.area * beam.span)
         delta = cube ** (1.0 / 3.0)
@@ -47,30 +62,13 @@ class TautString:
             delta += step
             if abs(step) <= 2e-16 * delta:
                 break
-        return math.copysign(delta, force)
+        return delta
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force; see `Theory`."""
-        return self._taut(beam, grasp, force, self.deflection(beam, grasp, force), stations)
-
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp; see `Theory`."""
-        return self._taut(beam, grasp, self.force(beam, grasp, deflection), deflection, stations)
-
-    def _taut(
-        self,
-        beam: Beam,
-        grasp: float,
-        force: float,
-        deflection: float,
-        stations: NDArray[np.float64],
-    ) -> Equilibrium:
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations, mm from the first clamp."""
+        beam, force, deflection = self.beam, self.force, self.deflection
         at = stations_on(beam.span, stations)
-        a, b = beam.grasped_at(grasp)
+        a, b = beam.grasped_at(self.grasp)
         first, second = math.atan2(deflection, a), -math.atan2(deflection, b)
         # The lines have kinks, sections that follow them would cut through each other: they turn
         # over one fibre distance, from standing still in the clamp and halving the kink at the
@@ -83,7 +81,7 @@ class TautString:
         strain = stretch / beam.span
         normal_stress = np.full_like(at, beam.modulus * strain)
         return Equilibrium(
-            theory=self.name,
+            theory=TautString.name,
             grasp=a,
             force=force,
             deflection=deflection,

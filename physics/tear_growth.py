@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import NoEquilibrium
-from physics.exact import Exact, ExactSolver
+from physics.exact import Exact, ExactPull
 from physics.ligament_section import ligament
 from physics.quantity import positive
-from physics.rupture import BreakEvent, break_event
+from physics.rupture import BreakEvent, break_of
 from physics.section import Ring
 from physics.varying_beam import VaryingBeam
 
@@ -205,7 +205,7 @@ def _tear(
         raise ValueError(f"start must be above 0 and below {DEEPEST} of the height, got {start}")
     if steps < 2:
         raise ValueError(f"steps must be 2 or more, got {steps}")
-    event = break_event(theory, beam, grasp, threshold)
+    event = break_of(theory.pull(beam, grasp), threshold)
     if event is None:
         return None
     return _Tear(theory, beam, grasp, event, np.linspace(start, DEEPEST, steps))
@@ -241,17 +241,13 @@ class _Tear:
         self._station = event.check.station
         self._side = event.check.tension_side or 1
         self._threshold = event.check.threshold
-        self._solver: tuple[float, ExactSolver] | None = None
+        self._pull: tuple[float, ExactPull] | None = None
 
     def under_force(self, depth: float, load: float) -> _Torn:
-        solver = self._at(depth)
-        solver.solve_force(load)
-        return self._sampled(depth, solver)
+        return self._sampled(depth, self._at(depth).to_force(load))
 
     def at_deflection(self, depth: float, load: float) -> _Torn:
-        solver = self._at(depth)
-        solver.solve_deflection(load)
-        return self._sampled(depth, solver)
+        return self._sampled(depth, self._at(depth).to_deflection(load))
 
     def grown(
         self, solve: Callable[[float, float], _Torn], load: float, *, begun: bool
@@ -321,14 +317,14 @@ class _Tear:
             high, at_high = middle, at_middle
         return torn
 
-    def _at(self, depth: float) -> ExactSolver:
-        if self._solver is None or self._solver[0] != depth:
+    def _at(self, depth: float) -> ExactPull:
+        if self._pull is None or self._pull[0] != depth:
             torn = torn_beam(self._beam, self._station, self._side, depth)
-            self._solver = (depth, self._theory.solver(torn, self._grasp))
-        return self._solver[1]
+            self._pull = (depth, self._theory.pull(torn, self._grasp))
+        return self._pull[1]
 
-    def _sampled(self, depth: float, solver: ExactSolver) -> _Torn:
-        torn = solver.sample(np.array([self._station]))
+    def _sampled(self, depth: float, pull: ExactPull) -> _Torn:
+        torn = pull.sample(np.array([self._station]))
         left = ligament(Ring(self._beam.area, self._beam.second_moment), depth)
         # Above zero where the side that is away from the pull is stretched.
         moment = torn.moment[0] - self._side * left.shift * torn.normal_force[0]

@@ -3,22 +3,19 @@
 from collections.abc import Callable
 from typing import ClassVar, Literal, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.equilibrium import Equilibrium
 from physics.exact import Exact, Law
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
+from physics.pull import Pull
 from physics.taut_string import TautString
 
 __all__ = ["THEORIES", "Theory", "theory_named"]
 
 
 class Theory(Protocol):
-    """A way to find the equilibrium of a beam pulled across its axis at one place.
+    """A way to find the equilibria of a beam pulled across its axis at one place.
 
     Attributes
     ----------
@@ -28,62 +25,8 @@ class Theory(Protocol):
 
     name: ClassVar[str]
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium under a force.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        force
-            The grasper's whole force, N.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-
-        Raises
-        ------
-        ValueError
-            If the grasp is not between the clamps, the force is not finite or a station is not on
-            the span; as `NoEquilibrium` if the theory ends before the force.
-        """
-        ...
-
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        """Return the equilibrium at a deflection of the grasp.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
-        deflection
-            Displacement of the grasp along the pull, mm.
-        stations
-            (N,) where to sample it, mm from the first clamp.
-
-        Returns
-        -------
-        Equilibrium
-            The equilibrium.
-
-        Raises
-        ------
-        ValueError
-            If the grasp is not between the clamps, the deflection is not finite or a station is
-            not on the span; as `NoEquilibrium` if the theory ends before the deflection.
-        """
+    def pull(self, beam: Beam, grasp: float) -> Pull:
+        """Return a beam at rest, grasped at a distance from the first clamp, mm."""
         ...
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.beam import Beam
+from physics.beam import Beam, Sections, Stations
 from physics.quantity import finite, positive
+from physics.section import Ring
 
 __all__ = ["VaryingBeam"]
 
@@ -119,6 +120,68 @@ class VaryingBeam(Beam):
             value = float(rows[place]) if one is None else getattr(one, name)
             object.__setattr__(self, name, value)
         Beam.__post_init__(self)
+
+    @property
+    def key_stations(self) -> Stations:
+        """(K,) places of the sections that the beam is given by, mm."""
+        return self.stations
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether one section is all there is."""
+        return False
+
+    @property
+    def has_shear_areas(self) -> bool:
+        """Whether the beam is given shear areas; if not, they are those of rings."""
+        return self.shear_areas is not None
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether the beam is its own mirror image."""
+        tolerance = 1e-12 * self.span
+        rows = (
+            self.areas,
+            self.second_moments,
+            self.fibre_distances,
+            self.shear_areas,
+            self.offsets,
+        )
+        return bool(
+            np.allclose(self.stations, self.span - self.stations[::-1], rtol=0, atol=tolerance)
+            and all(row is None or np.allclose(row, row[::-1], rtol=1e-12, atol=0) for row in rows)
+        )
+
+    @property
+    def mean_section(self) -> tuple[float, float]:
+        """Mean area, mm^2, and mean second moment, mm^4."""
+        return (
+            float(np.trapezoid(self.areas, self.stations)) / self.span,
+            float(np.trapezoid(self.second_moments, self.stations)) / self.span,
+        )
+
+    def sections_at(self, at: Stations) -> Sections:
+        """Return the sections at stations, linear between those that are given."""
+        areas = np.interp(at, self.stations, self.areas)
+        second_moments = np.interp(at, self.stations, self.second_moments)
+        if self.shear_areas is not None:
+            shear_areas = np.interp(at, self.stations, self.shear_areas)
+        else:
+            shear_areas = np.array(
+                [
+                    a * Ring(float(a), float(i)).shear_coefficient(self.poisson_ratio)
+                    for a, i in zip(areas, second_moments, strict=True)
+                ]
+            )
+        return Sections(
+            areas,
+            second_moments,
+            np.interp(at, self.stations, self.fibre_distances),
+            shear_areas,
+            np.zeros(at.shape)
+            if self.offsets is None
+            else np.interp(at, self.stations, self.offsets),
+        )
 
     @classmethod
     def of(cls, beam: Beam, count: int = 2) -> "VaryingBeam":

@@ -26,7 +26,7 @@ def test_walk_goes_by_one_percent_and_comes_back() -> None:
 
 def test_duct_is_that_of_table_6_3() -> None:
     """At P = 0.4 lbf the exact beam without shear is 0.466 in deflected, to its three digits."""
-    deflection = Exact().deflection(DUCT, CENTRE, FORCE)
+    deflection = Exact().pull(DUCT, CENTRE).to_force(FORCE).deflection
     assert deflection / 25.4 == pytest.approx(0.466, abs=5e-4)
     assert abs(relative_error(deflection)) < 1e-6
 

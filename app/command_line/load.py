@@ -90,6 +90,6 @@ def equilibrium(
     at = 0.5 * beam.span if grasp is None else grasp
     stations = critical_stations(beam, at)
     if force is not None:
-        return theory.under_force(beam, at, force, stations)
+        return theory.pull(beam, at).to_force(force).sample(stations)
     assert deflection is not None  # noqa: S101
-    return theory.under_deflection(beam, at, deflection, stations)
+    return theory.pull(beam, at).to_deflection(deflection).sample(stations)

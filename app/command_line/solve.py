@@ -127,7 +127,7 @@ def solve(
     from app.simulation.dissection import Dissection
     from app.simulation.preset import ASSUMED_PRESET, RoundBeam
     from app.simulation.preset_file import chosen_preset
-    from physics import Beam, break_event, check_rupture
+    from physics import Beam, break_of, check_rupture
     from physics.quantity import positive
 
     for name, value, unit, most in (
@@ -183,7 +183,7 @@ def solve(
     pulled = equilibrium(chosen, beam, grasp=grasp, force=force, deflection=deflection)
     # Without a threshold any will do to find the place of the highest stress.
     check = check_rupture(pulled, 1.0 if limit is None else limit)
-    event = None if limit is None else break_event(chosen, beam, pulled.grasp, limit)
+    event = None if limit is None else break_of(chosen.pull(beam, pulled.grasp), limit)
     result = {
         "theory": chosen.name,
         "preset": preset,

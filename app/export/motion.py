@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.dissection import Dissection
-from physics import BreakEvent, Pull, Theory
+from physics import BreakEvent, Theory
 
 __all__ = [
     "MOST_FRAMES",
@@ -121,12 +121,12 @@ def pull_motion(
 ) -> Motion:
     """Return the motion from rest to a force, in equilibrium all the way."""
     check_frames(frames)
-    pull = Pull(theory, dissection.beam, grasp)
+    pull = theory.pull(dissection.beam, grasp)
     stations = dissection.beam_stations
     transforms = np.zeros((frames, *dissection.rest_transforms().shape))
     # The first key is rest itself, to the bit.
     for key, at in enumerate(np.linspace(0.0, force, frames)[1:].tolist(), start=1):
-        dissection.move(pull.to_force(at, stations), transforms[key])
+        dissection.move(pull.to_force(at).sample(stations), transforms[key])
     times = np.linspace(0.0, PULL_SECONDS, frames)
     return Motion("pull", times, transforms, np.full(frames, WHOLE))
 
@@ -142,7 +142,9 @@ def tear_motion(
 ) -> Motion:
     """Return the motion from rest over the break until both pieces lie still."""
     pull = pull_motion(dissection, theory, grasp=grasp, force=event.force, frames=frames)
-    at_break = Pull(theory, dissection.beam, grasp).to_force(event.force, dissection.beam_stations)
+    at_break = (
+        theory.pull(dissection.beam, grasp).to_force(event.force).sample(dissection.beam_stations)
+    )
     run, settled = tear_course.RUN_SECONDS, tear_course.SETTLED_SECONDS
     elapsed = np.concatenate(
         [

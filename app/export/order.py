@@ -20,7 +20,7 @@ from organ_geometry.mesh.mesh_file import SUFFIXES as MESH_SUFFIXES
 from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.mesh.tear import TornPiece
 from organ_geometry.whole_file import check_target, write_whole
-from physics import BreakEvent, Theory, break_event
+from physics import BreakEvent, Theory, break_of
 
 __all__ = ["SUFFIXES", "Order"]
 
@@ -86,7 +86,7 @@ class Order:
     @cached_property
     def break_event(self) -> BreakEvent | None:
         """The load at which the organ breaks; None if it does not."""
-        return break_event(self.theory, self.dissection.beam, self.grasp, self.strength)
+        return break_of(self.theory.pull(self.dissection.beam, self.grasp), self.strength)
 
     def check(self, path: Path) -> None:
         """Raise if the order cannot be written there: better before long work than after it."""
@@ -261,6 +261,4 @@ class Order:
         )
 
     def _deflection(self, force: float) -> float:
-        return self.theory.under_force(
-            self.dissection.beam, self.grasp, force, np.empty(0)
-        ).deflection
+        return self.theory.pull(self.dissection.beam, self.grasp).to_force(force).deflection

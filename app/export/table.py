@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.dissection import Dissection
-from physics import Pull, Theory, check_rupture, critical_stations
+from physics import Theory, check_rupture, critical_stations
 
 __all__ = ["axis_table", "curve_table"]
 
@@ -26,10 +26,10 @@ def curve_table(
     """Return the force-deflection curve, with the highest stress at each force."""
     beam = dissection.beam
     stations = critical_stations(beam, grasp)
-    pull = Pull(theory, beam, grasp)
+    pull = theory.pull(beam, grasp)
     rows: list[tuple[float, ...]] = []
     for at in np.linspace(0.0, force, frames).tolist():
-        pulled = pull.to_force(at, stations)
+        pulled = pull.to_force(at).sample(stations)
         check = check_rupture(pulled, threshold)
         rows.append(
             (
@@ -60,7 +60,7 @@ def axis_table(
     """Return the pulled axis, station by station."""
     beam = dissection.beam
     stations = critical_stations(beam, grasp, AXIS_STATIONS)
-    pulled = Pull(theory, beam, grasp).to_force(force, stations)
+    pulled = theory.pull(beam, grasp).to_force(force).sample(stations)
     moved = np.stack([pulled.along - stations, pulled.across], axis=1)
     places = dissection.organ.axis_at(dissection.clamps[0] + stations)
     places += moved @ dissection.frame[:, [0, 2]].T

@@ -15,11 +15,11 @@ from physics import (
     Beam,
     Cubic,
     Exact,
-    ExactSolver,
+    ExactPull,
     Hold,
     NoEquilibrium,
     Theory,
-    break_event,
+    break_of,
     check_rupture,
     critical_stations,
 )
@@ -125,18 +125,16 @@ class FeltDuct:
         self._held = [False] * hooks
         self._heights = [0.0] * hooks
         self._compliance = 1.0 / coupling
-        self._solver: ExactSolver | None = None
+        self._solver: ExactPull | None = None
         self._bending = self._stretching = 0.0
         self.breaks_at = float("inf")
         if isinstance(theory, Exact):
-            self._solver = ExactSolver(
-                beam, *grasps, shear=theory.shear, law=theory.law, intervals=theory.intervals
-            )
+            self._solver = theory.pull(beam, *grasps)
         else:
             self._bending, self._stretching = theory.stiffness(beam, grasps[0])
         self._critical = critical_stations(beam, grasps[0], count=2)
         if hooks == 1:
-            event = break_event(theory, beam, grasps[0], threshold)
+            event = break_of(theory.pull(beam, grasps[0]), threshold)
             if event is not None:
                 self.breaks_at = event.deflection
         else:
@@ -205,7 +203,7 @@ class FeltDuct:
         self.stored = bent + 0.5 * give * force * force
         return place >= self.breaks_at
 
-    def _solve_both(self, solver: ExactSolver, heights: list[float]) -> bool:
+    def _solve_both(self, solver: ExactPull, heights: list[float]) -> bool:
         forces, hooks, give = self.forces[:, UP], self.hooks[:, UP], self._compliance
         loose = Hold("force", 0.0)
         holds = [Hold("deflection", height, give) if height > 0.0 else loose
@@ -228,4 +226,4 @@ class FeltDuct:
 
     def solved_force(self, deflection: float) -> float:
         """Return the theory's force at a place, solved from rest and without the coupling."""
-        return self.theory.force(self.beam, self.grasps[0], deflection)
+        return self.theory.pull(self.beam, self.grasps[0]).to_deflection(deflection).force

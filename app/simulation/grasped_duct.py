@@ -11,8 +11,7 @@ from app.simulation.model import BOUNDLESS_DEFLECTION, Model
 from physics import (
     BreakEvent,
     NoEquilibrium,
-    Pull,
-    break_event,
+    break_of,
     check_rupture,
     critical_stations,
 )
@@ -79,7 +78,7 @@ class GraspedDuct:
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
         along, sideways, up = (dissection.frame.T @ place).tolist()
         self._rest = float(along), float(sideways), float(up)
-        self._pull = Pull(model.theory, dissection.beam, grasp)
+        self._pull = model.theory.pull(dissection.beam, grasp)
         self.bear(Load("force", 0.0))
 
     def renewed(self) -> "GraspedDuct":
@@ -92,9 +91,9 @@ class GraspedDuct:
     def bear(self, load: Load) -> None:
         """Find the equilibrium under a load."""
         if load.kind == "force":
-            pulled = self._pull.to_force(load.amount, self.stations)
+            pulled = self._pull.to_force(load.amount).sample(self.stations)
         else:
-            pulled = self._pull.to_deflection(load.amount, self.stations)
+            pulled = self._pull.to_deflection(load.amount).sample(self.stations)
         self.pulled = pulled
         self.driven = pulled.part(self._driving)
         self.check = check_rupture(pulled.part(self._critical), self.threshold)
@@ -107,7 +106,7 @@ class GraspedDuct:
     def loaded_to(self, part: float) -> BreakEvent | None:
         """Return the load under which the highest stress is a part of the threshold."""
         beam = self.model.dissection.beam
-        return break_event(self.model.theory, beam, self.grasp, part * self.threshold)
+        return break_of(self.model.theory.pull(beam, self.grasp), part * self.threshold)
 
     @property
     def deflection_limit(self) -> float:
@@ -150,11 +149,10 @@ class GraspedDuct:
         """Return the theory's force-deflection curve, past the break and past a deflection."""
         last = max(self.deflection_limit, PAST_BREAK * deepest)
         deflections = np.linspace(0.0, last, count)
-        pull = Pull(self.model.theory, self.model.dissection.beam, self.grasp)
-        nowhere = np.empty(0)
+        pull = self.model.theory.pull(self.model.dissection.beam, self.grasp)
         forces: list[float] = []
         try:
-            forces.extend(pull.to_deflection(each, nowhere).force for each in deflections.tolist())
+            forces.extend(pull.to_deflection(each).force for each in deflections.tolist())
         except NoEquilibrium:
             deflections = deflections[: len(forces)]
         return deflections, np.array(forces)

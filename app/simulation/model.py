@@ -4,10 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-
 from app.simulation.dissection import Dissection
-from physics import Beam, NoEquilibrium, Theory, break_event
+from physics import Beam, NoEquilibrium, Theory, break_of
 
 __all__ = ["BOUNDLESS_DEFLECTION", "Model"]
 
@@ -46,7 +44,7 @@ class Model:
         beam = dissection.beam
         threshold = dissection.preset.threshold(theory, beam)
         middle = 0.5 * beam.span
-        event = break_event(theory, beam, middle, threshold)
+        event = break_of(theory.pull(beam, middle), threshold)
         force = (
             _farthest_force(theory, beam, middle) / FORCE_RANGE if event is None else event.force
         )
@@ -68,7 +66,7 @@ def _farthest_force(theory: Theory, beam: Beam, grasp: float) -> float:
     deflection = BOUNDLESS_DEFLECTION * beam.span
     while True:
         try:
-            return theory.under_deflection(beam, grasp, deflection, np.empty(0)).force
+            return theory.pull(beam, grasp).to_deflection(deflection).force
         except NoEquilibrium:
             deflection *= 0.8
 

@@ -169,7 +169,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.break_stress_MPa is not None:
             return self.break_stress_MPa
         assert self.break_force_N is not None  # noqa: S101 (checked when it was made)
-        return calibrated_threshold(theory, beam, 0.5 * beam.span, self.break_force_N)
+        return calibrated_threshold(theory.pull(beam, 0.5 * beam.span), self.break_force_N)
 
     @property
     def strength(self) -> str:

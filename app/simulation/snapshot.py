@@ -10,7 +10,7 @@ from app.simulation import tear_course
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.surface_stress import Stresses, SurfaceStress
 from organ_geometry.mesh.skin import Skin, organ_skin
-from physics import BreakEvent, Pull, Theory, critical_stations
+from physics import BreakEvent, Theory, critical_stations
 
 __all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "torn_snapshot"]
 
@@ -89,7 +89,7 @@ class PulledOrgan:
     ) -> None:
         beam = dissection.beam
         self._dissection = dissection
-        self._pull = Pull(theory, beam, grasp)
+        self._pull = theory.pull(beam, grasp)
         self.skin = organ_skin(dissection.organ, edge_length=edge_length)
         self._bound = self.skin.bound_to(dissection.driving)
         self._threshold = threshold
@@ -102,7 +102,7 @@ class PulledOrgan:
     def under(self, force: float) -> Snapshot:
         """Return the organ under a force, whether it bears it or not (`borne_force`)."""
         dissection = self._dissection
-        pulled = self._pull.to_force(force, self._stations)
+        pulled = self._pull.to_force(force).sample(self._stations)
         vertices = np.empty_like(self.skin.vertices)
         moved = dissection.move(pulled.part(self._driven), dissection.rest_transforms())
         self._bound.deform(moved, vertices)

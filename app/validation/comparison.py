@@ -98,7 +98,7 @@ def compared(table: Table) -> Comparison:
     own = COMPARED[table.theory]
     beam = table.rounded_beam
     again = [
-        own.under_force(beam, 0.5 * beam.span, 2.0 * row[0] * LBF, np.empty(0)).deflection / INCH
+        own.pull(beam, 0.5 * beam.span).to_force(2.0 * row[0] * LBF).deflection / INCH
         for row in table.rows
     ]
     return Comparison(table, tuple(columns), float(np.abs(np.array(again) - calculated).max()))
@@ -167,7 +167,7 @@ def held_out_errors() -> dict[tuple[float, float], float]:
             span=2.0, diameter=diameter, modulus=45.0, poisson_ratio=poisson_ratio
         )  # inch, lbf and psi, as the curves are: the theory knows no units
         errors = [
-            100.0 * (theory.deflection(beam, 1.0, 2.0 * half_force) / solid - 1.0)
+            100.0 * (theory.pull(beam, 1.0).to_force(2.0 * half_force).deflection / solid - 1.0)
             for half_force, solid in curve.items()
         ]
         found[diameter, poisson_ratio] = max(errors, key=abs)
@@ -177,7 +177,7 @@ def held_out_errors() -> dict[tuple[float, float], float]:
 def _deflected(theory: Theory, table: Table, grasp: float, force: float) -> float:
     """Return a theory's deflection, inch, under a whole force, lbf; NaN if it has none."""
     try:
-        pulled = theory.under_force(table.beam, grasp, force * LBF, np.empty(0))
+        pulled = theory.pull(table.beam, grasp).to_force(force * LBF)
     except NoEquilibrium:
         return float("nan")
     return pulled.deflection / INCH

@@ -79,8 +79,10 @@ def _normal_forces(axes: "Axes", table: Table) -> None:
         tensions: list[float] = []
         for deflection in deflections:
             try:
-                pulled = theory.under_deflection(
-                    beam, 0.5 * beam.span, float(deflection), np.zeros(1)
+                pulled = (
+                    theory.pull(beam, 0.5 * beam.span)
+                    .to_deflection(float(deflection))
+                    .sample(np.zeros(1))
                 )
                 tensions.append(float(pulled.normal_force[0]) / LBF)
             except NoEquilibrium:

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
-from physics.exact import sections_at
 from physics.quantity import finite, positive
-from physics.varying_beam import VaryingBeam
 
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
 
@@ -195,8 +193,8 @@ class SpaceBeam:
         SpaceBeam
             The beam.
         """
-        stations = beam.stations if isinstance(beam, VaryingBeam) else np.array([0.0, beam.span])
-        areas, moments, fibres, shear_areas = sections_at(beam, stations)
+        stations = beam.key_stations
+        areas, moments, fibres, shear_areas, _ = beam.sections_at(stations)
         e = beam.modulus
         g = 0.5 * e / (1.0 + beam.poisson_ratio)
         stiffness = np.stack(

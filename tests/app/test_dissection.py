@@ -21,7 +21,7 @@ from physics import (
     TautString,
     Theory,
     VaryingBeam,
-    break_event,
+    break_of,
 )
 
 
@@ -57,10 +57,10 @@ def test_an_organ_that_is_far_too_thick_for_a_bar_is_not_drawn_along_it() -> Non
     # Its own sections bend so little that no edge of its mesh grows to twice its length.
     dissection = Dissection.of(heart, default_preset(heart))
     beam = dissection.beam
-    event = break_event(Cubic(), beam, 25.4, dissection.preset.threshold(Cubic(), beam))
+    event = break_of(Cubic().pull(beam, 25.4), dissection.preset.threshold(Cubic(), beam))
     assert event is not None
     skin = organ_skin(heart, edge_length=4.0)
-    pulled = Cubic().under_force(beam, 25.4, event.force, dissection.beam_stations)
+    pulled = Cubic().pull(beam, 25.4).to_force(event.force).sample(dissection.beam_stations)
     moved = np.empty_like(skin.vertices)
     transforms = dissection.move(pulled, dissection.rest_transforms())
     skin.bound_to(dissection.driving).deform(transforms, moved)
@@ -90,16 +90,16 @@ def test_exact_beam_solves_the_organ_s_own_sections_along_it() -> None:
     assert isinstance(beam, VaryingBeam)
     assert beam.weakest is not None
     at = np.array([25.4])
-    weakest = Exact().under_force(beam.weakest, 25.4, 5.0, at).deflection
-    varying = Exact().under_force(beam, 25.4, 5.0, at)
+    weakest = Exact().pull(beam.weakest, 25.4).to_force(5.0).sample(at).deflection
+    varying = Exact().pull(beam, 25.4).to_force(5.0).sample(at)
     # The waist is the weakest section, the rest is up to a tenth wider: stiffer, by less than the
     # widest section alone would be.
     assert 0.6 * weakest < varying.deflection < 0.98 * weakest
     area = varying.normal_force[0] / varying.normal_stress[0]
     assert area == pytest.approx(beam.area, rel=0.01)  # the waist is at 24 mm
     for theory in (Cubic(), Fem()):
-        one = theory.under_force(beam.weakest, 25.4, 5.0, at)
-        assert theory.under_force(beam, 25.4, 5.0, at).deflection == one.deflection
+        one = theory.pull(beam.weakest, 25.4).to_force(5.0).sample(at)
+        assert theory.pull(beam, 25.4).to_force(5.0).sample(at).deflection == one.deflection
     thesis = Dissection.of(organ, preset_named("thesis-bile-duct"))
     assert not isinstance(thesis.beam, VaryingBeam)
 
@@ -116,8 +116,8 @@ def test_exact_beam_along_an_even_organ_is_that_of_its_section() -> None:
         beam = dissection.beam
         assert isinstance(beam, VaryingBeam)
         assert beam.weakest is not None
-        along = exact.under_force(beam, 20.0, 5.0, at)
-        constant = exact.under_force(beam.weakest, 20.0, 5.0, at)
+        along = exact.pull(beam, 20.0).to_force(5.0).sample(at)
+        constant = exact.pull(beam.weakest, 20.0).to_force(5.0).sample(at)
         assert along.deflection == pytest.approx(constant.deflection, rel=1e-9)
         assert along.total_stress == pytest.approx(constant.total_stress, rel=1e-6)
 
@@ -126,7 +126,7 @@ def test_long_organ_is_clamped_in_its_middle_and_stays_at_rest_outside() -> None
     organ = shortened(tube(), 2.0)
     dissection = Dissection.of(organ, preset_named("thesis-bile-duct"))
     assert dissection.clamps == pytest.approx((25.4, 76.2))
-    pulled = Cubic().under_force(dissection.beam, 25.4, 3.0, dissection.beam_stations)
+    pulled = Cubic().pull(dissection.beam, 25.4).to_force(3.0).sample(dissection.beam_stations)
     transforms = dissection.move(pulled, dissection.rest_transforms())
     outside = (dissection.driving.stations <= 25.4) | (dissection.driving.stations >= 76.2)
     assert outside.sum() > 10
@@ -171,7 +171,7 @@ def test_hollow_organ_is_a_hollow_beam_in_every_theory(theory: Theory) -> None:
     )
 
     def deflection(of: Beam) -> float:
-        return theory.under_force(of, 0.5 * of.span, 0.5, np.empty(0)).deflection
+        return theory.pull(of, 0.5 * of.span).to_force(0.5).deflection
 
     # Two degree-6 curves leave 0.5 % of a circle's area aside, a wall's is a difference of two.
     assert deflection(beam) == pytest.approx(deflection(ring), rel=0.02)

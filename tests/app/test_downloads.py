@@ -53,7 +53,7 @@ def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     assert order.theory.name == Exact().name
     assert order.force is not None
     beam = shown.dissection.beam
-    pulled = order.theory.under_force(beam, shown.grasp, order.force, np.empty(0))
+    pulled = order.theory.pull(beam, shown.grasp).to_force(order.force)
     assert pulled.deflection == pytest.approx(reading.deflection, rel=1e-6)
     assert (order.grasp, order.threshold, order.seed) == (shown.grasp, shown.threshold, 5)
     assert order.force == reading.force > 0.0
@@ -73,7 +73,7 @@ def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     assert order.force is not None
     assert order.force == shown.reading().force > 0.0
     beam = shown.dissection.beam
-    again = order.theory.under_force(beam, 20.0, order.force, np.empty(0))
+    again = order.theory.pull(beam, 20.0).to_force(order.force)
     assert again.deflection == pytest.approx(5.0, rel=1e-6)
 
 
@@ -88,7 +88,7 @@ def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     assert reading.force == 0.0
     assert 0.0 < reading.deflection < 5.0
     assert order.force is not None
-    held = order.theory.under_force(shown.dissection.beam, 20.0, order.force, np.empty(0))
+    held = order.theory.pull(shown.dissection.beam, 20.0).to_force(order.force)
     assert held.deflection == pytest.approx(reading.deflection, rel=1e-6)
 
 

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from simulated import phantom, pull, settle, tear
 
 from app.simulation.grasped_duct import Load
@@ -15,12 +15,12 @@ from app.simulation.swinging_chain import SWINGS_PER_SECOND, SwingingChain
 from physics import (
     Beam,
     Cubic,
-    Equilibrium,
     Exact,
     MassSpring,
     NoEquilibrium,
     TautString,
 )
+from physics.cubic import CubicPull
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def test_a_ghost_bears_the_same_force_and_says_by_how_much_it_differs(session: S
     own, ghost = session.reading(), session.ghost_reading()
     assert ghost is not None
     beam = session.dissection.beam
-    exact = Exact().deflection(beam, 20.0, 1.5)
+    exact = Exact().pull(beam, 20.0).to_force(1.5).deflection
     assert ghost.force == pytest.approx(1.5, rel=1e-9)
     assert ghost.force_difference == pytest.approx(0.0, abs=1e-9)
     assert ghost.deflection == pytest.approx(exact, rel=1e-9)
@@ -52,22 +52,27 @@ def test_a_ghost_in_hand_has_the_same_deflection_and_another_force(session: Sess
     ghost = session.ghost_reading()
     assert ghost is not None
     beam = session.dissection.beam
-    string = TautString().force(beam, 25.4, 6.0)
+    string = TautString().pull(beam, 25.4).to_deflection(6.0).force
     assert ghost.deflection == 6.0
     assert ghost.force == pytest.approx(string)
-    assert ghost.force_difference == pytest.approx(string - Cubic().force(beam, 25.4, 6.0))
+    assert ghost.force_difference == pytest.approx(
+        string - Cubic().pull(beam, 25.4).to_deflection(6.0).force
+    )
 
 
 @dataclass(frozen=True)
 class Ending(Cubic):
     """The cubic beam of a law that ends at 13 mm; the duct breaks at 12.8 mm."""
 
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
+    def pull(self, beam: Beam, grasp: float) -> CubicPull:
+        return EndingPull(self, beam, grasp)
+
+
+class EndingPull(CubicPull):
+    def to_deflection(self, deflection: float) -> Self:
         if deflection > 13.0:
             raise NoEquilibrium("this law ends at 13 mm")
-        return super().under_deflection(beam, grasp, deflection, stations)
+        return super().to_deflection(deflection)
 
 
 def test_a_ghost_whose_theory_ends_says_nothing_and_comes_back(session: Session) -> None:
@@ -121,7 +126,7 @@ def test_a_ghost_goes_with_the_tear_and_follows_to_another_duct(session: Session
     pull(session, 1.0)
     ghost = session.ghost_reading()
     assert ghost is not None
-    exact = Exact().deflection(session.dissection.beam, 25.4, 1.0)
+    exact = Exact().pull(session.dissection.beam, 25.4).to_force(1.0).deflection
     assert ghost.deflection == pytest.approx(exact, rel=1e-9)
     session.choose_ghost(None)
     assert session.ghost is None
@@ -142,8 +147,11 @@ def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: s
         ticks += 1
         assert ticks < 900
     rest = ways[-1]
-    settled = MassSpring(nodes=21).deflection(
-        session.dissection.beam, 0.5 * session.dissection.beam.span, 0.5 * event.force
+    settled = (
+        MassSpring(nodes=21)
+        .pull(session.dissection.beam, 0.5 * session.dissection.beam.span)
+        .to_force(0.5 * event.force)
+        .deflection
     )
     assert rest == pytest.approx(settled, rel=5e-3)
     assert max(ways) > 1.01 * rest  # it overshoots, as the duct does not
@@ -176,7 +184,7 @@ def test_the_chain_is_led_by_a_hand_and_set_anew_for_another_grasp(session: Sess
     assert session.chain is not None
     assert session.chain.grasp == 15.0
     assert session.chain.deflection == pytest.approx(4.0)
-    settled = MassSpring(nodes=21).force(session.dissection.beam, 15.0, 4.0)
+    settled = MassSpring(nodes=21).pull(session.dissection.beam, 15.0).to_deflection(4.0).force
     assert session.chain.force == pytest.approx(settled, rel=0.02)
     session.let_go()
     settle(session)

@@ -52,7 +52,9 @@ def test_the_beam_answers_with_the_theory_s_force(session: Session) -> None:
     lead(session, 5.0)
     reading = session.reading()
     assert reading.deflection == 5.0
-    assert reading.force == pytest.approx(Exact().force(session.dissection.beam, 18.0, 5.0))
+    assert reading.force == pytest.approx(
+        Exact().pull(session.dissection.beam, 18.0).to_deflection(5.0).force
+    )
     assert session.force_wanted == reading.force
     rest = session.dissection.axis_point(18.0) - session.dissection.axis_point(0.0)
     assert reading.hook[2] == pytest.approx(5.0 + rest @ session.dissection.frame[:, 2])
@@ -198,7 +200,9 @@ def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> No
         15.0,
         session.dissection.beam_stations,
         Cubic()
-        .under_force(session.dissection.beam, 25.4, 2.0, session.dissection.beam_stations)
+        .pull(session.dissection.beam, 25.4)
+        .to_force(2.0)
+        .sample(session.dissection.beam_stations)
         .across,
     )
     taken = session.grab(15.0)

@@ -189,9 +189,7 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
         until(lambda: servo.snapshot().deflection > 4.0)
         hook = servo.snapshot()
         assert hook.force == pytest.approx(
-            session.theory.under_deflection(
-                setting.beam, setting.grasp, hook.deflection, phantom().axis[:0, 0]
-            ).force,
+            session.theory.pull(setting.beam, setting.grasp).to_deflection(hook.deflection).force,
             rel=1e-6,
         )
         assert hook.peak >= hook.deflection

@@ -209,7 +209,9 @@ def test_a_session_s_measures_are_those_of_its_script() -> None:
     session.set_force(1.0)
     session.advance(30)
     forces = [min(step * tick, 1.0) for tick in range(1, 31)]
-    deflections = [Cubic().deflection(session.dissection.beam, 25.4, force) for force in forces]
+    deflections = [
+        Cubic().pull(session.dissection.beam, 25.4).to_force(force).deflection for force in forces
+    ]
     measures = session.measures()
     assert measures.time_s == 30 * TICK_SECONDS
     assert measures.maximum_force_N == 1.0

@@ -63,7 +63,7 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         assert reading.deflection > 2.0
         # The hand sets the displacement where it has taken hold, the beam answers with the force.
         assert session.grasp == pytest.approx(31.4, abs=0.7)
-        force = Cubic().force(DUCT, session.grasp, reading.deflection)
+        force = Cubic().pull(DUCT, session.grasp).to_deflection(reading.deflection).force
         assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
         assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
         assert tab.slider("Grasp (mm)") == pytest.approx(session.grasp, abs=0.051)
@@ -233,7 +233,9 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         for theory, curve in ((Cubic(), cubic), (Exact(), exact)):
             for deflection, force in list(zip(x, curve, strict=True))[5:60:10]:
                 assert deflection is not None
-                assert force == pytest.approx(theory.force(beam, 25.4, deflection), rel=5e-3)
+                assert force == pytest.approx(
+                    theory.pull(beam, 25.4).to_deflection(deflection).force, rel=5e-3
+                )
 
 
 def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer) -> None:
@@ -245,7 +247,10 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         tab.choose("Ghost", "Exact beam")
         ghost = tab.page.get_by_test_id("ghost")
         ghost.wait_for()
-        exact, cubic = Exact().deflection(DUCT, 25.4, 2.0), Cubic().deflection(DUCT, 25.4, 2.0)
+        exact, cubic = (
+            Exact().pull(DUCT, 25.4).to_force(2.0).deflection,
+            Cubic().pull(DUCT, 25.4).to_force(2.0).deflection,
+        )
         found = float(ghost.get_attribute("data-deflection-difference-mm") or "nan")
         assert found == pytest.approx(exact - cubic, rel=1e-4)
         assert float(ghost.get_attribute("data-force-difference-n") or "nan") == 0.0

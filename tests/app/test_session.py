@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from simulated import SECONDS, phantom, pull, settle, tear
 
 from app.simulation.preset import preset_named, presets
@@ -20,12 +19,13 @@ from organ_geometry.organ import Organ
 from physics import (
     Beam,
     Cubic,
-    Equilibrium,
     NoEquilibrium,
+    Pull,
     TautString,
     calibrated_threshold,
     theory_named,
 )
+from physics.cubic import CubicPull
 
 BREAK = 0.8 * 4.4482216152605
 """The thesis's P = 0.4 lbf on each half, N."""
@@ -62,7 +62,7 @@ def test_bends_by_what_the_beam_says(label: str, grasp: float) -> None:
     session.choose_theory(theory)
     session.set_grasp(grasp)
     pull(session, 1.5)
-    solved = theory.under_force(session.dissection.beam, grasp, 1.5, np.array([grasp]))
+    solved = theory.pull(session.dissection.beam, grasp).to_force(1.5).sample(np.array([grasp]))
     expected = solved.deflection
     reading = session.reading()
     assert reading.force == 1.5
@@ -232,18 +232,22 @@ class Ending:
     end: float
     name: ClassVar[str] = "ending"
 
-    def under_force(
-        self, beam: Beam, grasp: float, force: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
-        deflection = Cubic().deflection(beam, grasp, force)
-        return self.under_deflection(beam, grasp, deflection, stations)
+    def pull(self, beam: Beam, grasp: float) -> Pull:
+        return EndingPull(beam, grasp, self.end)
 
-    def under_deflection(
-        self, beam: Beam, grasp: float, deflection: float, stations: NDArray[np.float64]
-    ) -> Equilibrium:
+
+class EndingPull(CubicPull):
+    def __init__(self, beam: Beam, grasp: float, end: float) -> None:
+        super().__init__(Cubic(), beam, grasp)
+        self.end = end
+
+    def to_force(self, force: float) -> Self:
+        return self.to_deflection(Cubic().pull(self.beam, self.grasp).to_force(force).deflection)
+
+    def to_deflection(self, deflection: float) -> Self:
         if deflection > self.end:
             raise NoEquilibrium(f"this law ends at {self.end} mm")
-        return Cubic().under_deflection(beam, grasp, deflection, stations)
+        return super().to_deflection(deflection)
 
 
 def test_a_pull_stops_where_the_law_ends(session: Session) -> None:
@@ -305,7 +309,7 @@ def test_each_theory_has_its_own_threshold_for_the_same_break(session: Session) 
     cubic = session.threshold
     session.choose_theory(theory_named("string"))
     assert session.threshold == pytest.approx(
-        calibrated_threshold(TautString(), beam, 25.4, BREAK), rel=1e-6
+        calibrated_threshold(TautString().pull(beam, 25.4), BREAK), rel=1e-6
     )
     assert session.threshold != pytest.approx(cubic, rel=0.1)
     tear(session)
@@ -324,7 +328,9 @@ def test_unknown_choices_change_nothing(session: Session) -> None:
 
 def test_curve_is_the_theory_s_and_passes_the_break(session: Session) -> None:
     deflections, forces = session.curve()
-    expected = [Cubic().force(session.dissection.beam, 25.4, d) for d in deflections]
+    expected = [
+        Cubic().pull(session.dissection.beam, 25.4).to_deflection(d).force for d in deflections
+    ]
     assert forces == pytest.approx(expected)
     event = session.reading().breaks_at
     assert event is not None

@@ -61,7 +61,7 @@ def test_a_straight_round_bar_has_the_closed_form_s_stresses_with_their_signs() 
     places = skin.stations - session.dissection.clamps[0]
     shares = fibre_shares(phantom(), skin, session.dissection.frame[:, 2])
     inside = (places >= -0.5) & (places <= beam.span + 0.5)
-    solved = session.theory.under_force(beam, 25.4, 1.0, np.clip(places, 0.0, beam.span))
+    solved = session.theory.pull(beam, 25.4).to_force(1.0).sample(np.clip(places, 0.0, beam.span))
     whole = (
         solved.normal_force / beam.area
         - solved.moment * shares * beam.fibre_distance / beam.second_moment
@@ -124,14 +124,16 @@ def test_pieces_carry_less_and_less_and_nothing_in_the_end() -> None:
 def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
     session = Session(phantom(), vertices=1200)
     dissection, skin = session.dissection, session.surfaces[0].skin
-    solved: Equilibrium = session.theory.under_force(
-        dissection.beam, 25.4, 1.0, np.linspace(0.0, 50.8, 33)
+    solved: Equilibrium = (
+        session.theory.pull(dissection.beam, 25.4).to_force(1.0).sample(np.linspace(0.0, 50.8, 33))
     )
     surface, out = SurfaceStress(dissection, skin), np.empty(len(skin.vertices), np.float32)
     whole = surface.write(solved, out).copy()
     assert surface.write(solved, out, part=0.5) == pytest.approx(0.5 * whole)
-    shuffled = session.theory.under_force(
-        dissection.beam, 25.4, 1.0, np.linspace(0.0, 50.8, 33)[::-1].copy()
+    shuffled = (
+        session.theory.pull(dissection.beam, 25.4)
+        .to_force(1.0)
+        .sample(np.linspace(0.0, 50.8, 33)[::-1].copy())
     )
     assert surface.write(shuffled, out) == pytest.approx(whole, abs=1e-9)
 
@@ -139,7 +141,9 @@ def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
 def test_parts_of_the_stress_add_up_and_say_how_far_the_break_is() -> None:
     session = Session(phantom(), vertices=1200)
     dissection, skin = session.dissection, session.surfaces[0].skin
-    solved = session.theory.under_force(dissection.beam, 25.4, 1.0, np.linspace(0.0, 50.8, 33))
+    solved = (
+        session.theory.pull(dissection.beam, 25.4).to_force(1.0).sample(np.linspace(0.0, 50.8, 33))
+    )
     surface, out = SurfaceStress(dissection, skin), np.empty(len(skin.vertices), np.float32)
     stresses = surface.at(solved, threshold=0.2)
     assert stresses.total == pytest.approx(surface.write(solved, out), abs=1e-7)

@@ -66,7 +66,7 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
 
         tab.slide("Force F (N)", 2.0)
         tab.wait_for_force(2.0)
-        expected = Cubic().deflection(DUCT, 25.4, 2.0)
+        expected = Cubic().pull(DUCT, 25.4).to_force(2.0).deflection
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
         # The ring next to the grasp is a quarter of a millimetre off it at most.
         assert rise(tab, at_rest) == pytest.approx(expected, rel=5e-3)
@@ -139,7 +139,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.slide("Grasp (mm)", 12.0)
         tab.slide("Force F (N)", 1.0)
         tab.wait_for_force(1.0)
-        expected = Cubic().deflection(DUCT, 12.0, 1.0)
+        expected = Cubic().pull(DUCT, 12.0).to_force(1.0).deflection
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
 
         tab.open("Model")
@@ -150,7 +150,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.open("Compare")
         tab.choose("Theory", "String (very large deflection)")
         tab.page.locator("[data-testid=readout][data-bending-stress-kpa='0']").wait_for()
-        expected = TautString().deflection(DUCT, 12.0, 1.0)
+        expected = TautString().pull(DUCT, 12.0).to_force(1.0).deflection
         assert tab.figure("deflection-mm") == pytest.approx(expected, rel=1e-5)
 
         tab.open("Model")
@@ -232,11 +232,11 @@ def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address) as tab:
         tab.slide("Force F (N)", 2.0)
         tab.wait_for_force(2.0)
-        wanted = pytest.approx(Cubic().deflection(DUCT, 25.4, 2.0), rel=1e-4)
+        wanted = pytest.approx(Cubic().pull(DUCT, 25.4).to_force(2.0).deflection, rel=1e-4)
         tab.wait_until(lambda: _reached(_plot(tab)) == wanted)
         deflections, theory, _, level, *_ = _plot(tab)
         assert theory == pytest.approx(
-            [Cubic().force(DUCT, 25.4, x) for x in deflections], abs=2e-3
+            [Cubic().pull(DUCT, 25.4).to_deflection(x).force for x in deflections], abs=2e-3
         )
         assert level == pytest.approx([3.558577] * len(level), rel=1e-5)
 

@@ -163,8 +163,10 @@ def test_pull_ends_under_the_force_that_is_given() -> None:
     driving = dissection.driving
     at = int(np.argmin(np.abs(dissection.beam_stations - duct.order.grasp)))
     lift = pull.transforms[-1, at] @ np.append(driving.positions[at], 1.0) @ dissection.frame[:, 2]
-    pulled = duct.order.theory.under_force(
-        dissection.beam, duct.order.grasp, event.force, dissection.beam_stations
+    pulled = (
+        duct.order.theory.pull(dissection.beam, duct.order.grasp)
+        .to_force(event.force)
+        .sample(dissection.beam_stations)
     )
     assert lift == pytest.approx(pulled.across[at], rel=1e-9)
     assert not pull.transforms[0].any()

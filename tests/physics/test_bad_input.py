@@ -29,7 +29,7 @@ def test_poisson_ratio_has_a_range(value: float) -> None:
 @pytest.mark.parametrize("name", sorted(THEORIES))
 def test_grasp_lies_between_the_clamps(name: str, grasp: float) -> None:
     with pytest.raises(ValueError, match="grasp must"):
-        theory_named(name).under_force(DUCT, grasp, 1.0, MIDDLE)
+        theory_named(name).pull(DUCT, grasp).to_force(1.0).sample(MIDDLE)
 
 
 @pytest.mark.parametrize("load", [math.nan, math.inf, -math.inf])
@@ -37,23 +37,23 @@ def test_grasp_lies_between_the_clamps(name: str, grasp: float) -> None:
 def test_loads_are_finite(name: str, load: float) -> None:
     theory = theory_named(name)
     with pytest.raises(ValueError, match="force must be a finite number of N"):
-        theory.under_force(DUCT, 25.4, load, MIDDLE)
+        theory.pull(DUCT, 25.4).to_force(load).sample(MIDDLE)
     with pytest.raises(ValueError, match="deflection must be a finite number of mm"):
-        theory.under_deflection(DUCT, 25.4, load, MIDDLE)
+        theory.pull(DUCT, 25.4).to_deflection(load).sample(MIDDLE)
 
 
 def test_stations_lie_on_the_span() -> None:
     for stations in (np.array([-0.1]), np.array([50.9]), np.array([math.nan])):
         with pytest.raises(ValueError, match="stations must lie"):
-            Cubic().under_force(DUCT, 25.4, 1.0, stations)
+            Cubic().pull(DUCT, 25.4).to_force(1.0).sample(stations)
     with pytest.raises(ValueError, match="row"):
-        Cubic().under_force(DUCT, 25.4, 1.0, np.zeros((2, 2)))
+        Cubic().pull(DUCT, 25.4).to_force(1.0).sample(np.zeros((2, 2)))
 
 
 def test_inputs_stay_and_results_are_locked() -> None:
     stations = np.linspace(0.0, 50.8, 5)
     before = stations.copy()
-    pulled = Cubic().under_force(DUCT, 25.4, 1.0, stations)
+    pulled = Cubic().pull(DUCT, 25.4).to_force(1.0).sample(stations)
     assert np.array_equal(stations, before)
     assert stations.flags.writeable
     with pytest.raises(ValueError, match="read-only"):
@@ -63,7 +63,7 @@ def test_inputs_stay_and_results_are_locked() -> None:
 @pytest.mark.parametrize("threshold", [0.0, -1.0, math.nan])
 def test_threshold_is_above_zero(threshold: float) -> None:
     with pytest.raises(ValueError, match="threshold must be above 0 MPa"):
-        check_rupture(Cubic().under_force(DUCT, 25.4, 1.0, MIDDLE), threshold)
+        check_rupture(Cubic().pull(DUCT, 25.4).to_force(1.0).sample(MIDDLE), threshold)
 
 
 def test_unknown_theory_names_those_there_are() -> None:

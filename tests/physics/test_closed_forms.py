@@ -42,7 +42,7 @@ def test_cubic_force_balances_the_energy_of_its_own_shape(
     theory = Cubic(q=q)
 
     def sampled(x: np.ndarray):
-        return theory.under_deflection(beam, grasp, deflection, x)
+        return theory.pull(beam, grasp).to_deflection(deflection).sample(x)
 
     sides = ((0.0, grasp), (grasp, beam.span))
     bending = sum(gauss(lambda x: sampled(x).moment ** 2, *side) for side in sides) / (
@@ -51,7 +51,9 @@ def test_cubic_force_balances_the_energy_of_its_own_shape(
     stretch = sum(gauss(lambda x: 0.5 * np.tan(sampled(x).rotation) ** 2, *side) for side in sides)
     tension = beam.modulus * beam.area * stretch / beam.span
     force = 2.0 * (bending + q * tension * stretch) / deflection
-    assert theory.force(beam, grasp, deflection) == pytest.approx(force, rel=1e-10)
+    assert theory.pull(beam, grasp).to_deflection(deflection).force == pytest.approx(
+        force, rel=1e-10
+    )
     pulled = sampled(np.array([0.3 * beam.span]))
     assert pulled.normal_force[0] == pytest.approx(tension, rel=1e-10)
 
@@ -67,7 +69,12 @@ def test_cubic_axis_moment_and_slope_belong_together(
     for x in (0.21 * beam.span, 0.83 * beam.span):
         if abs(x - grasp) < 2.0 * step:
             continue
-        near = Cubic().under_deflection(beam, grasp, deflection, x + step * np.arange(-1.0, 2.0))
+        near = (
+            Cubic()
+            .pull(beam, grasp)
+            .to_deflection(deflection)
+            .sample(x + step * np.arange(-1.0, 2.0))
+        )
         slope = (near.across[2] - near.across[0]) / (2.0 * step)
         curvature = (near.across[2] - 2.0 * near.across[1] + near.across[0]) / step**2
         scale = deflection / min(grasp, beam.span - grasp)
@@ -85,7 +92,7 @@ def test_cubic_shear_and_energy_are_those_of_its_shape(
     """Shear is the slope of the moment and jumps by k1 delta; energy by (5.18) and stretching."""
     grasp, deflection = fraction * beam.span, relative * beam.span
     x = np.array([0.0, grasp, np.nextafter(grasp, np.inf), beam.span])
-    pulled = Cubic().under_deflection(beam, grasp, deflection, x)
+    pulled = Cubic().pull(beam, grasp).to_deflection(deflection).sample(x)
     slopes = np.diff(pulled.moment)[[0, 2]] / [grasp, beam.span - grasp]
     assert pulled.shear_force == pytest.approx(np.repeat(slopes, 2), rel=1e-9)
     k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
@@ -107,11 +114,13 @@ def test_string_force_is_the_slope_of_its_energy(
 
     # The exact force integrated over the deflection is the stored energy.
     work = gauss(
-        np.vectorize(lambda d: TautString().force(beam, grasp, d)), 0.5 * deflection, deflection
+        np.vectorize(lambda d: TautString().pull(beam, grasp).to_deflection(d).force),
+        0.5 * deflection,
+        deflection,
     )
     stored = energy(deflection) - energy(0.5 * deflection)
     at = np.array([grasp])
-    pulled = TautString().under_deflection(beam, grasp, deflection, at)
+    pulled = TautString().pull(beam, grasp).to_deflection(deflection).sample(at)
     assert not pulled.shear_force.any()
     scale = 1e-12 * beam.modulus * beam.area * beam.span
     assert pulled.strain_energy == pytest.approx(energy(deflection), rel=1e-6, abs=scale)
@@ -125,8 +134,8 @@ def test_force_and_back(beam: Beam, fraction: float, relative: float, name: str)
     assume(within_reach(name, beam, relative))
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
     at = np.array([grasp])
-    force = theory.under_deflection(beam, grasp, there, at).force
-    back = theory.under_force(beam, grasp, force, at)
+    force = theory.pull(beam, grasp).to_deflection(there).sample(at).force
+    back = theory.pull(beam, grasp).to_force(force).sample(at)
     assert back.deflection == pytest.approx(there, rel=ROUND_TRIP[name])
     assert back.across[0] == pytest.approx(there, rel=ROUND_TRIP[name])
 
@@ -140,11 +149,13 @@ def test_mirrored_and_reversed_pulls(
     theory, grasp, there = theory_named(name), fraction * beam.span, relative * beam.span
     rel = SYMMETRY[name]
     x = np.linspace(0.0, beam.span, 17)
-    pulled = theory.under_deflection(beam, grasp, there, x)
-    mirror = theory.under_deflection(
-        beam, beam.span - grasp, there, np.clip(beam.span - x, 0, None)
+    pulled = theory.pull(beam, grasp).to_deflection(there).sample(x)
+    mirror = (
+        theory.pull(beam, beam.span - grasp)
+        .to_deflection(there)
+        .sample(np.clip(beam.span - x, 0, None))
     )
-    pushed = theory.under_deflection(beam, grasp, -there, x)
+    pushed = theory.pull(beam, grasp).to_deflection(-there).sample(x)
     assert mirror.force == pytest.approx(pulled.force, rel=rel)
     assert pushed.force == -pulled.force
     assert mirror.across == pytest.approx(pulled.across, rel=rel, abs=rel * there)
@@ -159,7 +170,7 @@ def test_mirrored_and_reversed_pulls(
 @pytest.mark.parametrize("grasp", [7.0, 25.4, 40.0])
 def test_axis_starts_and_ends_at_the_clamps_and_passes_the_grasp(name: str, grasp: float) -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
-    pulled = theory_named(name).under_force(beam, grasp, 3.0, np.array([0.0, grasp, 50.8]))
+    pulled = theory_named(name).pull(beam, grasp).to_force(3.0).sample(np.array([0.0, grasp, 50.8]))
     # A beam that can stretch unevenly slides along the line between the clamps at the grasp.
     slide = 0.02 * 50.8 if name in SLIDING and grasp != 25.4 else 1e-9
     assert pulled.along == pytest.approx([0.0, grasp, 50.8], rel=0.0, abs=slide)
@@ -175,21 +186,28 @@ def test_central_grasp_is_the_thesis() -> None:
     ei, ea = beam.modulus * beam.second_moment, beam.modulus * beam.area
     cubic = 12.0 * ei * delta / half**3 + 0.72 * q * ea * delta**3 / half**3
     string = ea / half * delta * (1.0 - half / math.hypot(half, delta))
-    assert Cubic(q=q).force(beam, half, delta) == pytest.approx(2.0 * cubic, rel=ROUNDING)
-    assert TautString().force(beam, half, delta) == pytest.approx(2.0 * string, rel=ROUNDING)
+    assert Cubic(q=q).pull(beam, half).to_deflection(delta).force == pytest.approx(
+        2.0 * cubic, rel=ROUNDING
+    )
+    assert TautString().pull(beam, half).to_deflection(delta).force == pytest.approx(
+        2.0 * string, rel=ROUNDING
+    )
 
 
 def test_cubic_is_the_linear_clamped_beam_at_small_load() -> None:
     """Delta = F a^3 b^3 / (3 E I S^3), any handbook of beams."""
     beam = Beam.round(span=60.0, diameter=3.0, modulus=2.0)
     linear = 1e-9 * 15.0**3 * 45.0**3 / (3.0 * beam.modulus * beam.second_moment * 60.0**3)
-    assert Cubic().deflection(beam, 15.0, 1e-9) == pytest.approx(linear, rel=ROUNDING)
+    assert Cubic().pull(beam, 15.0).to_force(1e-9).deflection == pytest.approx(linear, rel=ROUNDING)
 
 
 def test_string_s_sections_stand_in_the_clamps_and_follow_the_lines() -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
-    pulled = TautString().under_deflection(
-        beam, 20.0, 10.0, np.array([0.0, 1.0, 10.0, 20.0, 35.0, 50.8])
+    pulled = (
+        TautString()
+        .pull(beam, 20.0)
+        .to_deflection(10.0)
+        .sample(np.array([0.0, 1.0, 10.0, 20.0, 35.0, 50.8]))
     )
     lines = math.atan2(10.0, 20.0), -math.atan2(10.0, 30.8)
     assert pulled.rotation[[0, 5]] == pytest.approx([0.0, 0.0], abs=1e-15)
@@ -202,7 +220,7 @@ def test_force_of_nothing_bends_nothing() -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
     for name in TESTED:
         rest: Theory = theory_named(name)
-        pulled = rest.under_force(beam, 20.0, 0.0, np.linspace(0.0, 50.8, 9))
+        pulled = rest.pull(beam, 20.0).to_force(0.0).sample(np.linspace(0.0, 50.8, 9))
         assert not pulled.across.any()
         assert not pulled.rotation.any()
         assert not pulled.total_stress.any()

@@ -36,7 +36,7 @@ def test_array_is_the_closed_form_force_by_force(
     row = np.array(forces, dtype=np.float64)
     before = row.copy()
     got = cubic.deflections(beam, grasp, row)
-    want = [cubic.deflection(beam, grasp, force) for force in forces]
+    want = [cubic.pull(beam, grasp).to_force(force).deflection for force in forces]
     assert got == pytest.approx(np.array(want), rel=ROUNDING, abs=0.0)
     assert got.dtype == np.float64
     assert (row == before).all()
@@ -91,7 +91,7 @@ def test_out_is_filled_and_returned() -> None:
 def test_fitted_q_goes_force_by_force() -> None:
     forces = np.array([-3.0, 0.0, 1e-6, 0.5, 3.5])
     cubic = Cubic(q="fitted")
-    want = [cubic.deflection(DUCT, 20.0, force) for force in forces.tolist()]
+    want = [cubic.pull(DUCT, 20.0).to_force(force).deflection for force in forces.tolist()]
     assert cubic.deflections(DUCT, 20.0, forces).tolist() == want
     assert cubic.deflections(DUCT, 20.0, np.empty(0)).shape == (0,)
 

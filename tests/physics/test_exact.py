@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.exact_sweep import random_case, sweep
-from physics import Beam, BeyondLaw, Exact, ExactSolver, TautString, VaryingBeam
+from physics import Beam, BeyondLaw, Exact, TautString, VaryingBeam
 from physics import exact_kernels as kernels
 from physics.section import Ring
 
@@ -55,13 +55,15 @@ def test_small_load_is_the_handbook_beam(theory: Exact, grasp: float, beam: Beam
     linear = (m * a**2 / 2.0 + r * a**3 / 6.0) / ei
     linear = abs(linear) + abs(r) * a * shear
     force = 1e-5
-    assert theory.deflection(beam, grasp, force) == pytest.approx(force * linear, rel=1e-6)
+    assert theory.pull(beam, grasp).to_force(force).deflection == pytest.approx(
+        force * linear, rel=1e-6
+    )
 
 
 def test_thin_and_far_is_the_string() -> None:
     thin = Beam.round(span=100.0, diameter=0.05, modulus=10.0)
-    string = TautString().force(thin, 50.0, 60.0)
-    assert Exact().force(thin, 50.0, 60.0) == pytest.approx(string, rel=2e-3)
+    string = TautString().pull(thin, 50.0).to_deflection(60.0).force
+    assert Exact().pull(thin, 50.0).to_deflection(60.0).force == pytest.approx(string, rel=2e-3)
 
 
 def test_thin_and_far_neo_hooke_is_the_bar_in_tension() -> None:
@@ -78,15 +80,17 @@ def test_thin_and_far_neo_hooke_is_the_bar_in_tension() -> None:
     tension = thin.area * g * (stretch / low**2 - low / stretch**2)
     force = 2.0 * tension * deflection / length
     theory = Exact(shear=True, law="neo-hooke")
-    assert theory.force(thin, 50.0, deflection) == pytest.approx(force, rel=0.02)
+    assert theory.pull(thin, 50.0).to_deflection(deflection).force == pytest.approx(force, rel=0.02)
 
 
 @grasps
 def test_shear_fades_as_its_stiffness_grows(grasp: float) -> None:
     rigid = replace(VaryingBeam.of(DUCT), shear_areas=np.full(2, 1e9 * DUCT.area))
-    unsheared = Exact().deflection(DUCT, grasp, PULL)
-    assert Exact(shear=True).deflection(rigid, grasp, PULL) == pytest.approx(unsheared, rel=1e-7)
-    assert Exact(shear=True).deflection(DUCT, grasp, PULL) > 1.05 * unsheared
+    unsheared = Exact().pull(DUCT, grasp).to_force(PULL).deflection
+    assert Exact(shear=True).pull(rigid, grasp).to_force(PULL).deflection == pytest.approx(
+        unsheared, rel=1e-7
+    )
+    assert Exact(shear=True).pull(DUCT, grasp).to_force(PULL).deflection > 1.05 * unsheared
 
 
 @grasps
@@ -94,24 +98,24 @@ def test_shear_fades_as_its_stiffness_grows(grasp: float) -> None:
 @pytest.mark.parametrize("beam", [DUCT, PIPE], ids=["solid", "hollow"])
 def test_force_is_the_slope_of_the_energy(beam: Beam, theory: Exact, grasp: float) -> None:
     """The discrete equations are the derivatives of the discrete energy: to rounding."""
-    solver = theory.solver(beam, grasp)
+    solver = theory.pull(beam, grasp)
     at, step = np.array([grasp]), 1e-4
     for deflection in (2.0, 12.0, 20.0):
         energies: list[float] = []
         for side in (-2.0, -1.0, 1.0, 2.0):
-            solver.solve_deflection(deflection + side * step * deflection)
+            solver.to_deflection(deflection + side * step * deflection)
             energies.append(solver.sample(at).strain_energy)
         slope = (energies[0] - 8.0 * energies[1] + 8.0 * energies[2] - energies[3]) / (
             12.0 * step * deflection
         )
-        assert slope == pytest.approx(solver.solve_deflection(deflection), rel=1e-8)
+        assert slope == pytest.approx(solver.to_deflection(deflection).force, rel=1e-8)
 
 
 @grasps
 @every
 def test_forces_and_moments_balance(theory: Exact, grasp: float) -> None:
     stations = np.linspace(0.0, DUCT.span, 41)
-    pulled = theory.under_force(DUCT, grasp, PULL, stations)
+    pulled = theory.pull(DUCT, grasp).to_force(PULL).sample(stations)
     cos, sin = np.cos(pulled.rotation), np.sin(pulled.rotation)
     along = pulled.normal_force * cos + pulled.shear_force * sin
     across = pulled.normal_force * sin - pulled.shear_force * cos
@@ -130,7 +134,7 @@ def test_forces_and_moments_balance(theory: Exact, grasp: float) -> None:
 @every
 def test_shear_force_is_the_slope_of_the_moment_at_small_load(theory: Exact) -> None:
     x = np.array([4.0, 5.0, 6.0, 20.0, 30.0, 31.0, 32.0])
-    pulled = theory.under_force(DUCT, 15.0, 1e-4, x)
+    pulled = theory.pull(DUCT, 15.0).to_force(1e-4).sample(x)
     for i in (1, 5):
         slope = (pulled.moment[i + 1] - pulled.moment[i - 1]) / 2.0
         assert pulled.shear_force[i] == pytest.approx(slope, rel=1e-4)
@@ -142,7 +146,7 @@ def test_axis_moment_and_curvature_belong_together(theory: Exact) -> None:
     """M = E I theta' for the linear law, by differences over a fine mesh."""
     fine = replace(theory, intervals=400)
     x = 20.0 + 1e-2 * np.arange(-1.0, 2.0)
-    pulled = fine.under_force(DUCT, 15.0, PULL, x)
+    pulled = fine.pull(DUCT, 15.0).to_force(PULL).sample(x)
     curvature = (pulled.rotation[2] - pulled.rotation[0]) / 2e-2
     ratio = pulled.moment[1] / (DUCT.modulus * DUCT.second_moment * curvature)
     assert ratio == pytest.approx(1.0, rel=0.25 if theory.law == "neo-hooke" else 1e-4)
@@ -158,9 +162,9 @@ def test_axis_moment_and_curvature_belong_together(theory: Exact) -> None:
 @every
 def test_reversed_pull_and_mirrored_grasp(theory: Exact, grasp: float) -> None:
     x = np.linspace(0.0, DUCT.span, 9)
-    pulled = theory.under_force(DUCT, grasp, PULL, x)
-    pushed = theory.under_force(DUCT, grasp, -PULL, x)
-    mirror = theory.under_force(DUCT, DUCT.span - grasp, PULL, DUCT.span - x)
+    pulled = theory.pull(DUCT, grasp).to_force(PULL).sample(x)
+    pushed = theory.pull(DUCT, grasp).to_force(-PULL).sample(x)
+    mirror = theory.pull(DUCT, DUCT.span - grasp).to_force(PULL).sample(DUCT.span - x)
     assert np.array_equal(pushed.across, -pulled.across)
     assert np.array_equal(pushed.moment, -pulled.moment)
     assert np.array_equal(pushed.total_stress, pulled.total_stress)
@@ -174,8 +178,8 @@ def test_reversed_pull_and_mirrored_grasp(theory: Exact, grasp: float) -> None:
 @every
 def test_half_is_the_whole(theory: Exact) -> None:
     """A central grasp is solved by halves; one beside it, or an uneven beam, is not."""
-    half = theory.deflection(DUCT, 25.4, PULL)
-    beside = theory.deflection(DUCT, 25.4 * (1.0 + 1e-9), PULL)
+    half = theory.pull(DUCT, 25.4).to_force(PULL).deflection
+    beside = theory.pull(DUCT, 25.4 * (1.0 + 1e-9)).to_force(PULL).deflection
     assert beside == pytest.approx(half, rel=1e-8)
 
 
@@ -186,8 +190,8 @@ def test_varying_beam_with_constant_sections_is_the_constant_beam(
 ) -> None:
     x = np.linspace(0.0, 50.8, 7)
     for beam in (DUCT, PIPE):
-        constant = theory.under_force(beam, grasp, PULL, x)
-        varying = theory.under_force(VaryingBeam.of(beam, 5), grasp, PULL, x)
+        constant = theory.pull(beam, grasp).to_force(PULL).sample(x)
+        varying = theory.pull(VaryingBeam.of(beam, 5), grasp).to_force(PULL).sample(x)
         assert varying.across == pytest.approx(constant.across, rel=1e-11, abs=1e-11)
         assert varying.total_stress == pytest.approx(constant.total_stress, rel=1e-9)
 
@@ -210,14 +214,17 @@ def test_varying_beam_is_softer_where_it_is_thin_and_mirrors(theory: Exact) -> N
         fibre_distances=taper.fibre_distances[::-1],
     )
     x = np.linspace(0.0, 50.8, 6)
-    pulled = theory.under_force(taper, 20.0, 2.0, x)
-    mirror = theory.under_force(flipped, 30.8, 2.0, 50.8 - x)
+    pulled = theory.pull(taper, 20.0).to_force(2.0).sample(x)
+    mirror = theory.pull(flipped, 30.8).to_force(2.0).sample(50.8 - x)
     assert mirror.across == pytest.approx(pulled.across, rel=1e-9, abs=1e-9)
     assert mirror.total_stress == pytest.approx(pulled.total_stress, rel=1e-6)
-    central = theory.under_force(taper, 25.4, 2.0, x)
+    central = theory.pull(taper, 25.4).to_force(2.0).sample(x)
     assert central.total_stress[-1] > central.total_stress[0]
     thick, thin = (Beam.round(span=50.8, diameter=d, modulus=DUCT.modulus) for d in (8.89, 5.89))
-    low, high = theory.deflection(thick, 25.4, 2.0), theory.deflection(thin, 25.4, 2.0)
+    low, high = (
+        theory.pull(thick, 25.4).to_force(2.0).deflection,
+        theory.pull(thin, 25.4).to_force(2.0).deflection,
+    )
     assert low < central.deflection < high
 
 
@@ -235,7 +242,7 @@ def test_varying_stiffness_is_integrated() -> None:
     flexibility = np.where(x < 10.0, 5.0, 10.0) / 100.0
     m = -np.sum(flexibility * x / 2.0) / np.sum(flexibility)
     deflection = float(np.sum((m + x / 2.0) * x * flexibility) * 1e-4)
-    exact = Exact(intervals=400).deflection(step, 20.0, 1e-7)
+    exact = Exact(intervals=400).pull(step, 20.0).to_force(1e-7).deflection
     assert exact == pytest.approx(1e-7 * deflection, rel=2e-3)
 
 
@@ -244,14 +251,16 @@ def test_warm_is_cold(theory: Exact) -> None:
     """A solver led through a walk of loads ends where one from rest ends."""
     generator = np.random.default_rng(5)
     for grasp in (25.4, 11.0):
-        solver = theory.solver(DUCT, grasp)
+        solver = theory.pull(DUCT, grasp)
         load = 1.0
         for _ in range(60):
             load *= 1.0 + generator.uniform(-0.7, 0.9)
             load = min(max(load, 1e-4), 8.0) * (-1.0 if generator.random() < 0.1 else 1.0)
-            warm = solver.solve_force(load)
-            assert warm == pytest.approx(theory.deflection(DUCT, grasp, load), rel=1e-9)
-            assert solver.solve_deflection(warm) == pytest.approx(load, rel=1e-9)
+            warm = solver.to_force(load).deflection
+            assert warm == pytest.approx(
+                theory.pull(DUCT, grasp).to_force(load).deflection, rel=1e-9
+            )
+            assert solver.to_deflection(warm).force == pytest.approx(load, rel=1e-9)
             load = abs(load)
 
 
@@ -261,14 +270,18 @@ def test_warm_is_cold(theory: Exact) -> None:
 def test_any_cold_solve_and_back(theory: Exact, seed: int) -> None:
     generator = np.random.default_rng(seed)
     beam, grasp, deflection = random_case(generator, neo_hooke=theory.law == "neo-hooke")
-    pulled = theory.under_deflection(beam, grasp, deflection, np.array([0.0, grasp, beam.span]))
+    pulled = (
+        theory.pull(beam, grasp).to_deflection(deflection).sample(np.array([0.0, grasp, beam.span]))
+    )
     for name in ("along", "across", "rotation", "normal_force", "moment", "total_stress"):
         assert np.all(np.isfinite(getattr(pulled, name)))
     assert pulled.force * deflection > 0.0
     assert pulled.strain_energy > 0.0
     assert pulled.across[1] == pytest.approx(deflection, rel=1e-9)
     assert pulled.along[2] == pytest.approx(beam.span, rel=1e-12)
-    assert theory.deflection(beam, grasp, pulled.force) == pytest.approx(deflection, rel=1e-9)
+    assert theory.pull(beam, grasp).to_force(pulled.force).deflection == pytest.approx(
+        deflection, rel=1e-9
+    )
 
 
 @every
@@ -287,9 +300,9 @@ def test_what_a_law_cannot_carry_is_named() -> None:
         modulus=1.0,
         poisson_ratio=0.48,
     )
-    solver = Exact(shear=True, law="neo-hooke").solver(tube, 1.1)
+    solver = Exact(shear=True, law="neo-hooke").pull(tube, 1.1)
     with pytest.raises(BeyondLaw, match="neo-hooke law must carry a deflection of 3 mm") as it:
-        solver.solve_deflection(3.0)
+        solver.to_deflection(3.0)
     assert isinstance(it.value, ValueError)
     assert it.value.reason == "gives way"
     assert 1.2 < it.value.deflection < 1.6
@@ -297,9 +310,9 @@ def test_what_a_law_cannot_carry_is_named() -> None:
     # The beam is at rest, and the last equilibrium is one.
     assert solver.force == solver.deflection == 0.0
     before = 0.999 * it.value.deflection
-    assert solver.solve_deflection(before) == pytest.approx(it.value.force, rel=0.01)
+    assert solver.to_deflection(before).force == pytest.approx(it.value.force, rel=0.01)
     with pytest.raises(BeyondLaw, match="beyond a deflection of 1000 spans") as it:
-        Exact(shear=True).deflection(DUCT, 25.4, 1e6)
+        Exact(shear=True).pull(DUCT, 25.4).to_force(1e6)
     assert it.value.reason == "out of reach"
 
 
@@ -343,14 +356,14 @@ def test_varying_beam_copies_and_locks_its_rows() -> None:
     with pytest.raises(ValueError, match="read-only"):
         beam.areas[0] = 3.0
     with pytest.raises(ValueError, match="grasp must"):
-        Exact().deflection(beam, 60.0, 1.0)
+        Exact().pull(beam, 60.0).to_force(1.0)
 
 
 def test_rest_is_rest() -> None:
     for theory in THEORIES.values():
-        solver = ExactSolver(DUCT, 20.0, shear=theory.shear, law=theory.law)
-        solver.solve_force(2.0)
-        assert solver.solve_force(0.0) == 0.0
+        solver = theory.pull(DUCT, 20.0)
+        solver.to_force(2.0)
+        assert solver.to_force(0.0).deflection == 0.0
         pulled = solver.sample(np.linspace(0.0, DUCT.span, 5))
         assert not pulled.across.any()
         assert not pulled.total_stress.any()
@@ -378,8 +391,8 @@ def numbers(*values: Any) -> list[np.ndarray]:
 @every
 @grasps
 def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
-    solver = replace(theory, intervals=8).solver(DUCT, grasp)
-    solver.solve_force(2.0)
+    solver = replace(theory, intervals=8).pull(DUCT, grasp)
+    solver.to_force(2.0)
     state, law, part = solver._state, solver._law, solver._part
     _, _, points, fibres, _ = state
     bounds, x = solver._bounds, np.linspace(0.0, float(solver._bounds[-1]), 5)

@@ -35,7 +35,7 @@ def worst(theory: Exact, beam: Beam, curve: Curve, off_centre: bool) -> float:
     """Largest relative difference of the deflections."""
     grasp, halves = (0.6, 1.0) if off_centre else (1.0, 2.0)
     return max(
-        abs(theory.deflection(beam, grasp, halves * force) / deflection - 1.0)
+        abs(theory.pull(beam, grasp).to_force(halves * force).deflection / deflection - 1.0)
         for force, deflection in curve.items()
     )
 
@@ -82,7 +82,7 @@ def test_error_falls_with_the_fourth_power(case: str, grasp: float, theory: Exac
 
     def deflection(intervals: int) -> float:
         exact = Exact(shear=theory.shear, law=theory.law, intervals=intervals)
-        return exact.deflection(duct(case), grasp, force)
+        return exact.pull(duct(case), grasp).to_force(force).deflection
 
     counts = np.array([24, 48, 96])
     errors = [abs(deflection(int(count)) - deflection(768)) for count in counts]

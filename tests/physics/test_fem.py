@@ -11,7 +11,7 @@ from physics import (
     Cubic,
     Fem,
     NoEquilibrium,
-    break_event,
+    break_of,
     check_rupture,
     corotational,
     critical_stations,
@@ -40,9 +40,9 @@ deflections = st.floats(1e-4, 1.0)
 def test_every_row_of_ansys(table: Table, largest: float) -> None:
     beam = Beam.round(span=2.0 * table.half_span, diameter=table.diameter, modulus=table.modulus)
     for force, _, ansys in table.rows:
-        deflection = Fem().deflection(beam, table.half_span, 2.0 * force)
+        deflection = Fem().pull(beam, table.half_span).to_force(2.0 * force).deflection
         assert 100.0 * abs(deflection / ansys - 1.0) < largest, force
-        back = Fem().force(beam, table.half_span, deflection)
+        back = Fem().pull(beam, table.half_span).to_deflection(deflection).force
         assert back == pytest.approx(2.0 * force, rel=1e-9)
 
 
@@ -50,7 +50,7 @@ def test_energetic_elements_are_softer_at_large_pulls_only() -> None:
     """The geometrically exact beam lies up to 3.5 % above ANSYS's column of table 6.3."""
     beam = Beam.round(span=2.0, diameter=0.35, modulus=45.0)
     above = [
-        100.0 * (Fem(energetic=True).deflection(beam, 1.0, 2.0 * force) / ansys - 1.0)
+        100.0 * (Fem(energetic=True).pull(beam, 1.0).to_force(2.0 * force).deflection / ansys - 1.0)
         for force, _, ansys in TABLE_6_3.rows
     ]
     assert above[0] == pytest.approx(0.0, abs=0.05)
@@ -61,8 +61,8 @@ def test_energetic_elements_are_softer_at_large_pulls_only() -> None:
 def test_small_pulls_are_those_of_the_linear_clamped_beam(grasp: float) -> None:
     """Cubic elements bend exactly as the linear beam does: deflection, moment, shear, energy."""
     small = 1e-7
-    fem = Fem(elements=3).under_deflection(DUCT, grasp, small, EVERYWHERE)
-    linear = Cubic(q=0.0).under_deflection(DUCT, grasp, small, EVERYWHERE)
+    fem = Fem(elements=3).pull(DUCT, grasp).to_deflection(small).sample(EVERYWHERE)
+    linear = Cubic(q=0.0).pull(DUCT, grasp).to_deflection(small).sample(EVERYWHERE)
     assert fem.force == pytest.approx(linear.force, rel=1e-9)
     assert fem.across == pytest.approx(linear.across, rel=1e-9, abs=1e-9 * small)
     assert fem.rotation == pytest.approx(linear.rotation, rel=1e-9, abs=1e-9 * small)
@@ -76,7 +76,7 @@ def test_thin_beam_pulled_far_is_nearly_the_string() -> None:
     beam = Beam.round(span=100.0, diameter=0.05, modulus=1.0)
     half, delta = 50.0, 20.0
     taut = 2.0 * beam.area * (np.hypot(half, delta) / half - 1.0) * delta / np.hypot(half, delta)
-    assert Fem().force(beam, half, delta) == pytest.approx(taut, rel=3e-3)
+    assert Fem().pull(beam, half).to_deflection(delta).force == pytest.approx(taut, rel=3e-3)
 
 
 @settings(deadline=None, max_examples=30)
@@ -85,34 +85,37 @@ def test_energy_grows_by_force_times_deflection(
     beam: Beam, fraction: float, relative: float
 ) -> None:
     """DU = F d(delta), by central differences: what `energetic` stands for."""
-    grasp, delta, at = fraction * beam.span, relative * beam.span, np.empty(0)
+    grasp, delta, at = fraction * beam.span, relative * beam.span, np.zeros(1)
     step = 1e-4 * delta
     theory = Fem(energetic=True)
     energies = [
-        theory.under_deflection(beam, grasp, delta + d, at).strain_energy for d in (-step, step)
+        theory.pull(beam, grasp).to_deflection(delta + d).sample(at).strain_energy
+        for d in (-step, step)
     ]
     slope = (energies[1] - energies[0]) / (2.0 * step)
-    assert slope == pytest.approx(theory.force(beam, grasp, delta), rel=1e-6)
+    assert slope == pytest.approx(theory.pull(beam, grasp).to_deflection(delta).force, rel=1e-6)
 
 
 def test_the_references_elements_give_away_some_energy() -> None:
     """(M1 + M2) / L0 is no derivative: at the break of figure 6.28 4.2 % of the force are lost."""
-    nowhere = np.empty(0)
+    clamp = np.zeros(1)
 
     def slope_over_force(delta: float) -> float:
-        ends = (Fem().under_deflection(DUCT, 25.4, delta + d, nowhere) for d in (-1e-3, 1e-3))
+        ends = (
+            Fem().pull(DUCT, 25.4).to_deflection(delta + d).sample(clamp) for d in (-1e-3, 1e-3)
+        )
         low, high = (end.strain_energy for end in ends)
-        return (high - low) / 2e-3 / Fem().force(DUCT, 25.4, delta)
+        return (high - low) / 2e-3 / Fem().pull(DUCT, 25.4).to_deflection(delta).force
 
     assert slope_over_force(0.1) == pytest.approx(1.0, abs=1e-4)
-    broken = Fem().deflection(DUCT, 25.4, 0.8 * LBF)
+    broken = Fem().pull(DUCT, 25.4).to_force(0.8 * LBF).deflection
     assert slope_over_force(broken) == pytest.approx(0.9577, abs=1e-4)
 
 
 def test_stresses_at_the_break_are_those_of_the_exact_beam() -> None:
     """4.1 + 25.6 psi at P = 0.4 lbf of table 6.3, from a converged geometrically exact beam."""
     stations = critical_stations(DUCT, 25.4)
-    pulled = Fem(energetic=True).under_force(DUCT, 25.4, 0.8 * LBF, stations)
+    pulled = Fem(energetic=True).pull(DUCT, 25.4).to_force(0.8 * LBF).sample(stations)
     check = check_rupture(pulled, 1.0)
     assert check.normal_stress / PSI == pytest.approx(4.1, abs=0.05)
     assert check.bending_stress / PSI == pytest.approx(25.6, abs=0.05)
@@ -134,7 +137,9 @@ def test_off_centre_pulls_are_those_of_another_program(force: float, deflection:
     """OpenSeesPy 3.8, 80 elasticBeamColumn elements, Corotational: table 6.3 pulled at 30 %."""
     beam = Beam.round(span=2.0, diameter=0.35, modulus=45.0)
     # Their elements are all as long, these are as many on either side.
-    assert Fem(energetic=True).deflection(beam, 0.6, force) == pytest.approx(deflection, rel=3e-4)
+    assert Fem(energetic=True).pull(beam, 0.6).to_force(force).deflection == pytest.approx(
+        deflection, rel=3e-4
+    )
 
 
 @settings(deadline=None, max_examples=50)
@@ -146,7 +151,9 @@ def test_the_two_sides_balance_the_pull(
     grasp, delta = fraction * beam.span, relative * beam.span
     far = 1.0 - fraction
     parts = np.array([0.0, 0.3 * fraction, 0.5 * fraction, 1.0 - 0.5 * far, 1.0 - 0.3 * far, 1.0])
-    pulled = Fem(energetic=energetic).under_deflection(beam, grasp, delta, parts * beam.span)
+    pulled = (
+        Fem(energetic=energetic).pull(beam, grasp).to_deflection(delta).sample(parts * beam.span)
+    )
     tension, turn = pulled.normal_force, pulled.rotation
     scale = np.abs(tension).max() + pulled.force
     along = tension[0]
@@ -163,7 +170,7 @@ def test_shear_is_the_slope_of_the_moment(beam: Beam, fraction: float, relative:
     grasp, delta = fraction * beam.span, relative * beam.span
     x = np.array([0.31, 0.3101]) * beam.span
     x = x if np.all(x < grasp) or np.all(x > grasp) else x + 0.4 * beam.span
-    pulled = Fem(elements=1).under_deflection(beam, grasp, delta, x)
+    pulled = Fem(elements=1).pull(beam, grasp).to_deflection(delta).sample(x)
     slope = np.diff(pulled.moment) / np.diff(x)
     scale = 1e-7 * np.abs(pulled.moment).max() / (x[1] - x[0])
     assert pulled.shear_force[:1] == pytest.approx(slope, rel=1e-9, abs=scale)
@@ -171,8 +178,8 @@ def test_shear_is_the_slope_of_the_moment(beam: Beam, fraction: float, relative:
 
 def test_a_grasp_slides_through_the_middle_without_a_jump() -> None:
     """Halves and the whole span are the same beam."""
-    middle = Fem().under_deflection(DUCT, 25.4, 12.0, EVERYWHERE)
-    beside = Fem().under_deflection(DUCT, 25.4 + 1e-9, 12.0, EVERYWHERE)
+    middle = Fem().pull(DUCT, 25.4).to_deflection(12.0).sample(EVERYWHERE)
+    beside = Fem().pull(DUCT, 25.4 + 1e-9).to_deflection(12.0).sample(EVERYWHERE)
     assert beside.force == pytest.approx(middle.force, rel=1e-8)
     assert beside.across == pytest.approx(middle.across, abs=1e-7)
     assert beside.along == pytest.approx(middle.along, abs=1e-7)
@@ -185,7 +192,7 @@ def test_a_grasp_slides_through_the_middle_without_a_jump() -> None:
 def test_more_elements_come_nearer_by_the_square() -> None:
     """The error falls by four when the elements are halved."""
     counts = (10, 20, 40, 320)
-    forces = [Fem(n, energetic=True).force(DUCT, 18.0, 12.0) for n in counts]
+    forces = [Fem(n, energetic=True).pull(DUCT, 18.0).to_deflection(12.0).force for n in counts]
     errors = np.abs(np.array(forces[:3]) - forces[3])
     assert errors[:2] / errors[1:] == pytest.approx([4.0, 4.0], rel=0.1)
 
@@ -193,9 +200,9 @@ def test_more_elements_come_nearer_by_the_square() -> None:
 def test_a_crushed_element_is_the_end_and_no_break() -> None:
     stout = Beam.round(span=5.0, diameter=5.0, modulus=1.0)
     with pytest.raises(NoEquilibrium, match=r"deflection must .* got 5 mm"):
-        Fem().force(stout, 2.5, 5.0)
-    assert break_event(Fem(), stout, 2.5, 1e4) is None
-    event = break_event(Fem(), stout, 2.5, 0.5)
+        Fem().pull(stout, 2.5).to_deflection(5.0)
+    assert break_of(Fem().pull(stout, 2.5), 1e4) is None
+    event = break_of(Fem().pull(stout, 2.5), 0.5)
     assert event is not None
     assert event.check.total_stress == pytest.approx(0.5, rel=1e-9)
 

@@ -79,7 +79,8 @@ def test_fit_finds_a_law_again() -> None:
 def test_errors_against_ansys(table: Table, largest: float, mean: float) -> None:
     beam = beam_of(table)
     errors = [
-        100.0 * abs(FITTED.deflection(beam, table.half_span, 2.0 * force) / ansys - 1.0)
+        100.0
+        * abs(FITTED.pull(beam, table.half_span).to_force(2.0 * force).deflection / ansys - 1.0)
         for force, _, ansys in table.rows
     ]
     assert max(errors) < largest
@@ -97,20 +98,29 @@ def test_off_centre_it_is_near_the_elements(part: float, largest: float) -> None
     length, _ = lengths(beam, grasp)
     for slope in (0.01, 0.05, 0.15, 0.3, 0.5):
         delta = slope * length
-        force = Fem().force(beam, grasp, delta)
-        assert 100.0 * abs(FITTED.deflection(beam, grasp, force) / delta - 1.0) < largest
+        force = Fem().pull(beam, grasp).to_deflection(delta).force
+        assert (
+            100.0 * abs(FITTED.pull(beam, grasp).to_force(force).deflection / delta - 1.0) < largest
+        )
 
 
 @settings(deadline=None)
 @given(beams, fractions, deflections)
 def test_force_to_deflection_to_force(beam: Beam, fraction: float, relative: float) -> None:
     grasp, delta = fraction * beam.span, relative * beam.span
-    force = FITTED.force(beam, grasp, delta)
-    assert FITTED.deflection(beam, grasp, force) == pytest.approx(delta, rel=1e-12)
-    assert FITTED.deflection(beam, grasp, -force) == -FITTED.deflection(beam, grasp, force)
-    back = FITTED.force(beam, grasp, FITTED.deflection(beam, grasp, force))
+    force = FITTED.pull(beam, grasp).to_deflection(delta).force
+    assert FITTED.pull(beam, grasp).to_force(force).deflection == pytest.approx(delta, rel=1e-12)
+    assert (
+        FITTED.pull(beam, grasp).to_force(-force).deflection
+        == -FITTED.pull(beam, grasp).to_force(force).deflection
+    )
+    back = (
+        FITTED.pull(beam, grasp)
+        .to_deflection(FITTED.pull(beam, grasp).to_force(force).deflection)
+        .force
+    )
     assert back == pytest.approx(force, rel=1e-12)
-    assert FITTED.deflection(beam, grasp, 0.0) == 0.0
+    assert FITTED.pull(beam, grasp).to_force(0.0).deflection == 0.0
 
 
 @settings(deadline=None)
@@ -125,24 +135,29 @@ def test_force_grows_and_power_is_the_derivative(
     low, high = (FITTED_Q.at(beam, grasp, delta * factor)[0] for factor in (1 - 1e-4, 1 + 1e-4))
     power = math.log(high / low) / math.log((1 + 1e-4) / (1 - 1e-4))
     assert FITTED_Q.at(beam, grasp, delta)[1] == pytest.approx(power, abs=1e-5)
-    assert FITTED.force(beam, grasp, 1.001 * delta) > FITTED.force(beam, grasp, delta)
+    assert (
+        FITTED.pull(beam, grasp).to_deflection(1.001 * delta).force
+        > FITTED.pull(beam, grasp).to_deflection(delta).force
+    )
     assert FITTED_Q.at(beam, grasp, -delta) == FITTED_Q.at(beam, grasp, delta)
 
 
 def test_limits_are_the_slender_cubic_and_the_string() -> None:
     thread = Beam.round(span=100.0, diameter=1e-3, modulus=1.0)
     assert FITTED_Q.at(thread, 50.0, 1e-7)[0] == pytest.approx(1.0, rel=1e-6)
-    taut = TautString().force(thread, 50.0, 40.0)
-    assert FITTED.force(thread, 50.0, 40.0) == pytest.approx(taut, rel=1e-4)
+    taut = TautString().pull(thread, 50.0).to_deflection(40.0).force
+    assert FITTED.pull(thread, 50.0).to_deflection(40.0).force == pytest.approx(taut, rel=1e-4)
 
 
 def test_a_number_for_q_is_that_number_at_any_deflection() -> None:
     beam = beam_of(TABLE_6_3)
     assert Cubic(q=0.5).stiffness(beam, 0.8, 0.3) == Cubic(q=0.5).stiffness(beam, 0.8)
     assert theory_named("cubic", q="fitted") == FITTED
-    pulled = FITTED.under_force(beam, 0.8, 0.6, np.array([0.8]))
+    pulled = FITTED.pull(beam, 0.8).to_force(0.6).sample(np.array([0.8]))
     assert pulled.across[0] == pytest.approx(pulled.deflection, rel=1e-12)
-    assert FITTED.force(beam, 0.8, pulled.deflection) == pytest.approx(0.6, rel=1e-12)
+    assert FITTED.pull(beam, 0.8).to_deflection(pulled.deflection).force == pytest.approx(
+        0.6, rel=1e-12
+    )
 
 
 def test_what_is_no_law_is_named() -> None:

@@ -30,14 +30,16 @@ EVERYWHERE = np.linspace(0.0, 50.8, 41)
 def test_settled_against_ansys(table: Table, largest: float) -> None:
     beam = Beam.round(span=2.0 * table.half_span, diameter=table.diameter, modulus=table.modulus)
     for force, _, ansys in table.rows:
-        deflection = MassSpring().deflection(beam, table.half_span, 2.0 * force)
+        deflection = MassSpring().pull(beam, table.half_span).to_force(2.0 * force).deflection
         assert 100.0 * abs(deflection / ansys - 1.0) < largest, force
 
 
 @pytest.mark.parametrize("grasp", [25.4, 15.24])
 def test_more_masses_come_nearer_to_the_exact_beam_by_the_square(grasp: float) -> None:
-    exact = Fem(160, energetic=True).force(DUCT, grasp, 10.0)
-    forces = np.array([MassSpring(n).force(DUCT, grasp, 10.0) for n in (21, 41, 81)])
+    exact = Fem(160, energetic=True).pull(DUCT, grasp).to_deflection(10.0).force
+    forces = np.array(
+        [MassSpring(n).pull(DUCT, grasp).to_deflection(10.0).force for n in (21, 41, 81)]
+    )
     errors = np.abs(forces - exact)
     assert errors[:2] / errors[1:] == pytest.approx([4.0, 4.0], rel=0.1)
 
@@ -47,8 +49,8 @@ def test_what_it_carries_is_what_the_elements_carry() -> None:
     for grasp in (25.4, 15.24):
         # Away from the grasp, where the shear jumps.
         at = EVERYWHERE[np.abs(EVERYWHERE - grasp) > 1.0]
-        chain = MassSpring().under_deflection(DUCT, grasp, 8.0, at)
-        fem = Fem(energetic=True).under_deflection(DUCT, grasp, 8.0, at)
+        chain = MassSpring().pull(DUCT, grasp).to_deflection(8.0).sample(at)
+        fem = Fem(energetic=True).pull(DUCT, grasp).to_deflection(8.0).sample(at)
         assert chain.force == pytest.approx(fem.force, rel=0.02)
         assert chain.strain_energy == pytest.approx(fem.strain_energy, rel=0.02)
         for name in ("along", "across", "rotation", "normal_force", "moment"):
@@ -59,7 +61,7 @@ def test_what_it_carries_is_what_the_elements_carry() -> None:
 
 def test_shear_is_the_slope_of_the_moment() -> None:
     within_a_segment = np.array([11.9, 12.1])
-    chain = MassSpring().under_deflection(DUCT, 25.4, 8.0, within_a_segment)
+    chain = MassSpring().pull(DUCT, 25.4).to_deflection(8.0).sample(within_a_segment)
     slope = np.diff(chain.moment) / 0.2
     assert chain.shear_force == pytest.approx(np.repeat(slope, 2), rel=1e-9)
 
@@ -68,12 +70,12 @@ def test_shear_is_the_slope_of_the_moment() -> None:
 @given(st.floats(0.1, 0.9), st.floats(0.01, 0.3))
 def test_energy_grows_by_force_times_deflection(fraction: float, relative: float) -> None:
     grasp, delta = fraction * 50.8, relative * 50.8
-    step, nowhere = 1e-3 * delta, np.empty(0)
+    step, clamp = 1e-3 * delta, np.zeros(1)
     low, high = (
-        MassSpring().under_deflection(DUCT, grasp, delta + d, nowhere).strain_energy
+        MassSpring().pull(DUCT, grasp).to_deflection(delta + d).sample(clamp).strain_energy
         for d in (-step, step)
     )
-    force = MassSpring().force(DUCT, grasp, delta)
+    force = MassSpring().pull(DUCT, grasp).to_deflection(delta).force
     assert (high - low) / (2.0 * step) == pytest.approx(force, rel=1e-4)
 
 
@@ -216,7 +218,7 @@ def test_a_held_grasp_is_led_and_then_let_go() -> None:
     assert chain.force > 0.0
     chain.settle()
     held = chain.force
-    assert held == pytest.approx(MassSpring(21).force(DUCT, 20.0, 6.0), rel=1e-6)
+    assert held == pytest.approx(MassSpring(21).pull(DUCT, 20.0).to_deflection(6.0).force, rel=1e-6)
     chain.pull(held)
     chain.step(0.02)
     assert chain.deflection == pytest.approx(6.0, rel=1e-6)
@@ -237,7 +239,7 @@ def test_a_pulled_chain_overshoots_less_the_more_it_is_damped() -> None:
         for _ in range(60):
             chain.step(5e-4)
             most = max(most, chain.deflection)
-        peaks.append(most / MassSpring(nodes=21).deflection(DUCT, 25.4, 0.05))
+        peaks.append(most / MassSpring(nodes=21).pull(DUCT, 25.4).to_force(0.05).deflection)
     assert peaks[0] > 1.6
     assert 1.05 < peaks[1] < 1.6
     assert peaks[2] < 1.05
@@ -266,8 +268,8 @@ def test_central_chain_is_symmetric() -> None:
 def test_small_pulls_are_those_of_the_linear_clamped_beam() -> None:
     """But for the square of the segments' length."""
     for grasp in (25.4, 12.7):
-        linear = Cubic().deflection(DUCT, grasp, 1e-6)
-        chain = MassSpring(nodes=161).deflection(DUCT, grasp, 1e-6)
+        linear = Cubic().pull(DUCT, grasp).to_force(1e-6).deflection
+        chain = MassSpring(nodes=161).pull(DUCT, grasp).to_force(1e-6).deflection
         assert chain == pytest.approx(linear, rel=1e-3)
 
 

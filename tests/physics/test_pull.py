@@ -11,7 +11,6 @@ from physics import (
     Equilibrium,
     Exact,
     Fem,
-    Pull,
     TautString,
     Theory,
     VaryingBeam,
@@ -30,14 +29,14 @@ STATIONS = np.array([0.0, 12.0, 25.4, 50.8])
 )
 @pytest.mark.parametrize("grasp", [25.4, 12.0])
 def test_loads_in_a_row_are_those_by_themselves(theory: Theory, grasp: float, beam: Beam) -> None:
-    pull = Pull(theory, beam, grasp)
+    pull = theory.pull(beam, grasp)
     for force in (0.5, 0.6, 3.0, 1.0, 0.0, 5.0):
         one, other = (
-            pull.to_force(force, STATIONS),
-            theory.under_force(beam, grasp, force, STATIONS),
+            pull.to_force(force).sample(STATIONS),
+            theory.pull(beam, grasp).to_force(force).sample(STATIONS),
         )
         same(one, other)
-        back = pull.to_deflection(one.deflection, STATIONS)
+        back = pull.to_deflection(one.deflection).sample(STATIONS)
         assert back.force == pytest.approx(force, rel=1e-9, abs=1e-9)
 
 
@@ -49,16 +48,16 @@ def same(one: Equilibrium, other: Equilibrium) -> None:
 
 
 def test_part_of_an_equilibrium_is_the_same_at_fewer_stations() -> None:
-    whole = Cubic().under_force(DUCT, 25.4, 2.0, STATIONS)
+    whole = Cubic().pull(DUCT, 25.4).to_force(2.0).sample(STATIONS)
     part = whole.part(slice(1, 3))
-    same(part, Cubic().under_force(DUCT, 25.4, 2.0, STATIONS[1:3]))
+    same(part, Cubic().pull(DUCT, 25.4).to_force(2.0).sample(STATIONS[1:3]))
     assert part.stations.tolist() == [12.0, 25.4]
 
 
 def test_grasp_lies_between_the_clamps() -> None:
     for theory in (Cubic(), Exact()):
         with pytest.raises(ValueError, match="grasp must lie"):
-            Pull(theory, DUCT, 60.0)
+            theory.pull(DUCT, 60.0)
 
 
 def test_sections_and_beam_have_one_span() -> None:

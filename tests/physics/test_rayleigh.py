@@ -192,7 +192,7 @@ def test_chapter_5_is_a_case_of_chapter_4(
     assert 4.0 * q * ea * stretch**2 / half == pytest.approx(k3, rel=1e-9, abs=1e-300)
     # And under the tension of its own deflection it comes to that deflection.
     delta = relative * half
-    force = Cubic(q=q).force(duct, half, delta)
+    force = Cubic(q=q).pull(duct, half).to_deflection(delta).force
     tension = q * ea * stretch * delta**2 / half
     bent = held.bend(forces=[(half, 0.5 * force)], axial_force=tension)
     assert float(bent.deflection(tip)[0]) == pytest.approx(delta, rel=1e-9)

@@ -12,7 +12,7 @@ from physics import (
     Cubic,
     Exact,
     VaryingBeam,
-    break_event,
+    break_of,
     calibrated_threshold,
     check_rupture,
     critical_stations,
@@ -26,7 +26,7 @@ BREAK = 0.8 * LBF
 
 def test_thesis_duct_at_the_break() -> None:
     """6.858 + 23.813 = 30.672 psi by (5.26) to (5.28) at P = 0.4 lbf."""
-    pulled = Cubic().under_force(DUCT, 25.4, BREAK, critical_stations(DUCT, 25.4))
+    pulled = Cubic().pull(DUCT, 25.4).to_force(BREAK).sample(critical_stations(DUCT, 25.4))
     check = check_rupture(pulled, threshold=30.672 * PSI)
     assert check.normal_stress / PSI == pytest.approx(6.858, abs=5e-4)
     assert check.bending_stress / PSI == pytest.approx(23.813, abs=5e-4)
@@ -35,7 +35,7 @@ def test_thesis_duct_at_the_break() -> None:
 
 def test_central_pull_stresses_clamps_and_grasp_alike_and_tears_at_the_grasp() -> None:
     stations = critical_stations(DUCT, 25.4)
-    pulled = Cubic().under_force(DUCT, 25.4, 2.0, stations)
+    pulled = Cubic().pull(DUCT, 25.4).to_force(2.0).sample(stations)
     at_grasp = pulled.total_stress[stations == 25.4]
     assert pulled.total_stress[[0, -1]] == pytest.approx(np.repeat(at_grasp, 2), rel=1e-12)
     check = check_rupture(pulled, 0.2)
@@ -47,7 +47,7 @@ def test_central_pull_stresses_clamps_and_grasp_alike_and_tears_at_the_grasp() -
 def test_off_centre_pull_tears_at_the_near_clamp_on_the_far_side(
     grasp: float, clamp: float
 ) -> None:
-    pulled = Cubic().under_force(DUCT, grasp, 2.0, critical_stations(DUCT, grasp))
+    pulled = Cubic().pull(DUCT, grasp).to_force(2.0).sample(critical_stations(DUCT, grasp))
     check = check_rupture(pulled, 0.2)
     assert check.station == clamp
     assert check.tension_side == -1
@@ -55,12 +55,20 @@ def test_off_centre_pull_tears_at_the_near_clamp_on_the_far_side(
 
 def test_a_pull_the_other_way_tears_the_other_side() -> None:
     stations = critical_stations(DUCT, 25.4)
-    assert check_rupture(Cubic().under_force(DUCT, 25.4, -2.0, stations), 0.2).tension_side == 1
-    assert check_rupture(Cubic().under_force(DUCT, 10.0, -2.0, stations), 0.2).tension_side == -1
+    assert (
+        check_rupture(Cubic().pull(DUCT, 25.4).to_force(-2.0).sample(stations), 0.2).tension_side
+        == 1
+    )
+    assert (
+        check_rupture(Cubic().pull(DUCT, 10.0).to_force(-2.0).sample(stations), 0.2).tension_side
+        == -1
+    )
 
 
 def test_string_has_no_side_to_tear_first() -> None:
-    pulled = theory_named("string").under_force(DUCT, 25.4, 2.0, critical_stations(DUCT, 25.4))
+    pulled = (
+        theory_named("string").pull(DUCT, 25.4).to_force(2.0).sample(critical_stations(DUCT, 25.4))
+    )
     check = check_rupture(pulled, 0.2)
     assert check.tension_side == 0
     assert check.station == 25.4
@@ -76,12 +84,12 @@ def test_break_event_is_the_root_of_the_criterion(
     name: str, grasp: float, threshold: float
 ) -> None:
     theory = theory_named(name)
-    event = break_event(theory, DUCT, grasp, threshold)
+    event = break_of(theory.pull(DUCT, grasp), threshold)
     assert event is not None
     stations = critical_stations(DUCT, grasp)
 
     def broken(factor: float) -> bool:
-        pulled = theory.under_force(DUCT, grasp, factor * event.force, stations)
+        pulled = theory.pull(DUCT, grasp).to_force(factor * event.force).sample(stations)
         return check_rupture(pulled, threshold).broken
 
     # Closed forms and elements could do better still; masses settle no better.
@@ -89,26 +97,28 @@ def test_break_event_is_the_root_of_the_criterion(
     assert broken(1.0 + near)
     assert not broken(1.0 - near)
     assert event.check.margin == pytest.approx(0.0, abs=1e-3 * near)
-    assert theory.under_force(DUCT, grasp, event.force, stations).deflection == pytest.approx(
-        event.deflection, rel=near
-    )
+    assert theory.pull(DUCT, grasp).to_force(event.force).sample(
+        stations
+    ).deflection == pytest.approx(event.deflection, rel=near)
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.sampled_from(TESTED), st.floats(2.0, 48.0), st.floats(0.01, 50.0))
 def test_calibrated_threshold_breaks_at_its_force(name: str, grasp: float, force: float) -> None:
     theory = theory_named(name)
-    event = break_event(theory, DUCT, grasp, calibrated_threshold(theory, DUCT, grasp, force))
+    event = break_of(
+        theory.pull(DUCT, grasp), calibrated_threshold(theory.pull(DUCT, grasp), force)
+    )
     assert event is not None
     assert event.force == pytest.approx(force, rel=max(1e-9, ROUND_TRIP[name]))
 
 
 def test_distance_to_break_runs_from_one_to_zero() -> None:
-    threshold = calibrated_threshold(Cubic(), DUCT, 25.4, BREAK)
+    threshold = calibrated_threshold(Cubic().pull(DUCT, 25.4), BREAK)
     stations = critical_stations(DUCT, 25.4)
     distances = [
         check_rupture(
-            Cubic().under_force(DUCT, 25.4, part * BREAK, stations), threshold
+            Cubic().pull(DUCT, 25.4).to_force(part * BREAK).sample(stations), threshold
         ).distance_to_break
         for part in (0.0, 0.25, 0.5, 0.75, 1.0, 1.1)
     ]
@@ -119,7 +129,7 @@ def test_distance_to_break_runs_from_one_to_zero() -> None:
 
 
 def test_a_threshold_out_of_reach_is_no_event() -> None:
-    assert break_event(Cubic(), DUCT, 25.4, 1e12) is None
+    assert break_of(Cubic().pull(DUCT, 25.4), 1e12) is None
 
 
 def test_a_narrow_place_between_the_even_stations_is_where_it_breaks() -> None:
@@ -134,13 +144,13 @@ def test_a_narrow_place_between_the_even_stations_is_where_it_breaks() -> None:
     )
     assert 30.3 not in critical_stations(DUCT, 25.4)
     assert 30.3 in critical_stations(waist, 25.4)
-    event = break_event(Exact(), waist, 25.4, 0.2)
+    event = break_of(Exact().pull(waist, 25.4), 0.2)
     assert event is not None
     assert event.check.station == 30.3
-    even = break_event(Exact(), DUCT, 25.4, 0.2)
+    even = break_of(Exact().pull(DUCT, 25.4), 0.2)
     assert even is not None
     assert event.force < even.force
-    threshold = calibrated_threshold(Exact(), waist, 25.4, event.force)
+    threshold = calibrated_threshold(Exact().pull(waist, 25.4), event.force)
     assert threshold == pytest.approx(0.2, rel=1e-6)
 
 
@@ -150,7 +160,7 @@ def test_a_slack_beam_has_a_highest_stress_although_rounding_squeezes_it(
     grasp: float, force: float
 ) -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
-    pulled = Exact().under_force(beam, grasp, force, critical_stations(beam, grasp))
+    pulled = Exact().pull(beam, grasp).to_force(force).sample(critical_stations(beam, grasp))
     check = check_rupture(pulled, 0.2)
     assert check.distance_to_break == pytest.approx(1.0)
     assert not check.broken
@@ -160,6 +170,6 @@ def test_a_break_is_found_where_a_section_gives_way_between_two_solved_ones() ->
     """Of this thick rod, at deflections of many spans past the break."""
     rod = Beam.round(span=50.8, diameter=10.16, modulus=10.3421)
     threshold = 43.37024023882904
-    event = break_event(Exact(shear=True, law="neo-hooke"), rod, 37.47519041930161, threshold)
+    event = break_of(Exact(shear=True, law="neo-hooke").pull(rod, 37.47519041930161), threshold)
     assert event is not None
     assert event.check.total_stress == pytest.approx(threshold, rel=1e-6)

@@ -13,7 +13,7 @@ from physics import (
     Exact,
     TearPath,
     VaryingBeam,
-    break_event,
+    break_of,
     calibrated_threshold,
     ligament,
     tear_by_pull,
@@ -52,7 +52,7 @@ beams = pytest.mark.parametrize("beam", [DUCT, PIPE], ids=["solid", "hollow"])
 
 
 def threshold_of(theory: Exact, beam: Beam = DUCT, grasp: float = 25.4) -> float:
-    return calibrated_threshold(theory, beam, grasp, BREAK)
+    return calibrated_threshold(theory.pull(beam, grasp), BREAK)
 
 
 def torn(path: TearPath | None) -> TearPath:
@@ -137,8 +137,8 @@ def test_sections_all_off_the_axis_are_the_same_beam_elsewhere(theory: Exact) ->
     """Clamps hold every line of the beam; only what they hold it by has moved."""
     moved = replace(VaryingBeam.of(DUCT), offsets=np.full(2, 1.3))
     at = np.array([0.0, 25.4])
-    here = theory.under_deflection(DUCT, 25.4, 12.0, at)
-    there = theory.under_deflection(moved, 25.4, 12.0, at)
+    here = theory.pull(DUCT, 25.4).to_deflection(12.0).sample(at)
+    there = theory.pull(moved, 25.4).to_deflection(12.0).sample(at)
     assert there.force == pytest.approx(here.force, rel=1e-4)
     assert there.strain_energy == pytest.approx(here.strain_energy, rel=1e-4)
     assert there.total_stress == pytest.approx(here.total_stress, rel=2e-3)
@@ -152,19 +152,19 @@ def test_sections_all_off_the_axis_are_the_same_beam_elsewhere(theory: Exact) ->
 def test_force_of_a_torn_beam_is_the_slope_of_its_energy(
     theory: Exact, grasp: float, depth: float
 ) -> None:
-    event = break_event(theory, DUCT, grasp, threshold_of(theory, grasp=grasp))
+    event = break_of(theory.pull(DUCT, grasp), threshold_of(theory, grasp=grasp))
     assert event is not None
     beam = torn_beam(DUCT, event.check.station, event.check.tension_side, depth)
-    solver = theory.solver(beam, grasp)
+    solver = theory.pull(beam, grasp)
     at, step = np.array([grasp]), 1e-3
     energies: list[float] = []
     for side in (-2.0, -1.0, 1.0, 2.0):
-        solver.solve_deflection((1.0 + side * step) * event.deflection)
+        solver.to_deflection((1.0 + side * step) * event.deflection)
         energies.append(solver.sample(at).strain_energy)
     slope = (energies[0] - 8.0 * energies[1] + 8.0 * energies[2] - energies[3]) / (
         12.0 * step * event.deflection
     )
-    assert slope == pytest.approx(solver.solve_deflection(event.deflection), rel=1e-7)
+    assert slope == pytest.approx(solver.to_deflection(event.deflection).force, rel=1e-7)
 
 
 @every
@@ -174,16 +174,18 @@ def test_torn_beam_is_converged(theory: Exact, grasp: float, depth: float) -> No
     """The steps of the section are bounds of elements: the order of the error stays."""
     beam = torn_beam(DUCT, 0.0 if grasp < 25.0 else grasp, -1 if grasp < 25.0 else 1, depth)
     coarse, fine = theory, replace(theory, intervals=80)
-    assert coarse.force(beam, grasp, 9.0) == pytest.approx(fine.force(beam, grasp, 9.0), rel=1e-4)
+    assert coarse.pull(beam, grasp).to_deflection(9.0).force == pytest.approx(
+        fine.pull(beam, grasp).to_deflection(9.0).force, rel=1e-4
+    )
 
 
 @beams
 def test_tear_of_no_depth_is_no_tear(beam: Beam) -> None:
     assert torn_beam(beam, 25.4, 1, 0.0) is beam
-    whole = Exact().force(beam, 25.4, 11.0)
-    assert Exact().force(torn_beam(beam, 25.4, 1, 1e-4), 25.4, 11.0) == pytest.approx(
-        whole, rel=1e-5
-    )
+    whole = Exact().pull(beam, 25.4).to_deflection(11.0).force
+    assert Exact().pull(torn_beam(beam, 25.4, 1, 1e-4), 25.4).to_deflection(
+        11.0
+    ).force == pytest.approx(whole, rel=1e-5)
 
 
 RUNS = [(theory, DUCT) for theory in THEORIES.values()]
@@ -228,7 +230,13 @@ def test_energy_released_is_the_area_between_the_force_curves(theory: Exact, gra
     beam = torn_beam(DUCT, path.station, path.tension_side, float(depth))
     nodes, weights = np.polynomial.legendre.leggauss(12)
     area = sum(
-        0.5 * held * w * (theory.force(DUCT, grasp, x) - theory.force(beam, grasp, x))
+        0.5
+        * held
+        * w
+        * (
+            theory.pull(DUCT, grasp).to_deflection(x).force
+            - theory.pull(beam, grasp).to_deflection(x).force
+        )
         for x, w in zip(0.5 * held * (nodes + 1.0), weights, strict=True)
     )
     assert path.energies[0] - path.energies[1] == pytest.approx(area, rel=1e-5)
@@ -238,7 +246,7 @@ def test_stiff_grip_near_a_clamp_stops_the_tear() -> None:
     """Held a twentieth past the break at 12 mm, the tear stops a fifth into the duct."""
     theory, grasp = Exact(), 12.0
     threshold = threshold_of(theory, grasp=grasp)
-    event = break_event(theory, DUCT, grasp, threshold)
+    event = break_of(theory.pull(DUCT, grasp), threshold)
     assert event is not None
     held = 1.05 * event.deflection
     path = torn(tear_under_grip(theory, DUCT, grasp, threshold, deflection=held))
@@ -293,7 +301,7 @@ def test_mirrored_grasp_tears_alike(name: str, grasp: float, threshold: float) -
 def test_tougher_never_tears_deeper(grasp: float, past: float, tougher: float) -> None:
     theory = Exact()
     threshold = threshold_of(theory, grasp=grasp)
-    event = break_event(theory, DUCT, grasp, threshold)
+    event = break_of(theory.pull(DUCT, grasp), threshold)
     assert event is not None
     held = past * event.deflection
     weak = torn(tear_under_grip(theory, DUCT, grasp, threshold, deflection=held, steps=20))

@@ -3,8 +3,6 @@
 import re
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from app.export.order import Order
 from app.simulation.reading import Phase
 from app.simulation.session import Session
@@ -57,9 +55,7 @@ def order_on_screen(session: Session) -> Order:
         return order
     force = reading.force
     if not reading.held and reading.deflection > 0.0:
-        held = order.theory.under_deflection(
-            dissection.beam, grasp, reading.deflection, np.empty(0)
-        )
+        held = order.theory.pull(dissection.beam, grasp).to_deflection(reading.deflection)
         force = held.force
     if order.break_event is not None:
         force = min(force, order.break_event.force)

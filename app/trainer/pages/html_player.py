@@ -27,7 +27,7 @@ from app.trainer.viser_bridge import steady_light, write_caption
 from organ_geometry.mesh.skin import BoundSkin, organ_skin
 from organ_geometry.mesh.tear import TornPiece
 from organ_geometry.organ import Organ
-from physics import Pull, check_rupture, critical_stations
+from physics import check_rupture, critical_stations
 
 __all__ = [
     "DRAWN_NOT_COMPUTED",
@@ -320,11 +320,11 @@ def _instruments(
     dissection = order.dissection
     beam = dissection.beam
     stations = critical_stations(beam, order.grasp)
-    pull = Pull(order.theory, beam, order.grasp)
+    pull = order.theory.pull(beam, order.grasp)
     captions: list[str] = []
     shares = np.zeros(len(motion.times))
     for key, at in enumerate(np.linspace(0.0, force, int(motion.whole.sum())).tolist()):
-        pulled = pull.to_force(at, stations)
+        pulled = pull.to_force(at).sample(stations)
         left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
         captions.append(caption(at, pulled.deflection, left))
         shares[key] = 1.0 - left

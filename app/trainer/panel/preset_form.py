@@ -4,7 +4,6 @@ import html
 from typing import Any
 
 import msgspec
-import numpy as np
 import viser
 
 from app.simulation.dissection import Dissection
@@ -276,7 +275,7 @@ def _results(model: Model) -> tuple[tuple[str, float, str], ...]:
     beam = model.dissection.beam
     # Of a pull too small to stretch the beam.
     small = 1e-4 * beam.fibre_distance
-    pulled = model.theory.under_deflection(beam, 0.5 * beam.span, small, np.empty(0))
+    pulled = model.theory.pull(beam, 0.5 * beam.span).to_deflection(small)
     return (
         ("Breaks at, mid-span", model.break_force, "N"),
         ("Threshold T", KPA_PER_MPA * model.threshold, "kPa"),

@@ -115,8 +115,8 @@ class WarmUp:
             for grasp in (middle, 0.8 * middle):
                 if self._stopping:
                     return
-                theory.under_force(beam, grasp, 1.0, np.array([grasp]))
-                theory.under_deflection(beam, grasp, 1.0, np.array([grasp]))
+                theory.pull(beam, grasp).to_force(1.0).sample(np.array([grasp]))
+                theory.pull(beam, grasp).to_deflection(1.0).sample(np.array([grasp]))
         self.done.set()
 
 
