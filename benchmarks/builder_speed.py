@@ -13,9 +13,7 @@ import cv2
 import numpy as np
 
 from benchmarks.tube_images import LEVEL, SIDE, SMOOTH, draw_tube_images
-from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import build_organ
+from organ_geometry import build_organ, read_image_stack, trace_organ
 
 __all__ = ["BuilderRates", "builder_memory", "builder_rates"]
 

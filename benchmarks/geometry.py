@@ -18,7 +18,7 @@ from benchmarks.draco_peer import DracoMesh, DracoSearch
 from benchmarks.organ_bytes import CHECK_POINTS, OrganBytes, OrganSearch, file_times, organ_mesh
 from benchmarks.organ_sets import DATA, SETS, OrganSet, missing_sets
 from benchmarks.surface_distance import spread_points
-from organ_geometry.organ_builder import build_organ
+from organ_geometry import build_organ
 
 __all__ = ["levels_of_both", "measure_geometry", "set_figures"]
 

@@ -10,10 +10,14 @@ import numpy as np
 
 from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import Mesh, tube_faces
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
-from organ_geometry.organ import Organ
-from organ_geometry.organ_builder import BuiltOrgan, build_organ
-from organ_geometry.organ_file import read_organ, write_organ
+from organ_geometry import (
+    BuiltOrgan,
+    Organ,
+    ToleranceTooSmall,
+    build_organ,
+    read_organ,
+    write_organ,
+)
 
 __all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
 

@@ -13,9 +13,7 @@ from scipy.spatial import KDTree
 
 from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
-from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.images.image_stack import ImageStack
-from organ_geometry.images.stack_reader import read_image_stack
+from organ_geometry import ImageStack, read_image_stack, trace_organ
 
 __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from organ_geometry.images.image_stack import ImageStack
+from organ_geometry import ImageStack
 
 __all__ = ["Mesh", "contour_loft", "cubes_mesh", "rings_of", "tube_faces"]
 

@@ -15,8 +15,8 @@ from app.export.rigged_organ import rigged_organ
 from app.simulation.dissection import Dissection
 from app.simulation.preset import preset_named
 from benchmarks.stopwatch import microseconds
-from organ_geometry.mesh.skin import organ_skin
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
+from organ_geometry.mesh import organ_skin
 from physics import Cubic
 
 __all__ = ["export_figures", "skinning_figures"]

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from organ_geometry.organ import Organ
 
-__all__ = ["DrivingPoints", "driving_points"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivingPoints:
@@ -44,6 +42,25 @@ class DrivingPoints:
         for name, array in (("stations", stations), ("positions", positions)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    @classmethod
+    def of(
+        cls, organ: Organ, *, spacing: float, at: NDArray[np.float64] | None = None
+    ) -> "DrivingPoints":
+        """Place points at key sections, at stations `at`, and between them no `spacing` apart."""
+        if not spacing > 0.0:
+            raise ValueError(f"spacing of driving points must be above 0 mm, got {spacing} mm")
+        wanted = organ.key_stations if at is None else np.concatenate([organ.key_stations, at])
+        wanted = np.unique(np.clip(wanted, 0.0, organ.length))
+        # Points nearer than this are one: their blend would be a division by next to nothing.
+        apart = np.concatenate([[True], np.diff(wanted) > 1e-6 * organ.length])
+        knots = wanted[apart]
+        parts: list[NDArray[np.float64]] = [
+            np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing))), endpoint=False)
+            for start, end in itertools.pairwise(knots)
+        ]
+        stations = np.concatenate([*parts, knots[-1:]])
+        return cls(stations, organ.axis_at(stations))
 
     def binding(
         self, stations: NDArray[np.float64]
@@ -101,45 +118,6 @@ class DrivingPoints:
         """
         _rigid_transforms(self.positions, along, across, rotation, frame, out)
         return out
-
-
-def driving_points(
-    organ: Organ, *, spacing: float, at: NDArray[np.float64] | None = None
-) -> DrivingPoints:
-    """Return one driving point for each key section and as many between as the bend needs.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-    spacing
-        Largest distance between neighbours, mm.
-    at
-        (N,) further stations that must have a point, mm: clamps, say.
-
-    Returns
-    -------
-    DrivingPoints
-        The points, from the organ's one end to the other.
-
-    Raises
-    ------
-    ValueError
-        If the spacing is not above zero.
-    """
-    if not spacing > 0.0:
-        raise ValueError(f"spacing of driving points must be above 0 mm, got {spacing} mm")
-    wanted = organ.key_stations if at is None else np.concatenate([organ.key_stations, at])
-    wanted = np.unique(np.clip(wanted, 0.0, organ.length))
-    # Points nearer than this are one: their blend would be a division by next to nothing.
-    apart = np.concatenate([[True], np.diff(wanted) > 1e-6 * organ.length])
-    knots = wanted[apart]
-    parts: list[NDArray[np.float64]] = [
-        np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing))), endpoint=False)
-        for start, end in itertools.pairwise(knots)
-    ]
-    stations = np.concatenate([*parts, knots[-1:]])
-    return DrivingPoints(stations, organ.axis_at(stations))
 
 
 @numba.njit(cache=True)

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from app.compression.stack_job import StackJob
-    from organ_geometry.contours.organ_seed import Seed
-    from organ_geometry.images.image_region import Region
+    from organ_geometry import Region, Seed
 
 __all__ = ["compress"]
 
@@ -241,7 +240,7 @@ def _compress_many(
     """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
     from app.compression.report import Facts, remark_lines, section_lines, summary_lines
     from app.compression.stack_job import Failed, compress_all
-    from organ_geometry.whole_file import make_folder
+    from organ_geometry import make_folder
 
     for place in (folder, figures):
         if place is not None:

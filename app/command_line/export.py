@@ -94,7 +94,7 @@ def export(
     from app.export.order import Order
     from app.simulation.dissection import Dissection, default_preset
     from app.simulation.preset_file import chosen_preset
-    from organ_geometry.whole_file import write_whole
+    from organ_geometry import write_atomic
 
     if output is None and html is None:
         raise ValueError("say what to write: --output FILE or --html PAGE")
@@ -125,7 +125,7 @@ def export(
     if output is not None:
         facts |= write_file(order, output)
     if html is not None:
-        write_whole(html, page)
+        write_atomic(html, page)
         facts |= {"page": str(html), "page_bytes": len(page)}
     event = order.break_event
     facts |= {
@@ -178,7 +178,7 @@ def write_file(order: "Order", path: Path) -> dict[str, object]:
 def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
     """Return the page that plays an order."""
     from app.trainer.pages.html_player import order_page, page_edge_length
-    from organ_geometry.whole_file import check_target
+    from organ_geometry import check_target
 
     check_target(path)
     if order.torn or order.still or order.painted:

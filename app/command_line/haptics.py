@@ -88,7 +88,7 @@ def haptics(
     import msgspec
 
     from app.haptics.felt_run import felt_run
-    from organ_geometry.whole_file import check_target, write_whole
+    from organ_geometry import check_target, write_atomic
 
     for target in (report, record):
         if target is not None:
@@ -134,9 +134,9 @@ def haptics(
             coupling=coupling, assist=second_at, seconds=seconds, scheduling=real_time(),
         )  # fmt: skip
     if record is not None:
-        write_whole(record, msgspec.json.encode(run))
+        write_atomic(record, msgspec.json.encode(run))
     if report is not None:
-        write_whole(report, msgspec.json.format(msgspec.json.encode(made)))
+        write_atomic(report, msgspec.json.format(msgspec.json.encode(made)))
     if as_json:
         print(msgspec.json.encode(made).decode())
         return

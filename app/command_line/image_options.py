@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from organ_geometry.contours.organ_seed import Seed
-    from organ_geometry.images.image_region import Region
+    from organ_geometry import Region, Seed
 
 __all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
 

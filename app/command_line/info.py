@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from organ_geometry.organ import Organ
+    from organ_geometry import Organ
 
 __all__ = ["info"]
 
@@ -20,13 +20,13 @@ def info(
 
     Example: bluntdissect info duct.organ
     """
-    from organ_geometry.organ_file import VERSION, code_from_bytes, read_organ
+    from organ_geometry import FILE_VERSION, code_from_bytes, read_organ
 
     read = read_organ(organ)
     code = code_from_bytes(read.encoded)
     facts: dict[str, object] = {
         "file": str(organ),
-        "version": VERSION,
+        "version": FILE_VERSION,
         "bytes": len(read.encoded),
         "units": read.units,
         "hollow": read.hollow,
@@ -49,7 +49,7 @@ def info(
     wall = "hollow" if read.hollow else "solid"
     boundaries = "an outer boundary and a lumen" if read.hollow else "an outer boundary"
     lines = (
-        ("file", f"{organ}, {len(read.encoded):,} bytes, version {VERSION}, checksum right"),
+        ("file", f"{organ}, {len(read.encoded):,} bytes, version {FILE_VERSION}, checksum right"),
         (
             "organ",
             f"{wall}, {read.length:.2f} mm long, mean radius {read.mean_radius:.3f} mm",

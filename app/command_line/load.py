@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from organ_geometry.organ import Organ
+    from organ_geometry import Organ
     from physics import Beam, Equilibrium, Theory
 
 PRESET_NAMES = (
@@ -36,7 +36,7 @@ def organ_from(path: Path | None) -> "Organ":
     """Return the organ in a file, or the shipped one."""
     if path is None:
         return shipped_organ()
-    from organ_geometry.organ_file import read_organ
+    from organ_geometry import read_organ
 
     return read_organ(path)
 
@@ -44,7 +44,7 @@ def organ_from(path: Path | None) -> "Organ":
 def shipped_organ() -> "Organ":
     """Return the organ that ships with the trainer: nothing need be built before the first page."""
     from assets import BILE_DUCT
-    from organ_geometry.organ_file import read_organ
+    from organ_geometry import read_organ
 
     return read_organ(BILE_DUCT)
 

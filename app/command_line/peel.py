@@ -26,7 +26,7 @@ def peel(
     Example: bluntdissect peel scene.toml --json -o history.csv
     """
     from app.simulation.peel_scene import read_scene
-    from organ_geometry.whole_file import check_target
+    from organ_geometry import check_target
 
     if output is not None:
         check_target(output)
@@ -45,10 +45,10 @@ def report_history(
     """Write a history as CSV where asked for, and print it."""
     import numpy as np
 
-    from organ_geometry.whole_file import write_whole
+    from organ_geometry import write_atomic
 
     if output is not None:
-        write_whole(output, history.csv(threshold).encode())
+        write_atomic(output, history.csv(threshold).encode())
     rows = history.rows(threshold)
     last = rows[-1]
     result: dict[str, object] = {"steps": rows, "open_share": history.open_share}

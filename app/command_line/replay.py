@@ -106,7 +106,7 @@ def replay(
 
 
 def _check_output(path: Path) -> None:
-    from organ_geometry.whole_file import check_target
+    from organ_geometry import check_target
 
     if path.suffix.lower() not in PLAYED:
         raise ValueError(
@@ -122,7 +122,7 @@ def _write_played(
     """Write a file that plays a run, and return what was written."""
     from app.export.motion import MOST_FRAMES
     from app.export.recorded_run import RecordedRun
-    from organ_geometry.whole_file import write_whole
+    from organ_geometry import write_atomic
 
     if path.suffix.lower() == ".glb":
         run = RecordedRun.of(again, frames=MOST_FRAMES if frames is None else frames)
@@ -134,7 +134,7 @@ def _write_played(
         run = RecordedRun.of(again, frames=PAGE_FRAMES if frames is None else frames)
         edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length
         content = run_page(run, edge_length=edges).encode()
-    write_whole(path, content)
+    write_atomic(path, content)
     return {"file": str(path), "bytes": len(content), "keys": len(run.motion.times)}
 
 

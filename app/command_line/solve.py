@@ -277,7 +277,7 @@ def in_bed(
     from app.simulation.dissection import Dissection
     from app.simulation.preset import ASSUMED_PRESET, THESIS_PRESET, RoundBeam
     from app.simulation.preset_file import chosen_preset
-    from organ_geometry.whole_file import check_target
+    from organ_geometry import check_target
     from physics import Exact
     from physics.bed import Hand, SpaceBeam, pull
     from physics.quantity import positive

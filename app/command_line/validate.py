@@ -28,7 +28,7 @@ def validate(
     from app.validation.figures import draw_figures
     from app.validation.page import errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
-    from organ_geometry.whole_file import make_folder, write_whole
+    from organ_geometry import make_folder, write_atomic
 
     if output is not None:
         make_folder(output, f"--output {output} cannot be a folder")
@@ -36,7 +36,9 @@ def validate(
     solids = [solid_errors(table) for table in TABLES]
     if output is not None:
         draw_figures({each.table.number: each for each in comparisons}, output / "validation")
-        write_whole(output / "validation.md", page(comparisons, solids, held_out_errors()).encode())
+        write_atomic(
+            output / "validation.md", page(comparisons, solids, held_out_errors()).encode()
+        )
     if as_json:
         print(
             json.dumps(

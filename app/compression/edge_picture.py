@@ -7,9 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.traced_organ import TracedSection
-from organ_geometry.images.image_region import Region
-from organ_geometry.images.image_stack import GreyImage
+from organ_geometry import GreyImage, Region, TracedSection
 
 __all__ = ["LUMEN_COLOR", "OUTER_COLOR", "edge_picture"]
 

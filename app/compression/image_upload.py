@@ -11,10 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from app.compression.image_extent import UnknownImageError, image_extents
-from organ_geometry.images.grey_image import ImageStackError, list_text
-from organ_geometry.images.image_files import IMAGE_SUFFIXES
-from organ_geometry.images.medical_file import DICOM_SUFFIXES, VOLUME_SUFFIXES
-from organ_geometry.images.spacing_file import SPACING_FILE
+from organ_geometry import (
+    DICOM_SUFFIXES,
+    IMAGE_SUFFIXES,
+    SPACING_FILE,
+    VOLUME_SUFFIXES,
+    ImageStackError,
+    list_text,
+)
 
 __all__ = ["UploadBounds", "UploadRefusedError", "unpack_upload"]
 

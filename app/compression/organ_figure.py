@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.driving_points import driving_points
-from organ_geometry.organ import Organ, Wall
-from organ_geometry.whole_file import check_target, write_whole
+from organ_geometry import DrivingPoints, Organ, Wall, check_target, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +46,7 @@ def draw_organ_figure(
     from matplotlib.figure import Figure
 
     turn = _turned(organ)
-    driving = driving_points(organ, spacing=DRIVING_RADII * organ.mean_radius)
+    driving = DrivingPoints.of(organ, spacing=DRIVING_RADII * organ.mean_radius)
     walls: tuple[Wall, ...] = ("outer", "lumen") if organ.hollow else ("outer",)
     rings = {wall: [ring @ turn for ring in _rings(organ, wall)] for wall in walls}
     edges = [edge @ turn for edge in edges]
@@ -86,7 +84,7 @@ def draw_organ_figure(
     content = BytesIO()
     kind = path.suffix.lower()[1:]
     figure.savefig(content, format=kind, metadata={"Date": None} if kind == "svg" else None)
-    write_whole(path, content.getvalue())
+    write_atomic(path, content.getvalue())
 
 
 def _rings(organ: Organ, wall: Wall) -> list[NDArray[np.float64]]:

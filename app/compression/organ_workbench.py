@@ -14,15 +14,24 @@ from numpy.typing import NDArray
 from app.compression.build_process import Abandoned, BuildProcess, Progress
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
-from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
-from organ_geometry.images.image_region import Region
-from organ_geometry.images.image_stack import ImageStack, ImageStackError
-from organ_geometry.images.medical_file import is_dicom_file, is_volume_file, read_header
-from organ_geometry.images.stack_reader import read_image_stack, stack_labels
-from organ_geometry.organ_builder import BuiltOrgan, organ_of_edges
-from organ_geometry.recut.recut_stack import RecutSlices, recut_where_needed
+from organ_geometry import (
+    BuiltOrgan,
+    ImageStack,
+    ImageStackError,
+    RecutSlices,
+    Region,
+    ToleranceTooSmall,
+    TracedOrgan,
+    TracedSection,
+    is_dicom_file,
+    is_volume_file,
+    organ_of_edges,
+    read_header,
+    read_image_stack,
+    recut_where_needed,
+    stack_labels,
+    trace_organ,
+)
 
 __all__ = [
     "Abandoned",

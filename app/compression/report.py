@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from organ_geometry.images.image_stack import ImageStack
-from organ_geometry.organ_builder import BuiltOrgan, SectionReport
+from organ_geometry import BuiltOrgan, ImageStack, SectionReport
 
 __all__ = [
     "DOUBTFUL",

@@ -13,11 +13,14 @@ from typing import Any
 from app.compression.image_upload import UploadBounds, unpack_upload
 from app.compression.organ_figure import check_figure_target, draw_organ_figure
 from app.compression.report import Facts, facts
-from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import build_organ
-from organ_geometry.organ_file import write_organ
-from organ_geometry.recut.recut_stack import When, recut_where_needed
-from organ_geometry.whole_file import check_target
+from organ_geometry import (
+    When,
+    build_organ,
+    check_target,
+    read_image_stack,
+    recut_where_needed,
+    write_organ,
+)
 
 __all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
 

@@ -15,11 +15,9 @@ from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
-from organ_geometry.mesh.mesh_file import PAINTED_SUFFIXES, ClosedSurface, mesh_content
-from organ_geometry.mesh.mesh_file import SUFFIXES as MESH_SUFFIXES
-from organ_geometry.mesh.skin import organ_skin
-from organ_geometry.mesh.tear import TornPiece
-from organ_geometry.whole_file import check_target, write_whole
+from organ_geometry import check_target, write_atomic
+from organ_geometry.mesh import PAINTED_SUFFIXES, ClosedSurface, TornPiece, mesh_content, organ_skin
+from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
 from physics import BreakEvent, Theory, break_of
 
 __all__ = ["SUFFIXES", "Order"]
@@ -123,7 +121,7 @@ class Order:
         if suffix == ".pvd":
             return self._write_series(path)
         content, delivery = self._made(suffix)
-        write_whole(path, content)
+        write_atomic(path, content)
         return replace(delivery, files=(path,))
 
     def content(self, suffix: str) -> bytes:

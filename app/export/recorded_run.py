@@ -10,8 +10,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.reading import Phase, Reading
 from app.simulation.replay import AFTER_TEAR, Replay
-from organ_geometry.mesh.skin import organ_skin
-from organ_geometry.mesh.tear import TornPiece
+from organ_geometry.mesh import TornPiece, organ_skin
 
 __all__ = ["RUN", "RecordedRun"]
 

@@ -27,12 +27,19 @@ from numpy.typing import NDArray
 from app.export.motion import Motion
 from app.export.torn_rim import RimShapes, rim_shapes
 from app.simulation.dissection import PIECES
-from organ_geometry.driving_points import DrivingPoints
-from organ_geometry.mesh.gltf_file import GLTF_FROM_MM, GltfFile, metres
-from organ_geometry.mesh.gltf_mesh import primitive, surface_materials
-from organ_geometry.mesh.shaded_wall import ShadedWall, shaded_walls
-from organ_geometry.mesh.skin import BoundSkin, Skin
-from organ_geometry.mesh.tear import TornPiece
+from organ_geometry import DrivingPoints
+from organ_geometry.mesh import (
+    GLTF_FROM_MM,
+    BoundSkin,
+    GltfFile,
+    ShadedWall,
+    Skin,
+    TornPiece,
+    metres,
+    primitive,
+    shaded_walls,
+    surface_materials,
+)
 
 __all__ = ["ORGAN", "rigged_organ"]
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.motion import Motion
-from organ_geometry.mesh.skin import BoundSkin
-from organ_geometry.mesh.tear import TornPiece
+from organ_geometry.mesh import BoundSkin, TornPiece
 
 __all__ = ["RimShapes", "rim_shapes"]
 

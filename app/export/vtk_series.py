@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.snapshot import Snapshot, StillSurface
-from organ_geometry.mesh.vtk_file import pvd_content, vtp_content
-from organ_geometry.whole_file import check_target, write_whole
+from organ_geometry import check_target, write_atomic
+from organ_geometry.mesh import pvd_content, vtp_content
 
 __all__ = ["check_series_path", "snapshot_content", "write_series"]
 
@@ -61,12 +61,12 @@ def write_series(snapshots: Iterable[Snapshot], path: Path) -> list[Path]:
         fresh.mkdir()
         for number, snapshot in enumerate(snapshots):
             name = f"{path.stem}_{number:04d}.vtp"
-            write_whole(fresh / name, snapshot_content(snapshot))
+            write_atomic(fresh / name, snapshot_content(snapshot))
             files.append((snapshot.force, Path(folder.name) / name))
         shutil.rmtree(folder, ignore_errors=True)
         fresh.replace(folder)
         try:
-            write_whole(path, pvd_content(files))
+            write_atomic(path, pvd_content(files))
         except ValueError:
             shutil.rmtree(folder)
             raise

@@ -10,7 +10,7 @@ from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
 from app.simulation.run_log import OrganIdentity
 from app.simulation.theory_choice import TheoryChoice
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 from physics import Beam, Theory
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]

@@ -16,9 +16,8 @@ from app.simulation.preset import (
     preset_named,
 )
 from assets import BILE_DUCT
-from organ_geometry.driving_points import DrivingPoints, driving_points
-from organ_geometry.mesh.tear import TornPiece, torn_pieces
-from organ_geometry.organ import Organ, SectionProperties
+from organ_geometry import DrivingPoints, Organ, SectionProperties
+from organ_geometry.mesh import TornPiece, torn_pieces
 from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
 
 __all__ = ["PIECES", "Dissection", "default_preset", "fits"]
@@ -69,7 +68,7 @@ class Dissection:
             beam = preset.round_beam()
         else:
             beam = _organ_beam(organ, preset, clamps, frame[:, 2])
-        driving = driving_points(
+        driving = DrivingPoints.of(
             organ, spacing=beam.span / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
         )
         return cls(organ, preset, beam, clamps, driving, frame)

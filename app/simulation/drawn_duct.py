@@ -9,8 +9,8 @@ from app.simulation.dissection import Dissection
 from app.simulation.pulled_duct import PulledDuct
 from app.simulation.reading import Surface
 from app.simulation.surface_stress import SurfaceStress
-from organ_geometry.mesh.skin import organ_skin
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
+from organ_geometry.mesh import organ_skin
 
 __all__ = ["DrawnDuct"]
 

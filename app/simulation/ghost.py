@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from app.simulation.grasped_duct import GraspedDuct, Load
 from app.simulation.model import Model
 from app.simulation.reading import Surface
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 from physics import NoEquilibrium, RuptureCheck
 
 __all__ = ["Ghost", "GhostReading"]

@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 from physics import BreakEvent, RuptureCheck
 
 __all__ = ["Phase", "Reading", "Surface"]

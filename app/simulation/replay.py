@@ -20,7 +20,7 @@ from app.simulation.run_log import (
 )
 from app.simulation.session import VERTICES, Phase, Session
 from app.simulation.theory_choice import TheoryChoice
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "replayed", "series_csv"]
 

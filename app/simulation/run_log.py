@@ -16,7 +16,7 @@ from app.simulation.measures import Measures
 from app.simulation.preset import Preset
 from app.simulation.theory_choice import TheoryChoice
 from app.simulation.trial import Outcome
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = [
     "MOST_INPUTS",

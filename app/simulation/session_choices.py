@@ -12,7 +12,7 @@ from app.simulation.grasped_duct import GraspedDuct
 from app.simulation.model import Model
 from app.simulation.preset import OrganBeam, Preset, preset_named, presets
 from app.simulation.session_hand import HandledSession
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 from physics import Theory
 
 __all__ = ["ChosenSession"]

@@ -21,7 +21,7 @@ from app.simulation.pulled_duct import PulledDuct
 from app.simulation.reading import Surface
 from app.simulation.run import Run
 from app.simulation.swinging_chain import SwingingChain
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 from physics import Cubic, NoEquilibrium, Theory
 
 __all__ = ["VERTICES", "SessionState"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from app.simulation import tear_course
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.surface_stress import Stresses, SurfaceStress
-from organ_geometry.mesh.skin import Skin, organ_skin
+from organ_geometry.mesh import Skin, organ_skin
 from physics import BreakEvent, Theory, critical_stations
 
 __all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "torn_snapshot"]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.dissection import Dissection
-from organ_geometry.mesh.skin import Skin
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
+from organ_geometry.mesh import Skin
 from physics import Equilibrium
 
 __all__ = ["Stresses", "SurfaceStress", "fibre_shares"]

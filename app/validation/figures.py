@@ -10,7 +10,7 @@ import numpy as np
 
 from app.validation.comparison import COMPARED, Comparison
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3, Table
-from organ_geometry.whole_file import write_whole
+from organ_geometry import write_atomic
 from physics import NoEquilibrium
 
 if TYPE_CHECKING:
@@ -102,6 +102,6 @@ def _saved(figure: "Figure", path: Path) -> list[Path]:
     with mpl.rc_context({"svg.hashsalt": path.name, "svg.fonttype": "none"}):
         figure.savefig(png, format="png")
         figure.savefig(svg, format="svg", metadata={"Date": None})
-    write_whole(files[0], png.getvalue())
-    write_whole(files[1], svg.getvalue())
+    write_atomic(files[0], png.getvalue())
+    write_atomic(files[1], svg.getvalue())
     return files

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
+from organ_geometry.atomic_file import check_target, write_atomic
 from organ_geometry.mesh.gltf_file import GltfFile
 from organ_geometry.mesh.gltf_mesh import primitive, surface_materials
 from organ_geometry.mesh.shaded_wall import shaded_walls
 from organ_geometry.mesh.skin import Skin
-from organ_geometry.whole_file import check_target, write_whole
 
 __all__ = [
     "PAINTED_SUFFIXES",
@@ -96,7 +95,7 @@ def check_mesh_path(path: Path, *, painted: bool = False) -> None:
 def write_mesh(parts: Mapping[str, ClosedSurface], path: Path) -> None:
     """Write closed surfaces to one file, whole or not at all."""
     check_mesh_path(path, painted=any(part.colors is not None for part in parts.values()))
-    write_whole(path, mesh_content(parts, path.suffix.lower()))
+    write_atomic(path, mesh_content(parts, path.suffix.lower()))
 
 
 def mesh_content(parts: Mapping[str, ClosedSurface], suffix: str) -> bytes:
@@ -128,6 +127,8 @@ def _flat(parts: list[ClosedSurface], kind: str) -> bytes:
     """Return the parts as one mesh in a format without nodes."""
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
     colors = [part.colors for part in parts if part.colors is not None]
+    import trimesh  # here: half a second that only a mesh's file needs
+
     whole = trimesh.Trimesh(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([part.faces + offset for offset, part in zip(offsets, parts, strict=False)]),

@@ -2,8 +2,8 @@
 
 from organ_geometry.organ_file.organ_code import OrganCode
 from organ_geometry.organ_file.organ_file import (
+    FILE_VERSION,
     LARGEST_FILE_BYTES,
-    VERSION,
     OrganFileError,
     code_bytes,
     code_from_bytes,
@@ -13,8 +13,8 @@ from organ_geometry.organ_file.organ_file import (
 )
 
 __all__ = [
+    "FILE_VERSION",
     "LARGEST_FILE_BYTES",
-    "VERSION",
     "OrganCode",
     "OrganFileError",
     "code_bytes",

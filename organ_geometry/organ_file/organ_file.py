@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.atomic_file import write_atomic
 from organ_geometry.curves.axis_curve import key_depth, key_levels
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file.coefficients import SIGNALS, WIDTH
@@ -20,10 +21,9 @@ from organ_geometry.organ_file.symbol_coder import (
     SymbolReader,
     SymbolWriter,
 )
-from organ_geometry.whole_file import write_whole
 
 MAGIC = 0x89
-VERSION = 3
+FILE_VERSION = 3
 _VERSION_MARK = 0xE0
 LARGEST_FILE_BYTES = 2**20
 LONGEST_UNITS = 15
@@ -34,7 +34,7 @@ WIDEST_MM = 1_000.0
 
 # How files of versions 1 and 2 began.
 _FIRST_MAGICS = (b"\x89organ\r\n", b"\x89o\x02")
-_START = bytes([MAGIC, _VERSION_MARK | VERSION])
+_START = bytes([MAGIC, _VERSION_MARK | FILE_VERSION])
 _HEADER_BYTES = len(_START) + 2
 
 
@@ -50,7 +50,7 @@ def write_organ(organ: Organ, path: Path) -> int:
     for field in ("axis", "frames", "keys", "outer", "lumen"):
         if not np.array_equal(getattr(stored, field), getattr(organ, field)):
             raise OrganFileError(f"the organ's {field} is not what was built: build it again")
-    write_whole(Path(path), organ.encoded)
+    write_atomic(Path(path), organ.encoded)
     return len(organ.encoded)
 
 
@@ -110,17 +110,17 @@ def code_from_bytes(data: bytes) -> OrganCode:
     for number, magic in enumerate(_FIRST_MAGICS, start=1):
         if len(data) > 2 and magic[: len(data)] == data[: len(magic)]:
             raise OrganFileError(
-                f"organ file of version {number}; this program reads version {VERSION}: build it "
-                f"again from its images"
+                f"organ file of version {number}; this program reads version {FILE_VERSION}: "
+                "build it again from its images"
             )
     if not data or data[0] != MAGIC or (len(data) > 1 and data[1] & 0xF0 != _VERSION_MARK):
         raise OrganFileError("not an organ file")
     if len(data) < _HEADER_BYTES:
         raise OrganFileError(f"truncated: {len(data)} bytes, the header alone has {_HEADER_BYTES}")
     version = data[1] & 0x0F
-    if version != VERSION:
+    if version != FILE_VERSION:
         raise OrganFileError(
-            f"organ file of version {version}; this program reads version {VERSION}"
+            f"organ file of version {version}; this program reads version {FILE_VERSION}"
         )
     packed = data[_HEADER_BYTES:]
     if _checksum(packed) != data[len(_START) : _HEADER_BYTES]:

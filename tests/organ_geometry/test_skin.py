@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tubes import LENGTH, mesh_of, tube
 
-from organ_geometry.driving_points import DrivingPoints, driving_points
+from organ_geometry.driving_points import DrivingPoints
 from organ_geometry.mesh.skin import _blend, organ_skin
 from organ_geometry.mesh.tear import torn_pieces
 
@@ -59,7 +59,7 @@ def test_skin_has_the_volume_of_the_organ(wall: float | None) -> None:
 def test_rest_pose_returns_the_organ_to_the_bit(wall: float | None, sag: float) -> None:
     organ = tube(wall=wall, sag=sag)
     skin = organ_skin(organ, edge_length=0.7)
-    points = driving_points(organ, spacing=0.8)
+    points = DrivingPoints.of(organ, spacing=0.8)
     out = np.full_like(skin.vertices, np.nan)
     skin.bound_to(points).deform(bend(points, 0.0), out)
     assert out.tobytes() == skin.vertices.tobytes()
@@ -69,7 +69,7 @@ def test_rest_pose_returns_the_organ_to_the_bit(wall: float | None, sag: float) 
 def test_bent_skin_stays_closed_and_keeps_its_volume(wall: float | None) -> None:
     organ = tube(wall=wall)
     skin = organ_skin(organ, edge_length=0.5)
-    points = driving_points(organ, spacing=0.8)
+    points = DrivingPoints.of(organ, spacing=0.8)
     out = np.empty_like(skin.vertices)
     skin.bound_to(points).deform(bend(points, 8.0), out)
     bent = mesh_of(skin, out)
@@ -86,7 +86,7 @@ def test_bent_skin_stays_closed_and_keeps_its_volume(wall: float | None) -> None
 def test_axis_vertices_follow_the_driving_points() -> None:
     organ = tube()
     skin = organ_skin(organ, edge_length=0.5)
-    points = driving_points(organ, spacing=0.8)
+    points = DrivingPoints.of(organ, spacing=0.8)
     out = np.empty_like(skin.vertices)
     skin.bound_to(points).deform(bend(points, 8.0), out)
     # The two last vertices are the ends' centres: they are driving points, and stay in the clamps.
@@ -105,7 +105,7 @@ def test_one_rigid_motion_moves_all_vertices_rigidly(angle: float, shift: list[f
     """Driving points that all turn about the origin and move alike carry the skin as a whole."""
     organ = tube(sag=5.0)
     skin = organ_skin(organ, edge_length=2.0)
-    points = driving_points(organ, spacing=5.0)
+    points = DrivingPoints.of(organ, spacing=5.0)
     turn = np.array(
         [
             [np.cos(angle), 0.0, -np.sin(angle)],
@@ -137,7 +137,7 @@ def test_weights_blend_neighbours_and_reach_one_at_the_points() -> None:
 
 def test_key_sections_and_clamps_have_driving_points() -> None:
     organ = tube()
-    points = driving_points(organ, spacing=1.0, at=np.array([3.21, 47.0]))
+    points = DrivingPoints.of(organ, spacing=1.0, at=np.array([3.21, 47.0]))
     for station in (*organ.key_stations, 3.21, 47.0):
         assert np.abs(points.stations - station).min() < 1e-9
     assert np.diff(points.stations).max() <= 1.0 + 1e-9
@@ -147,7 +147,7 @@ def test_key_sections_and_clamps_have_driving_points() -> None:
 def test_kernel_is_its_python_form() -> None:
     organ = tube()
     skin = organ_skin(organ, edge_length=4.0)
-    points = driving_points(organ, spacing=5.0)
+    points = DrivingPoints.of(organ, spacing=5.0)
     bound, transforms = skin.bound_to(points), bend(points, 7.0)
     compiled, plain = np.empty_like(skin.vertices), np.empty_like(skin.vertices)
     bound.deform(transforms, compiled)
@@ -162,7 +162,7 @@ def test_each_vertex_follows_the_blend_of_its_own_points(ragged: bool) -> None:
     skin = organ_skin(organ, edge_length=1.5)
     if ragged:
         skin = torn_pieces(organ, 20.0, np.array([0.0, 0.0, 1.0]), edge_length=1.5)[0].skin
-    points = driving_points(organ, spacing=3.0)
+    points = DrivingPoints.of(organ, spacing=3.0)
     bound, transforms = skin.bound_to(points), bend(points, 7.0)
     weight = bound.weight[:, None, None]
     blends = (1.0 - weight) * transforms[bound.index] + weight * transforms[bound.index + 1]
@@ -177,7 +177,7 @@ def test_each_vertex_follows_the_blend_of_its_own_points(ragged: bool) -> None:
 def test_deforming_changes_nothing_but_the_output() -> None:
     organ = tube()
     skin = organ_skin(organ, edge_length=2.0)
-    points = driving_points(organ, spacing=5.0)
+    points = DrivingPoints.of(organ, spacing=5.0)
     transforms = bend(points, 3.0)
     before = skin.vertices.tobytes(), transforms.tobytes()
     skin.bound_to(points).deform(transforms, np.empty_like(skin.vertices))
@@ -201,4 +201,4 @@ def test_driving_points_need_growing_stations() -> None:
     with pytest.raises(ValueError, match="shape"):
         DrivingPoints(np.array([0.0, 1.0]), np.zeros((3, 3)))
     with pytest.raises(ValueError, match="spacing"):
-        driving_points(tube(), spacing=0.0)
+        DrivingPoints.of(tube(), spacing=0.0)

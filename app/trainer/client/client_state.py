@@ -15,7 +15,7 @@ from app.simulation.session import Session
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = ["HAND_ONLY", "ClientState", "explained"]
 

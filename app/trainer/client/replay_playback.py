@@ -7,7 +7,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.replay import Replay
 from app.simulation.run_log import RunFile
 from app.simulation.session import Session
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = ["ReplayPlayback"]
 

@@ -24,9 +24,8 @@ from app.trainer.stage.stage import Stage
 from app.trainer.stage.tissue import Tissue, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from app.trainer.viser_bridge import steady_light, write_caption
-from organ_geometry.mesh.skin import BoundSkin, organ_skin
-from organ_geometry.mesh.tear import TornPiece
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
+from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 from physics import check_rupture, critical_stations
 
 __all__ = [

@@ -27,8 +27,7 @@ from app.trainer.panel.controls import figure, note, number, on_click, on_input
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.organ import Organ
-from organ_geometry.organ_builder import BuiltOrgan
+from organ_geometry import BuiltOrgan, Organ
 
 __all__ = ["BuildTab"]
 

@@ -7,7 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.wall import Wall
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 
 __all__ = ["ChainLines", "GhostMesh"]
 

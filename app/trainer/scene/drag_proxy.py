@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.hook import grip_solid
 from app.trainer.stage.solids import grid_faces
 from app.trainer.stage.wall import Wall
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
 

@@ -23,7 +23,7 @@ from app.trainer.stage.stage import Stage
 from app.trainer.stage.streamed_mesh import keep_finish
 from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
 from app.trainer.stage.wall_texture import mean_color
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = ["DuctScene"]
 

@@ -6,9 +6,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from organ_geometry.driving_points import DrivingPoints
-from organ_geometry.mesh.skin import BoundSkin, Skin, ring_angles
-from organ_geometry.organ import Organ
+from organ_geometry import DrivingPoints, Organ
+from organ_geometry.mesh import BoundSkin, Skin, ring_angles
 
 __all__ = ["Overlay"]
 

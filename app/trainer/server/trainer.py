@@ -36,7 +36,7 @@ from app.trainer.viser_bridge import (
     refuse_tunnels,
     tab_keeps,
 )
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 
 __all__ = ["AddressTakenError", "Trainer"]
 

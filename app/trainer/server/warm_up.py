@@ -24,7 +24,7 @@ from app.trainer.stage.underlay import sink_wall
 from app.trainer.stage.wall import Wall, wall_normals
 from app.trainer.stage.wall_texture import mean_color, wall_texture
 from app.trainer.viser_bridge import read_icons
-from organ_geometry.organ import Organ
+from organ_geometry import Organ
 from physics import Cubic
 
 __all__ = ["ICONS", "WarmUp", "warm_session"]

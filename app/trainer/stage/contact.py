@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
 from app.trainer.stage.wall import Wall
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 
 __all__ = ["BITE", "Contact", "HookPlace"]
 

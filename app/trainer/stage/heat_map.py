@@ -13,7 +13,7 @@ from app.trainer.stage.streamed_mesh import StreamedMesh
 from app.trainer.stage.tone import COLOR_MAP, color_table, light_for, light_table
 from app.trainer.stage.underlay import Underlay
 from app.trainer.stage.wall import Wall, wall_normals
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import Skin
 
 __all__ = ["UNLIT", "HeatMap", "heat_colors", "heat_legend_html"]
 

@@ -4,8 +4,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from organ_geometry.mesh.gltf_mesh import INSIDE, OUTER_WALL
-from organ_geometry.mesh.skin import Skin
+from organ_geometry.mesh import INSIDE, OUTER_WALL, Skin
 
 __all__ = ["INSIDE", "TISSUE", "PlainTissue"]
 

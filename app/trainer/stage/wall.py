@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.textures import Image
-from organ_geometry.mesh.skin import Skin, ring_angles
+from organ_geometry.mesh import Skin, ring_angles
 
 __all__ = ["Wall", "wall_normals"]
 

@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-__all__ = ["check_target", "make_folder", "write_whole"]
+__all__ = ["check_target", "make_folder", "write_atomic"]
 
 
 def check_target(path: Path) -> None:
@@ -25,7 +25,7 @@ def make_folder(path: Path, refusal: str) -> None:
         raise ValueError(f"{refusal}: {(error.strerror or str(error)).lower()}") from error
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomic(path: Path, content: bytes) -> None:
     """Write a file under a temporary name and move it into place."""
     check_target(path)
     path = path.resolve()  # a link stays one: what it points to is replaced

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from organ_geometry.whole_file import write_whole
+from organ_geometry.atomic_file import write_atomic
 
 
 def test_a_full_disk_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "duct.organ"
-    write_whole(path, b"old")
+    write_atomic(path, b"old")
 
     def full(handle: int, mode: str) -> object:
         os.close(handle)
@@ -21,16 +21,16 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(
     with monkeypatch.context() as patch:
         patch.setattr(os, "fdopen", full)
         with pytest.raises(ValueError, match=r"cannot write .*duct\.organ: No space left"):
-            write_whole(path, b"new")
+            write_atomic(path, b"new")
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
 def test_targets_that_cannot_be_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="there is no folder"):
-        write_whole(tmp_path / "nowhere" / "duct.organ", b"")
+        write_atomic(tmp_path / "nowhere" / "duct.organ", b"")
     with pytest.raises(ValueError, match="it is a folder"):
-        write_whole(tmp_path, b"")
+        write_atomic(tmp_path, b"")
     assert not list(tmp_path.iterdir())
 
 
@@ -39,7 +39,7 @@ def test_devices_and_pipes_are_left_alone(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     for target in (pipe, Path(os.devnull)):
         with pytest.raises(ValueError, match="a device or a pipe"):
-            write_whole(target, b"")
+            write_atomic(target, b"")
         assert target.exists()
         assert not target.is_file()
 
@@ -48,7 +48,7 @@ def test_a_link_stays_one_and_its_target_is_replaced(tmp_path: Path) -> None:
     target, link = tmp_path / "target", tmp_path / "link"
     target.write_bytes(b"old")
     link.symlink_to(target)
-    write_whole(link, b"new")
+    write_atomic(link, b"new")
     assert link.is_symlink()
     assert target.read_bytes() == b"new"
 
@@ -56,5 +56,5 @@ def test_a_link_stays_one_and_its_target_is_replaced(tmp_path: Path) -> None:
 def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
     plain, whole = tmp_path / "plain", tmp_path / "whole"
     plain.write_bytes(b"")
-    write_whole(whole, b"")
+    write_atomic(whole, b"")
     assert whole.stat().st_mode == plain.stat().st_mode
