@@ -16,7 +16,14 @@ __all__ = ["tube_file"]
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    with running_browser() as running:
+    """Pages in it draw no scene, which costs most: a test that looks at pixels says so."""
+    with running_browser(drawing=False) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def drawing_browser() -> Iterator[Browser]:
+    with running_browser(drawing=True) as running:
         yield running
 
 

@@ -65,7 +65,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     trainer = Trainer(phantom(), port=0)
     try:
-        with running_browser() as browser:
+        with running_browser(drawing=True) as browser:
             for size, (width, height) in SIZES.items():
                 with trainer_page(browser, trainer.address, width=width, height=height) as tab:
                     if size == "wide":

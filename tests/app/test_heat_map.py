@@ -71,10 +71,10 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
             heat_legend_html(bad)
 
 
-def test_page_shows_the_colour_of_the_stress(browser: Browser) -> None:
+def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser) -> None:
     trainer = Trainer(phantom(), port=0, look="plain")
     try:
-        with trainer_page(browser, trainer.address, width=900, height=600) as tab:
+        with trainer_page(drawing_browser, trainer.address, width=900, height=600) as tab:
             (view,) = trainer._views.values()
             scene, session = view._scene, view.session
             (surface,) = session.surfaces

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import RADIUS, PlayerPage, running_browser
+from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
 from app.export.motion import pull_motion
@@ -46,8 +46,8 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
     assert path.stat().st_size < LARGEST
     errors: list[str] = []
     requests: list[str] = []
-    with running_browser() as browser:
-        page = browser.new_page(viewport={"width": 480, "height": 300})
+    with running_browser(drawing=False) as browser:
+        page = new_context(browser, 480, 300).new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
         player = PlayerPage(page, path)

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import PATIENCE, RADIUS, TrainerPage, newest, stage_pixel, trainer_page
+from browser import (
+    PATIENCE,
+    RADIUS,
+    TrainerPage,
+    new_context,
+    newest,
+    stage_pixel,
+    trainer_page,
+)
 from playwright.sync_api import Browser, Download, Locator, expect
 from simulated import phantom
 
@@ -699,7 +707,7 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
             tab.open("Learn")
             expect(tab.page.get_by_test_id("task")).to_contain_text("your teacher lets them count")
             assert newest(trainer).state.exercise_inputs == "any"
-            context = browser.new_context()
+            context = new_context(browser)
             page = context.new_page()
             page.goto(f"{trainer.address}/?fixedDpr=1")
             expect(page.get_by_text(re.compile("1 trainees are at work"))).to_be_visible(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import PlayerPage, running_browser
+from browser import PlayerPage, new_context, running_browser
 from simulated import phantom
 from test_html_player import AT_TOP, LARGEST
 
@@ -44,8 +44,8 @@ def test_page_plays_a_run_and_its_tear(tmp_path: Path) -> None:
     errors: list[str] = []
     requests: list[str] = []
     motion, driving = recorded.motion, recorded.dissection.driving
-    with running_browser() as browser:
-        page = browser.new_page(viewport={"width": 480, "height": 300})
+    with running_browser(drawing=False) as browser:
+        page = new_context(browser, 480, 300).new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
         player = PlayerPage(page, path)

@@ -207,9 +207,9 @@ def _tissue_row(tab: TrainerPage) -> float | None:
     return float(np.nonzero(tissue)[0].mean()) if tissue.mean() > 0.03 else None
 
 
-def test_duct_is_seen(browser: Browser, trainer: Trainer) -> None:
+def test_duct_is_seen(drawing_browser: Browser, trainer: Trainer) -> None:
     """The picture shows tissue where the duct is, and higher once it is pulled."""
-    with trainer_page(browser, trainer.address) as tab:
+    with trainer_page(drawing_browser, trainer.address) as tab:
         heights: list[float] = []
         for force in (0.0, 3.0):
             tab.slide("Force F (N)", force)

@@ -100,7 +100,7 @@ def three_viewer(glb: bytes, *, width: int = 900, height: int = 500) -> Iterator
         else:
             route.fulfill(status=404 if path != "/favicon.ico" else 204)
 
-    with running_browser() as browser:
+    with running_browser(drawing=True) as browser:
         page = browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: errors.append(str(error)))
