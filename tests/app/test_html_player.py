@@ -15,7 +15,7 @@ from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
-from app.trainer.pages.page_text import titled_page
+from app.trainer.viser_bridge import recording_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
 
@@ -119,7 +119,7 @@ def test_edges_that_make_a_page_too_large_are_refused() -> None:
 
 def test_titles_are_text() -> None:
     page = "<head><title>Viser</title></head><body><script>'</body>'</script></body>"
-    titled = titled_page(page, "<b>A & B</b>", ["1 < 2"])
+    titled = recording_page(page, "<b>A & B</b>", ["1 < 2"])
     assert "<title>&lt;b&gt;A &amp; B&lt;/b&gt;</title>" in titled
     assert '<p class="note">1 &lt; 2</p>' in titled
     assert titled.index("</script>") < titled.index('<div id="about">') < titled.rindex("</body>")

@@ -7,11 +7,11 @@ import socket
 import subprocess
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
 from program import ENTRY, command, refused
 from simulated import phantom
-from viser import ClientHandle
+from viser import CameraHandle, ClientHandle
 
 from app.simulation.session import Phase, Session
 from app.trainer.server import trainer as server
@@ -340,11 +340,20 @@ def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> 
         assert errors == ""
 
 
-def test_one_camera_callback_whatever_the_duct(browser: Browser, trainer: Trainer) -> None:
+def test_one_camera_callback_whatever_the_duct(
+    browser: Browser, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """viser keeps them all: one for each new stage would draw stages that are gone."""
+    callbacks: list[object] = []
+    register = CameraHandle.on_update
+
+    def counted(camera: CameraHandle, callback: Callable[[CameraHandle], None]) -> object:
+        callbacks.append(callback)
+        return register(camera, callback)
+
+    monkeypatch.setattr(CameraHandle, "on_update", counted)
     with trainer_page(browser, trainer.address, width=640, height=480) as tab:
         view = trainer._views[max(trainer._views)]
-        callbacks = view.client.camera._state.camera_cb
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
             tab.wait_until(
@@ -385,11 +394,84 @@ def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
 def test_a_tab_that_closes_while_it_connects_leaves_nothing(
     trainer: Trainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "ClientView", lambda *_: object())
-    gone = cast("ClientHandle", SimpleNamespace(client_id=10**6))
+    """viser calls in a pool: a client may be disconnected before its view is made."""
+    view = Ticked()
+    monkeypatch.setattr(server, "ClientView", lambda *_: view)
+    monkeypatch.setattr(server, "prepare_page", lambda _: None)
+    monkeypatch.setattr(server, "kept_by_tab", lambda _: None)
+    tokens: list[str] = []
+    monkeypatch.setattr(server, "tab_keeps", lambda _, token: tokens.append(token))
+    storage = SimpleNamespace(get_item=lambda *_: "1")  # it has seen the first minute
+    gone = cast("ClientHandle", SimpleNamespace(client_id=10**6, local_storage=storage))
     trainer._disconnect(gone)
     trainer._connect(gone)
     assert gone.client_id not in trainer._views
+    assert gone.client_id not in trainer._tokens
+    assert view.closed
+    (token,) = tokens
+    again, _ = trainer._kept.claim(token)  # another, were it not left
+    trainer._kept.leave(again)
+    assert again == token
+
+
+class Ticked:
+    """A view that counts its ticks, and raises in each if it has a client."""
+
+    def __init__(self, client: object = None) -> None:
+        self.client = client
+        self.ticks = 0
+        self.closed = False
+
+    def tick(self, seconds: float, *, draws: bool) -> None:
+        self.ticks += 1
+        if self.client is not None:
+            raise RuntimeError("this session fails")
+
+    def close(self) -> None:
+        self.closed = True
+        if self.client is not None:
+            raise RuntimeError("viser cannot close")
+
+
+def test_sessions_go_on_whatever_viser_raises(
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise AttributeError("viser has changed")
+
+    monkeypatch.setattr(trainer._server, "get_clients", fails)
+    monkeypatch.setattr(server, "close_idle_connections", fails)
+    monkeypatch.setattr(server, "EXPIRY_SECONDS", 0.0)  # every tick looks for idle connections
+    monkeypatch.setattr(trainer, "_expiry", 0.0)
+    monkeypatch.setattr(trainer, "_faults", set[str]())
+    others = range(10**6, 10**6 + 3)
+    broken = [
+        Ticked(SimpleNamespace(client_id=number, add_notification=fails)) for number in others
+    ]
+    steady = Ticked()
+    try:
+        trainer._views |= cast("dict[int, Any]", dict(zip(others, broken, strict=True)))
+        trainer._views[10**7] = cast("Any", steady)
+        deadline = time.monotonic() + 30.0
+        while steady.ticks < 10 and time.monotonic() < deadline:
+            time.sleep(0.01)
+    finally:
+        for number in (*others, 10**7):
+            trainer._views.pop(number, None)
+    assert steady.ticks >= 10
+    assert [view.ticks for view in broken] == [1, 1, 1]
+    stopped = [f"the session of client {number} has stopped" for number in others]
+    said = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert [each for each in said if each in stopped] == stopped
+    assert sorted(each for each in said if each not in stopped) == [
+        f"{what} has failed; the sessions go on"
+        for what in (
+            "asking for the clients",
+            "closing a client's view",
+            "telling a client",
+            "the search for connections that are no pages",
+        )
+    ]
 
 
 def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:

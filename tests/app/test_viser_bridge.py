@@ -1,6 +1,7 @@
 """What the trainer takes from viser without its leave: each test says what another viser broke."""
 
 import asyncio
+import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
@@ -14,7 +15,17 @@ from viser._icons import svg_from_icon
 
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
-from app.trainer.viser_bridge import close_silent, kept_by_tab, prepare_page, tab_keeps
+from app.trainer.viser_bridge import (
+    close_idle_connections,
+    kept_by_tab,
+    prepare_page,
+    recording_page,
+    run_in_page,
+    start_server,
+    stop_server,
+    tab_keeps,
+    watch_pace,
+)
 from benchmarks.page_protocol import CAMERA, connected
 
 
@@ -34,15 +45,15 @@ def test_who_says_nothing_is_closed_the_second_time_and_who_speaks_is_not(
             await speaking.send(msgspec.msgpack.encode(CAMERA))
             while len(server.get_clients()) < 1:
                 await asyncio.sleep(0.01)
-            suspects = close_silent(server, set())
+            suspects = close_idle_connections(server, set())
             assert len(suspects) == 1
             assert not suspects & server.get_clients().keys()
             await speaking.send(msgspec.msgpack.encode(CAMERA))
-            assert close_silent(server, suspects) == set()
+            assert close_idle_connections(server, suspects) == set()
             await silent.wait_closed()
             await (await speaking.ping())
             assert len(server.get_clients()) == 1
-            while close_silent(server, set()):  # until the server has seen that it is closed
+            while close_idle_connections(server, set()):
                 await asyncio.sleep(0.01)
 
     # In a thread of its own: playwright's loop may be running in this one.
@@ -59,6 +70,48 @@ def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
 
 def test_icons_are_read_where_viser_reads_them() -> None:
     assert all("<svg" in svg_from_icon(icon) for icon in ICONS)
+
+
+def test_a_recording_s_page_has_the_places_where_light_and_text_go(
+    server: viser.ViserServer,
+) -> None:
+    page = server.get_scene_serializer().as_html()
+    written = recording_page(page, "A title", ["a note"])
+    head, body = written.split("<body", 1)
+    assert head.count("<title>A title</title>") == 1
+    assert "isDirectionalLight" in head.rsplit("<script>", 1)[1]
+    assert body.rsplit("</body>", 1)[0].rstrip().endswith("</div>")
+    for line in ("<h1>A title</h1>", '<p class="note">a note</p>', '<p id="caption">'):
+        assert body.count(line) == 1
+    assert len(written) - len(page) < 4000  # nothing of viser's is lost or doubled
+
+
+def test_who_runs_a_script_in_a_page_has_the_scene_and_its_nodes(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
+        run_in_page(
+            newest(trainer).client.scene,
+            "window.found = [viewer.scene().isScene, viewer.node('/organ').isObject3D,"
+            " viewer.node('/nowhere') === undefined];",
+        )
+        tab.page.wait_for_function("() => window.found")
+        assert tab.page.evaluate("window.found") == [True, True, True]
+
+
+def test_where_viser_says_that_it_draws_in_software_the_remedy_is_named(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
+        client = newest(trainer).client
+        watch_pace(client, least=5.0, command=None, remedy="Take the simple picture.")
+        notice = tab.page.get_by_text(re.compile("software mode.* Take the simple picture"))
+        notice.wait_for()
+
+
+def test_viser_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    stop_server(start_server("127.0.0.1", 0))
+    assert capfd.readouterr().out == ""
 
 
 def test_commands_and_sliders_have_the_numbers_by_which_the_page_knows_them(
@@ -87,6 +140,8 @@ def test_page_has_what_its_style_and_script_lean_on(
                     "scene and root": viewer.scene && viewer.nodeRefFromName[""]?.matrixWorld,
                     "canvases": viewer.canvas && viewer.canvas2d?.parentElement,
                     "messages": viewer.sendMessage,
+                    "pictures": viewer.requestRender && viewer.scene.onAfterRender
+                        && viewer.scene.onBeforeRender,
                     "camera": camera?.setBoundary && camera.rotatePolarTo && camera.getTarget
                         && camera.addEventListener && camera.camera.up && camera.polarAngle,
                     "line to a hand": viewer.scene.children.some(each => each.line && each.cone),

@@ -1,7 +1,5 @@
 """The player: one page that shows a motion of an organ, with no server behind it."""
 
-import contextlib
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +12,6 @@ from viser import transforms
 from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
 from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
-from app.trainer.pages.page_text import titled_page
 from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR, TORN_ENDS
 from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import viewpoint
@@ -23,7 +20,7 @@ from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.tissue import Tissue, send_finish
 from app.trainer.stage.wall_texture import mean_color
-from app.trainer.viser_bridge import steady_light, write_caption
+from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 from physics import check_rupture, critical_stations
@@ -165,14 +162,12 @@ def player_page(
             f"{MOST_PLACES // len(skin.vertices):,} such keys; take fewer frames or longer edges"
         )
     bound = skin.bound_to(dissection.driving)
-    # Only its scene is wanted, but viser has no scene without a server. It prints its address and
-    # its end, whatever `verbose` says.
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        try:
-            return _recorded(server, dissection, scenes, bound, pieces)
-        finally:
-            server.stop()
+    # Only its scene is wanted, but viser has no scene without a server.
+    server = start_server("127.0.0.1", 0)
+    try:
+        return _recorded(server, dissection, scenes, bound, pieces)
+    finally:
+        stop_server(server)
 
 
 def _recorded(
@@ -253,7 +248,7 @@ def _recorded(
         record.insert_sleep(times[key] - times[key - 1])
         show(key)
     record.insert_sleep(END_SECONDS)
-    return titled_page(steady_light(record.as_html(dark_mode=True)), scenes.title, scenes.notes)
+    return recording_page(record.as_html(dark_mode=True), scenes.title, scenes.notes)
 
 
 def _body(

@@ -240,6 +240,7 @@ class DuctScene:
         ):
             if self._hand is not None:
                 self._hand.let_go()  # of the stage's hook
+            self._shape = -1  # another thread may have chosen the duct, and not its surfaces yet
             self._stage.remove()
             self._stage = None
         self._appearance = appearance

@@ -18,9 +18,8 @@ from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
 from app.trainer.scene.annotations import Annotations
 from app.trainer.scene.duct_scene import DuctScene
-from app.trainer.stage.dressed_surface import watch_pace
 from app.trainer.stage.lighting import LookChoice
-from app.trainer.viser_bridge import command_number
+from app.trainer.viser_bridge import watch_pace
 
 __all__ = ["ClientView"]
 
@@ -100,12 +99,11 @@ class ClientView:
 
     def _watch_pace(self, *, may_simplify: bool) -> None:
         """Name the simple picture to a page that draws in software; give it to a slow one."""
-        number = ""
+        command: viser.CommandHandle | None = None
         if may_simplify:
             command = self.client.gui.add_command(
                 SIMPLE_PICTURE, description="For a page that draws slowly"
             )
-            number = command_number(command)
 
             @command.on_trigger
             async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
@@ -117,7 +115,7 @@ class ClientView:
                     color="blue",
                 )
 
-        watch_pace(self.client.scene, least=LEAST_PICTURES, command=number, remedy=REMEDY)
+        watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=REMEDY)
 
     def close(self) -> None:
         """Let go of the duct, and of what was sent: the client has gone."""

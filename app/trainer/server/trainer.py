@@ -1,13 +1,11 @@
 """The trainer's server: its start-up in one place, one session per client, one clock for all."""
 
 import contextlib
-import io
 import logging
 import socket
 import threading
 import time
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 import viser
 
@@ -30,10 +28,11 @@ from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import (
-    close_silent,
+    close_idle_connections,
     kept_by_tab,
     prepare_page,
-    refuse_tunnels,
+    start_server,
+    stop_server,
     tab_keeps,
 )
 from organ_geometry import Organ
@@ -117,8 +116,6 @@ class Trainer:
         self._build_process = BuildProcess()
         self._stopping = threading.Event()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
-        # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
-        warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
         warm_session(organ, preset)
         self._server = _serve(host, port)
         self._hand: HapticHand | None = None
@@ -137,7 +134,9 @@ class Trainer:
         camera.fov = overview.fov
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
-        self._silent: set[int] = set()
+        self._idle: set[int] = set()
+        self._faults: set[str] = set()
+        self._expiry = time.monotonic() + EXPIRY_SECONDS
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
         self.warm_up = WarmUp(
@@ -182,8 +181,7 @@ class Trainer:
         self._background.stop()
         self._build_process.stop()
         self._builder.stop()
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._server.stop()
+        stop_server(self._server)
 
     def _connect(self, client: viser.ClientHandle) -> None:
         number = client.client_id
@@ -207,7 +205,7 @@ class Trainer:
             return
         except Exception:
             if number in self._server.get_clients():
-                self._fault(client)
+                self._tell_fault(client)
             return
         with self._views_lock:
             # viser runs this in a pool: a tab closed meanwhile has been disconnected already.
@@ -226,36 +224,59 @@ class Trainer:
         if token is not None:
             self._kept.leave(token)
 
-    def _fault(self, client: viser.ClientHandle) -> None:
+    @contextlib.contextmanager
+    def _surviving(self, what: str) -> Generator[None]:
+        """Log the first fault of a kind, and go on: one thread steps everybody's session."""
+        try:
+            yield
+        except Exception:
+            if what not in self._faults:
+                self._faults.add(what)
+                log.exception("%s has failed; the sessions go on", what)
+
+    def _tell_fault(self, client: viser.ClientHandle) -> None:
         """Log the fault that has just stopped a client's session, and tell the client."""
         log.exception("the session of client %d has stopped", client.client_id)
-        client.add_notification(
-            "This duct has stopped", "A fault of the program. Reload the page for a new one.",
-            color="red",
-        )  # fmt: skip
+        with self._surviving("telling a client"):
+            client.add_notification(
+                "This duct has stopped", "A fault of the program. Reload the page for a new one.",
+                color="red",
+            )  # fmt: skip
 
     def _run(self) -> None:
-        expiry = time.monotonic() + EXPIRY_SECONDS
         while (seconds := self.timer.wait(self._stopping)) is not None:
-            with self._views_lock:
-                views = list(self._views.items())
-            self._budget.begin_tick(self.timer.load)
-            if self._hand is not None:
-                self._attend(self._hand, views[0][1] if views else None)
-            for place, (number, view) in enumerate(views):
-                try:
-                    view.tick(min(seconds, LONGEST_TICK), draws=self._budget.draws(place))
-                except Exception:
-                    # A client that has just gone, or a fault of ours: the others go on.
-                    with self._views_lock:
-                        there = self._views.pop(number, None) is view
-                    view.close()
-                    if there and number in self._server.get_clients():
-                        self._fault(view.client)
-            if (now := time.monotonic()) > expiry:
-                expiry = now + EXPIRY_SECONDS
-                self._kept.expire()
-                self._close_silent()
+            with self._surviving("a tick"):
+                self._tick(min(seconds, LONGEST_TICK))
+            if (now := time.monotonic()) > self._expiry:
+                self._expiry = now + EXPIRY_SECONDS
+                with self._surviving("the end of sessions that were left"):
+                    self._kept.expire()
+                with self._surviving("the search for connections that are no pages"):
+                    self._idle = close_idle_connections(self._server, self._idle)
+
+    def _tick(self, seconds: float) -> None:
+        """Step every session, and draw those whose turn it is."""
+        with self._views_lock:
+            views = list(self._views.items())
+        self._budget.begin_tick(self.timer.load)
+        if self._hand is not None:
+            self._attend(self._hand, views[0][1] if views else None)
+        for place, (number, view) in enumerate(views):
+            try:
+                view.tick(seconds, draws=self._budget.draws(place))
+            except Exception:
+                self._drop(number, view)
+
+    def _drop(self, number: int, view: ClientView) -> None:
+        """Close a view whose tick has raised: its client has just gone, or there is a fault."""
+        with self._views_lock:
+            there = self._views.pop(number, None) is view
+        with self._surviving("closing a client's view"):
+            view.close()
+        with self._surviving("asking for the clients"):
+            there = there and number in self._server.get_clients()
+        if there:
+            self._tell_fault(view.client)
 
     def _attend(self, hand: HapticHand, view: ClientView | None) -> None:
         """Let the hand on the device lead the first page."""
@@ -264,13 +285,8 @@ class Trainer:
         except Exception:
             log.exception("the hand on the device has stopped")
             self._hand = None
-            hand.stop()
-
-    def _close_silent(self) -> None:
-        try:
-            self._silent = close_silent(self._server, self._silent)
-        except Exception:  # of viser's: the sessions go on
-            log.exception("connections that are no pages could not be looked through")
+            with self._surviving("stopping the device"):
+                hand.stop()
 
 
 def _seen(client: viser.ClientHandle) -> bool:
@@ -295,10 +311,7 @@ def _serve(host: str, port: int) -> viser.ViserServer:
                 f"cannot serve {host}: {reason}; give --host an address of this machine"
             ) from error
         raise _taken(host, port, reason) from error
-    # viser prints an address of its own, whatever `verbose` says.
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=host, port=port, verbose=False)
-    refuse_tunnels(server)
+    server = start_server(host, port)
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")

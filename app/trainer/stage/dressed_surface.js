@@ -3,7 +3,7 @@
 // The server streams the few vertices of a coarse grid as one of viser's simple meshes. Here, in the
 // page, a finer grid is laid through them by cubic interpolation, with the normals of that smooth
 // surface, and drawn in the material of a GLB file that was sent once. The simple mesh is hidden;
-// where this script cannot work it stays what is seen.
+// where this script cannot work it stays what is seen. `viewer` is `viser_bridge.run_in_page`'s.
 (() => {
   if (window.bluntdissectSurfaces) return;
   const wears = new Map();
@@ -300,9 +300,8 @@
 
   const surfaces = new Map();
   const dressAll = () => {
-    const nodes = window.__viserMutable.nodeRefFromName;
     for (const [name, wear] of wears) {
-      const node = nodes[name], finish = nodes[wear.finish];
+      const node = viewer.node(name), finish = viewer.node(wear.finish);
       if (!node || !finish) continue;
       const source = meshIn(node), cloth = meshIn(finish);
       if (!source || !cloth || !cloth.material.map) continue;
@@ -317,8 +316,7 @@
   // Writes the middles of all rings into the table that the bed's shadow is thrown from.
   const light = () => {
     if (!surfaces.size) return;
-    const nodes = window.__viserMutable.nodeRefFromName;
-    const bed = nodes["/stage/tissue_bed"], hook = nodes["/stage/hook"];
+    const bed = viewer.node("/stage/tissue_bed"), hook = viewer.node("/stage/hook");
     if (!bed || !hook) return;
     const cloth = meshIn(bed);
     if (!cloth) return;
@@ -332,7 +330,7 @@
     shared.hookAt.value = [place.x, place.y, place.z];
     const points = [];
     for (const [name, { given, wear, mesh }] of surfaces) {
-      if (!nodes[name] || !mesh.parent) continue;
+      if (!viewer.node(name) || !mesh.parent) continue;
       mesh.updateMatrixWorld();
       for (const ring of wear.patches[0].rows) {
         let x = 0, y = 0, z = 0;
@@ -356,43 +354,8 @@
       shared.axis.value.set([mixed(0), mixed(1), mixed(2), a[3] === b[3] ? 1 : 0], 4 * n);
     }
   };
-  // Times some pictures, drawn as fast as the page can, and says how many a second it draws.
-  const pace = told => {
-    const viewer = window.__viserMutable, drawn = [];
-    const dressed = viewer.scene && surfaces.size > 0;
-    if (!dressed || document.hidden) { setTimeout(() => pace(told), 1000); return; }
-    const before = viewer.scene.onAfterRender;
-    let going = true;
-    const stop = () => {
-      if (!going) return;
-      going = false;
-      viewer.scene.onAfterRender = before;
-      if (document.hidden) { setTimeout(() => pace(told), 1000); return; }
-      const seconds = (drawn[drawn.length - 1] - drawn[0]) / 1000;
-      told(drawn.length > 1 ? (drawn.length - 1) / seconds : 0);
-    };
-    viewer.scene.onAfterRender = (renderer, ...rest) => {
-      before.call(viewer.scene, renderer, ...rest);
-      const gl = renderer.getContext();
-      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // until it is done
-      drawn.push(performance.now());
-      if (drawn.length > 12) setTimeout(stop);
-    };
-    const ask = () => { if (going) { viewer.requestRender(); requestAnimationFrame(ask); } };
-    ask();
-    setTimeout(stop, 4000);
-  };
-  // Where viser says that the page draws in software, say what helps.
-  const nameRemedy = (remedy, left) => {
-    for (const text of document.querySelectorAll(".mantine-Notification-description"))
-      if (text.textContent.includes("software mode") && !text.textContent.includes(remedy)) {
-        text.append(" " + remedy);
-        return;
-      }
-    if (left) setTimeout(() => nameRemedy(remedy, left - 1), 500);
-  };
   const watch = () => {
-    const scene = window.__viserMutable?.scene;
+    const scene = viewer.scene();
     if (!scene) { setTimeout(watch, 50); return; }
     const before = scene.onBeforeRender;
     scene.onBeforeRender = (...given) => { before.apply(scene, given); dressAll(); light(); };
@@ -410,15 +373,6 @@
       shared.hook.value = [bend, wire, tip, 1];
       shared.shaft.value = shaft;
       shared.lampWay.value = lampWay;
-    },
-    watchPace(least, uuid, remedy) {
-      nameRemedy(remedy, 60);
-      if (!uuid) return;
-      setTimeout(() => pace(rate => {
-        this.rate = rate;
-        if (rate < least)
-          window.__viserMutable.sendMessage({ type: "CommandTriggerMessage", uuid });
-      }), 3000);
     },
     undress(name) { wears.delete(name); surfaces.delete(name); },
   };

@@ -22,7 +22,12 @@ from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
 from app.trainer.stage.solids import Solid
 from app.trainer.viser_bridge import run_in_page
 
-__all__ = ["DressedSurface", "Patch", "keep_finish_of", "light_surfaces", "watch_pace"]
+__all__ = [
+    "DressedSurface",
+    "Patch",
+    "keep_finish_of",
+    "light_surfaces",
+]
 
 FAR = 100.0
 """Distance from a torn rim where there is none, radii."""
@@ -79,12 +84,6 @@ def light_surfaces(
         "lampWay": way.tolist(),
     }
     run_in_page(scene, f"{_script()}\nbluntdissectSurfaces.stage({json.dumps(light)});")
-
-
-def watch_pace(scene: viser.SceneApi, *, least: float, command: str, remedy: str) -> None:
-    """Let a page say once whether it draws too slowly."""
-    given = ", ".join(json.dumps(each) for each in (least, command, remedy))
-    run_in_page(scene, f"{_script()}\nbluntdissectSurfaces.watchPace({given});")
 
 
 class DressedSurface:

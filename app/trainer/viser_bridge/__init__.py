@@ -1,0 +1,50 @@
+"""All that reaches past viser's public face: private names, the page's style, scripts and HTML.
+
+viser has no call for what is here. Each part says what viser lacks, and `test_viser_bridge` has a
+test for each that says what broke when another viser is installed.
+"""
+
+from app.trainer.viser_bridge.page import (
+    announce,
+    closer_html,
+    keep_in_sight,
+    kept_by_tab,
+    letter_keys_on,
+    offer_home,
+    open_tab,
+    prepare_page,
+    run_in_page,
+    set_arrow_step,
+    set_letter_keys,
+    tab_keeps,
+    watch_pace,
+)
+from app.trainer.viser_bridge.recording import recording_page, write_caption
+from app.trainer.viser_bridge.server import (
+    close_idle_connections,
+    read_icons,
+    start_server,
+    stop_server,
+)
+
+__all__ = [
+    "announce",
+    "close_idle_connections",
+    "closer_html",
+    "keep_in_sight",
+    "kept_by_tab",
+    "letter_keys_on",
+    "offer_home",
+    "open_tab",
+    "prepare_page",
+    "read_icons",
+    "recording_page",
+    "run_in_page",
+    "set_arrow_step",
+    "set_letter_keys",
+    "start_server",
+    "stop_server",
+    "tab_keeps",
+    "watch_pace",
+    "write_caption",
+]

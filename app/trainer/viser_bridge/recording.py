@@ -1,0 +1,43 @@
+"""The page that viser makes of a recording: its light, and the text over its picture."""
+
+import html
+import json
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import viser
+
+from app.trainer.viser_bridge.page import run_in_page
+
+__all__ = ["recording_page", "write_caption"]
+
+
+@cache
+def _file(name: str) -> str:
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+def write_caption(server: viser.ViserServer, words: str) -> None:
+    """Write into the line of a recording's page that is named `caption`.
+
+    viser's own labels are drawn: no screen reader reads them, and what stands over the picture
+    hides them.
+    """
+    run_in_page(
+        server.scene, f"document.getElementById('caption').textContent = {json.dumps(words)}"
+    )
+
+
+def recording_page(page: str, title: str, notes: Sequence[str]) -> str:
+    """Return viser's page of a recording with steady light, and with a title and notes over it."""
+    shown = html.escape(title)
+    lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
+    overlay = _file("recording.html").replace("@title", shown).replace("@notes", lines)
+    # The page's own script holds such tags as text: its head's is the first, its body's the last.
+    before, after = page.split("<title>", 1)
+    rest = after.split("</title>", 1)[1]
+    head, rest = rest.split("</head>", 1)
+    body, end = rest.rsplit("</body>", 1)
+    script = f"<script>{_file('recording.js')}</script>"
+    return f"{before}<title>{shown}</title>{head}{script}</head>{body}{overlay}</body>{end}"

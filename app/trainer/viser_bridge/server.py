@@ -1,0 +1,49 @@
+"""What the trainer needs of viser's server beyond its public face."""
+
+import asyncio
+import contextlib
+import io
+import warnings
+from collections.abc import Iterable
+
+import viser
+from viser import _messages  # pyright: ignore[reportPrivateUsage]
+from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
+
+__all__ = ["close_idle_connections", "read_icons", "start_server", "stop_server"]
+
+
+def start_server(host: str, port: int) -> viser.ViserServer:
+    """Start viser's server without its printed address, and without its public tunnels."""
+    # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
+    warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
+    # viser prints an address of its own, whatever `verbose` says.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, verbose=False)
+    # Any client could ask for a tunnel that makes this server public.
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
+    return server
+
+
+def stop_server(server: viser.ViserServer) -> None:
+    """Stop viser's server without what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def close_idle_connections(server: viser.ViserServer, suspects: set[int]) -> set[int]:
+    """Close connections that were silent at the last call and still are; return new suspects."""
+    websockets = server._websock_server  # pyright: ignore[reportPrivateUsage]
+    loop = server.get_event_loop()
+    connections = dict(websockets._live_connections)  # pyright: ignore[reportPrivateUsage]
+    silent = connections.keys() - server.get_clients().keys()
+    for number in silent & suspects:
+        asyncio.run_coroutine_threadsafe(connections[number].close(), loop)
+    return silent - suspects
+
+
+def read_icons(icons: Iterable[viser.IconName]) -> None:
+    """Read icons before they are needed: viser reads a list of six thousand for each new one."""
+    for icon in icons:
+        svg_from_icon(icon)
