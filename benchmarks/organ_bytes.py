@@ -13,9 +13,13 @@ from benchmarks.peer_meshes import Mesh, tube_faces
 from organ_geometry import (
     BuiltOrgan,
     Organ,
+    Promise,
     ToleranceTooSmall,
-    build_organ,
+    TraceOptions,
+    build_fitted,
+    fit_organ,
     read_organ,
+    trace_organ,
     write_organ,
 )
 
@@ -71,6 +75,8 @@ class OrganSearch:
     def __init__(self, organ: OrganSet) -> None:
         self.tried = 0
         self._organ = organ
+        trace = TraceOptions(edge_shift_mm=organ.edge_shift)
+        self._fitted = fit_organ(organ.stack, trace_organ(organ.stack, trace))
 
     def at(self, tolerance: float, overall: float) -> OrganBytes | None:
         """Return the organ of a tolerance, mm, or None if the builder says that it cannot be kept.
@@ -89,12 +95,9 @@ class OrganSearch:
         """
         self.tried += 1
         try:
-            built = build_organ(
-                self._organ.stack,
-                edge_shift_mm=self._organ.edge_shift,
-                tolerance_mm=tolerance,
-                overall_mm=overall,
-                effort="full",
+            built = build_fitted(
+                self._fitted,
+                Promise(tolerance_mm=tolerance, overall_mm=overall, effort="full"),
             )
         except ToleranceTooSmall:
             return None

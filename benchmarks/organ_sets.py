@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
-from organ_geometry import ImageStack, read_image_stack, trace_organ
+from organ_geometry import ImageStack, TraceOptions, read_image_stack, trace_organ
 
 __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 
@@ -59,7 +59,7 @@ class OrganSet:
         rows, columns = stack.shape
         middle = 0.5 * np.array([columns - 1.0, rows - 1.0])
         found: list[NDArray[np.float64]] = []
-        for section in trace_organ(stack, polarity="bright").sections:
+        for section in trace_organ(stack, TraceOptions(polarity="bright")).sections:
             plane = (section.outer - middle) * stack.pixel_size
             frame = stack.frames[section.index]
             found.append(stack.origins[section.index] + plane @ frame[:, :2].T)

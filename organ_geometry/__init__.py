@@ -1,8 +1,11 @@
 """From cross-section images to an organ: its axis, its outlines, its file.
 
-    stack = read_image_stack("scans", pixel_size=(0.1, 0.1), slice_spacing=0.4)
-    built = build_organ(stack, tolerance_mm=0.05)
+    stack = read_image_stack(Path("scans"), ReadOptions(pixel_size=(0.1, 0.1), slice_spacing=0.4))
+    built = build_organ(stack, TraceOptions(polarity="dark"), Promise(tolerance_mm=0.05))
     write_organ(built.organ, Path("duct.organ"))
+
+Between the two are the stages `reslice_where_needed`, `trace_organ`, `fit_organ`, `encode_organ`
+and `report_organ`, each of which takes what the one before returns.
 
 Surfaces of an organ are in `organ_geometry.mesh`. Each name is imported when it is first asked for,
 so that a command which only reads an organ loads no image library.
@@ -15,10 +18,13 @@ if TYPE_CHECKING:
     from organ_geometry.atomic_file import check_target as check_target
     from organ_geometry.atomic_file import make_folder as make_folder
     from organ_geometry.atomic_file import write_atomic as write_atomic
-    from organ_geometry.contours.organ_seed import Seed as Seed
     from organ_geometry.contours.organ_tracing import trace_organ as trace_organ
+    from organ_geometry.contours.trace_options import Seed as Seed
+    from organ_geometry.contours.trace_options import TraceOptions as TraceOptions
     from organ_geometry.contours.traced_organ import TracedOrgan as TracedOrgan
     from organ_geometry.contours.traced_organ import TracedSection as TracedSection
+    from organ_geometry.curves.fitted_organ import FittedOrgan as FittedOrgan
+    from organ_geometry.curves.fitted_organ import fit_organ as fit_organ
     from organ_geometry.driving_points import DrivingPoints as DrivingPoints
     from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall as ToleranceTooSmall
     from organ_geometry.images.grey_image import GreyImage as GreyImage
@@ -33,21 +39,26 @@ if TYPE_CHECKING:
     from organ_geometry.images.medical_file import is_volume_file as is_volume_file
     from organ_geometry.images.medical_file import read_header as read_header
     from organ_geometry.images.spacing_file import SPACING_FILE as SPACING_FILE
+    from organ_geometry.images.stack_reader import ReadOptions as ReadOptions
     from organ_geometry.images.stack_reader import read_image_stack as read_image_stack
     from organ_geometry.images.stack_reader import stack_labels as stack_labels
     from organ_geometry.organ import Organ as Organ
     from organ_geometry.organ import SectionProperties as SectionProperties
     from organ_geometry.organ import Wall as Wall
     from organ_geometry.organ_builder import BuiltOrgan as BuiltOrgan
+    from organ_geometry.organ_builder import Promise as Promise
+    from organ_geometry.organ_builder import build_fitted as build_fitted
     from organ_geometry.organ_builder import build_organ as build_organ
-    from organ_geometry.organ_builder import organ_of_edges as organ_of_edges
+    from organ_geometry.organ_builder import encode_organ as encode_organ
+    from organ_geometry.organ_builder import report_organ as report_organ
     from organ_geometry.organ_file import FILE_VERSION as FILE_VERSION
     from organ_geometry.organ_file import code_from_bytes as code_from_bytes
     from organ_geometry.organ_file import read_organ as read_organ
     from organ_geometry.organ_file import write_organ as write_organ
-    from organ_geometry.recut.recut_stack import RecutSlices as RecutSlices
-    from organ_geometry.recut.recut_stack import When as When
-    from organ_geometry.recut.recut_stack import recut_where_needed as recut_where_needed
+    from organ_geometry.reslice.resliced_stack import ReslicedSlices as ReslicedSlices
+    from organ_geometry.reslice.resliced_stack import When as When
+    from organ_geometry.reslice.resliced_stack import reslice as reslice
+    from organ_geometry.reslice.resliced_stack import reslice_where_needed as reslice_where_needed
     from organ_geometry.section_report import SectionReport as SectionReport
 else:
     # The same again, by module; a test holds the two lists to each other.
@@ -55,9 +66,10 @@ else:
         "atomic_file": ("check_target", "make_folder", "write_atomic"),
         "organ_file": ("FILE_VERSION", "code_from_bytes", "read_organ", "write_organ"),
         "encoder.tolerance_floor": ("ToleranceTooSmall",),
-        "contours.organ_seed": ("Seed",),
+        "contours.trace_options": ("Seed", "TraceOptions"),
         "contours.organ_tracing": ("trace_organ",),
         "contours.traced_organ": ("TracedOrgan", "TracedSection"),
+        "curves.fitted_organ": ("FittedOrgan", "fit_organ"),
         "driving_points": ("DrivingPoints",),
         "images.grey_image": ("GreyImage", "ImageStackError", "list_text"),
         "images.image_files": ("IMAGE_SUFFIXES",),
@@ -71,10 +83,17 @@ else:
             "read_header",
         ),
         "images.spacing_file": ("SPACING_FILE",),
-        "images.stack_reader": ("read_image_stack", "stack_labels"),
+        "images.stack_reader": ("ReadOptions", "read_image_stack", "stack_labels"),
         "organ": ("Organ", "SectionProperties", "Wall"),
-        "organ_builder": ("BuiltOrgan", "build_organ", "organ_of_edges"),
-        "recut.recut_stack": ("RecutSlices", "When", "recut_where_needed"),
+        "organ_builder": (
+            "BuiltOrgan",
+            "Promise",
+            "build_fitted",
+            "build_organ",
+            "encode_organ",
+            "report_organ",
+        ),
+        "reslice.resliced_stack": ("ReslicedSlices", "When", "reslice", "reslice_where_needed"),
         "section_report": ("SectionReport",),
     }
     _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}

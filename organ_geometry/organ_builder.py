@@ -1,4 +1,17 @@
-"""From a stack of cross-section images to an organ, with a report of how well it fits."""
+"""From a stack of cross-section images to an organ, with a report of how well it fits.
+
+The stages, each a function whose value the next takes:
+
+    read      `read_image_stack(path, ReadOptions)`       -> ImageStack
+    reslice   `reslice_where_needed(stack, TraceOptions)` -> ImageStack, TraceOptions
+    trace     `trace_organ(stack, TraceOptions)`          -> TracedOrgan, edges in px
+    fit       `fit_organ(stack, traced)`                  -> FittedOrgan, edges in mm, half-curves
+    encode    `encode_organ(fitted, Promise)`             -> EncodedOrgan, the organ of its file
+    report    `report_organ(fitted, encoded)`             -> BuiltOrgan
+
+`build_organ` does all after the images; `build_fitted` the last two, which is what another
+tolerance costs.
+"""
 
 import math
 import time
@@ -9,21 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from organ_geometry.contours.contour import SectionContour
-from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, Polarity
-from organ_geometry.contours.organ_seed import Seed
 from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.contours.shifted_edges import NothingLeft, shifted_section
-from organ_geometry.contours.traced_organ import TracedOrgan
-from organ_geometry.curves.fitted_section import FittedSection, fitted_section, section_contour
-from organ_geometry.curves.half_curves import (
-    NotSingleValued,
-)
-from organ_geometry.curves.key_sections import check_tolerance
-from organ_geometry.encoder.encode import (
-    EncodedOrgan,
-    Selection,
-    encoded_organ,
-)
+from organ_geometry.contours.trace_options import FoundPolarity, TraceOptions
+from organ_geometry.curves.fitted_organ import FittedOrgan, fit_organ
+from organ_geometry.encoder.encode import EncodedOrgan, Selection, encoded_organ
 from organ_geometry.encoder.search import Effort
 from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
 from organ_geometry.images.image_stack import ImageStack
@@ -31,15 +33,68 @@ from organ_geometry.organ import Organ
 from organ_geometry.organ_warnings import organ_warnings
 from organ_geometry.section_report import SectionReport, pooled_rms, section_reports
 
-Progress = Callable[[int, int], None]
-
 # Without a tolerance: this share of the mean radius, but not so little that the noise of single
 # pixels makes every section a key section.
 TOLERANCE_SHARE = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
+# With an overall tolerance alone, a section may be off by so many times as much. The fewest bytes
+# at an error are found with 3 to 5 (benchmarks/organ_bytes.py).
+LOOSE_SECTIONS = 4.0
+# How often a tolerance that nobody asked for is raised, and by how much above what can be kept,
+# near which bytes climb steeply.
 _RAISES = 3
-# Near the smallest tolerance bytes climb steeply.
 _RAISE = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """How far the organ may be from its edges, and how hard to look for few bytes.
+
+    Attributes
+    ----------
+    tolerance_mm, tolerance_px
+        RMS distance that no section exceeds. None for 2 % of the mean radius, half a pixel or
+        more, and the smallest that can be kept if that cannot; or for `LOOSE_SECTIONS` times the
+        overall one.
+    overall_mm, overall_px
+        RMS distance that all sections together do not exceed, or None.
+    select
+        "fewest" sections that keep the promise, or the "thesis" rule.
+    effort
+        "quick", or "full" for some bytes less in up to twenty times the time.
+    """
+
+    tolerance_mm: float | None = None
+    tolerance_px: float | None = None
+    overall_mm: float | None = None
+    overall_px: float | None = None
+    select: Selection = "fewest"
+    effort: Effort = "quick"
+
+    def __post_init__(self) -> None:
+        for name, mm, px in (
+            ("tolerance", self.tolerance_mm, self.tolerance_px),
+            ("overall tolerance", self.overall_mm, self.overall_px),
+        ):
+            if mm is not None and px is not None:
+                raise ValueError(f"give the {name} in mm or in px, not both")
+            for value, unit in ((mm, "mm"), (px, "px")):
+                if value is not None and not (math.isfinite(value) and value >= 0.0):
+                    raise ValueError(
+                        f"{name} must be 0 {unit} or more and finite, not {value:g} {unit}"
+                    )
+        if self.select not in ("fewest", "thesis"):
+            raise ValueError(f"select must be fewest or thesis, not {self.select!r}")
+        if self.effort not in ("quick", "full"):
+            raise ValueError(f"effort must be quick or full, not {self.effort!r}")
+
+    def tolerance_of(self, pixel_mm: float) -> float | None:
+        """Return what was asked of every section, mm."""
+        return self.tolerance_mm if self.tolerance_px is None else self.tolerance_px * pixel_mm
+
+    def overall_of(self, pixel_mm: float) -> float | None:
+        """Return what was asked of all sections together, mm."""
+        return self.overall_mm if self.overall_px is None else self.overall_px * pixel_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,146 +177,86 @@ class BuiltOrgan:
 
 def build_organ(
     stack: ImageStack,
+    trace: TraceOptions | None = None,
+    promise: Promise | None = None,
     *,
-    polarity: Polarity = "auto",
-    threshold: float | None = None,
-    method: EdgeMethod = "half-level",
-    seed: Seed | None = None,
-    edge_shift_mm: float = 0.0,
-    tolerance_mm: float | None = None,
-    tolerance_px: float | None = None,
-    select: Selection = "fewest",
-    effort: Effort = "quick",
-    overall_mm: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
     """Return the organ of a stack of images, and a report on every section."""
     started = time.perf_counter()
-    tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
-    _check(edge_shift_mm, select)
-    edges = trace_organ(
-        stack, polarity=polarity, threshold=threshold, method=method, seed=seed, progress=progress
-    )
-    built = organ_of_edges(
-        stack,
-        edges,
-        edge_shift_mm=edge_shift_mm,
-        tolerance_mm=tolerance_mm,
-        select=select,
-        effort=effort,
-        overall_mm=overall_mm,
-        name=name,
-    )
+    traced = trace_organ(stack, trace, progress=progress)
+    built = build_fitted(fit_organ(stack, traced), promise, name=name)
     return replace(built, seconds=time.perf_counter() - started)
 
 
-def organ_of_edges(
-    stack: ImageStack,
-    edges: TracedOrgan,
-    *,
-    edge_shift_mm: float = 0.0,
-    tolerance_mm: float | None = None,
-    tolerance_px: float | None = None,
-    select: Selection = "fewest",
-    effort: Effort = "quick",
-    overall_mm: float | None = None,
-    name: str | None = None,
+def build_fitted(
+    fitted: FittedOrgan, promise: Promise | None = None, *, name: str | None = None
 ) -> BuiltOrgan:
-    """Return the organ of edges that `trace_organ` has found: no image is read again."""
+    """Return the organ of fitted sections, and its report: no image is read again."""
     started = time.perf_counter()
-    tolerance_mm = _tolerance(stack, tolerance_mm, tolerance_px)
-    _check(edge_shift_mm, select)
-    fitted: list[FittedSection] = []
-    problems = dict(edges.problems)
-    for section in edges.sections:
+    built = report_organ(fitted, encode_organ(fitted, promise, name=name), promise)
+    return replace(built, seconds=time.perf_counter() - started)
+
+
+def encode_organ(
+    fitted: FittedOrgan, promise: Promise | None = None, *, name: str | None = None
+) -> EncodedOrgan:
+    """Return the organ that keeps a promise, or what nobody asked for as nearly as it can."""
+    promise = Promise() if promise is None else promise
+    stack = fitted.stack
+    overall_mm = promise.overall_of(stack.mean_pixel)
+    asked = promise.tolerance_of(stack.mean_pixel) is not None or overall_mm is not None
+    tolerance = _wanted_mm(fitted, promise)
+    for raised in range(_RAISES + 1):
         try:
-            moved = shifted_section(section, edge_shift_mm, stack.pixel_size)
-            fitted.append(fitted_section(stack, moved))
-        except (NotSingleValued, NothingLeft) as error:
-            problems[section.index] = str(error)
-    if len(fitted) < 2:
-        first = min(problems, default=None)
-        reason = "" if first is None else f"; {stack.names[first]}: {problems[first]}"
-        raise ValueError(
-            f"{stack.source} shows an organ in {len(fitted)} of {len(stack)} images and two or "
-            f"more are needed{reason}"
-        )
+            return encoded_organ(
+                fitted.contours,
+                tolerance,
+                hollow=fitted.hollow,
+                left_handed=float(np.linalg.det(stack.frames[0])) < 0.0,
+                select=promise.select,
+                effort=promise.effort,
+                overall=overall_mm,
+                units=stack.units,
+                name=_stack_name(stack.source) if name is None else name,
+            )
+        except ToleranceTooSmall as error:
+            if asked or raised == _RAISES:
+                raise
+            tolerance = _RAISE * error.smallest_mm
+    raise AssertionError("the last try returns or raises")
 
-    hollow = all(section.lumen is not None for section in fitted)
-    suitable_mm = _suitable_tolerance(fitted, stack)
-    wanted_mm = suitable_mm if tolerance_mm is None else tolerance_mm
-    contours = [section_contour(stack, section) for section in fitted]
 
-    def encoded(tolerance: float) -> EncodedOrgan:
-        return encoded_organ(
-            contours,
-            tolerance,
-            hollow=hollow,
-            left_handed=float(np.linalg.det(stack.frames[0])) < 0.0,
-            select=select,
-            effort=effort,
-            overall=overall_mm,
-            units=stack.units,
-            name=_stack_name(stack.source) if name is None else name,
-        )
-
-    found = _encoded(encoded, wanted_mm, strict=tolerance_mm is not None)
-    notes = edges.notes
-    if edge_shift_mm:
-        way = "out" if edge_shift_mm > 0.0 else "in"
-        notes += (f"edges are moved {way} by {abs(edge_shift_mm):.4g} mm, as asked",)
-    sections = section_reports(stack, found, contours, fitted, problems)
-    warnings = tuple(organ_warnings(stack, found.organ, fitted, sections, wanted_mm))
+def report_organ(
+    fitted: FittedOrgan, encoded: EncodedOrgan, promise: Promise | None = None
+) -> BuiltOrgan:
+    """Return an organ with its errors at every section, and what its user should know."""
+    sections = section_reports(fitted, encoded)
+    wanted_mm = _wanted_mm(fitted, Promise() if promise is None else promise)
+    warnings = tuple(organ_warnings(fitted, encoded.organ, sections, wanted_mm))
     return BuiltOrgan(
-        organ=found.organ,
+        organ=encoded.organ,
         sections=sections,
-        polarity=edges.polarity,
-        tolerance_mm=found.organ.tolerance_mm,
-        seconds=time.perf_counter() - started,
+        polarity=fitted.polarity,
+        tolerance_mm=encoded.organ.tolerance_mm,
+        seconds=0.0,
         warnings=tuple(warning.text for warning in warnings),
         doubts=tuple(warning.text for warning in warnings if warning.doubtful),
-        notes=notes,
-        contours=tuple(contours),
+        notes=fitted.notes,
+        contours=fitted.contours,
     )
 
 
-def _tolerance(stack: ImageStack, mm: float | None, px: float | None) -> float | None:
-    """Return a checked tolerance, mm."""
-    if px is not None:
-        if mm is not None:
-            raise ValueError("give the tolerance in mm or in px, not both")
-        mm = px * stack.mean_pixel
-    if mm is not None:
-        check_tolerance(mm)
-    return mm
-
-
-def _check(edge_shift_mm: float, select: str) -> None:
-    if not math.isfinite(edge_shift_mm):
-        raise ValueError(f"the edges' shift must be a length, not {edge_shift_mm} mm")
-    if select not in ("fewest", "thesis"):
-        raise ValueError(f"select must be fewest or thesis, not {select!r}")
-
-
-def _encoded(
-    encoded: Callable[[float], EncodedOrgan], tolerance: float, *, strict: bool
-) -> EncodedOrgan:
-    """Return the organ at a tolerance, or at the smallest that can be kept."""
-    for _ in range(_RAISES):
-        try:
-            return encoded(tolerance)
-        except ToleranceTooSmall as error:
-            if strict:
-                raise
-            tolerance = _RAISE * error.smallest_mm
-    return encoded(tolerance)
-
-
-def _suitable_tolerance(fitted: list[FittedSection], stack: ImageStack) -> float:
-    """Return the tolerance, mm, that is used when none is given."""
-    mean_radius = float(np.mean([math.sqrt(section.area / math.pi) for section in fitted]))
-    return max(TOLERANCE_SHARE * mean_radius, SMALLEST_TOLERANCE_PX * stack.mean_pixel)
+def _wanted_mm(fitted: FittedOrgan, promise: Promise) -> float:
+    """Return the tolerance, mm, of every section: as asked, or what suits the organ."""
+    pixel = fitted.stack.mean_pixel
+    asked, overall = promise.tolerance_of(pixel), promise.overall_of(pixel)
+    if asked is not None:
+        return asked
+    if overall is not None:
+        return LOOSE_SECTIONS * overall
+    return max(TOLERANCE_SHARE * fitted.mean_radius, SMALLEST_TOLERANCE_PX * pixel)
 
 
 def _stack_name(source: Path) -> str:

@@ -21,9 +21,8 @@ import numpy as np
 
 from organ_geometry.contours.edges import BORDER_PROBLEM
 from organ_geometry.contours.found_section import OTHER_PART
-from organ_geometry.contours.slice_ranges import slice_ranges
-from organ_geometry.curves.fitted_section import FittedSection
-from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.contours.traced_organ import slice_ranges
+from organ_geometry.curves.fitted_organ import FittedOrgan
 from organ_geometry.organ import Organ
 from organ_geometry.section_report import SectionReport
 
@@ -58,15 +57,13 @@ class OrganWarning:
 
 
 def organ_warnings(
-    stack: ImageStack,
+    fitted: FittedOrgan,
     organ: Organ,
-    fitted: list[FittedSection],
     sections: tuple[SectionReport, ...],
     wanted_mm: float,
 ) -> Iterator[OrganWarning]:
     """Yield what the organ's user should know."""
-    radius = organ.mean_radius
-    found = len(fitted)
+    stack, radius, found = fitted.stack, organ.mean_radius, len(fitted.sections)
     far = [one.index for one in sections if one.max_mm > FAR_SHARE * radius]
     if far:
         worst = max(sections[index].max_mm for index in far)
@@ -83,20 +80,20 @@ def organ_warnings(
         yield OrganWarning(
             f"what was followed runs out of the picture in {slice_ranges(border)}", True
         )
-    carried = [section.index for section in fitted if section.carried]
+    carried = [section.index for section in fitted.sections if section.carried]
     if carried:
         yield OrganWarning(
             f"no grey level parts the organ from what is beside it in {slice_ranges(carried)}: the "
             f"edge there is carried on from the image before, and should be looked at",
             len(carried) > DOUBTFUL_CARRIED * found,
         )
-    lumens = sum(section.lumen is not None for section in fitted)
+    lumens = sum(section.lumen is not None for section in fitted.sections)
     if lumens and not organ.hollow:
         yield OrganWarning(
             f"a lumen was found in {lumens} of {found} sections and is therefore ignored: "
             f"the organ is taken as solid"
         )
-    beside = sum(section.other_part for section in fitted)
+    beside = sum(section.other_part for section in fitted.sections)
     if beside:
         yield OrganWarning(
             f"{beside} of {found} sections show another part of at least {OTHER_PART:.0%} of the "
@@ -112,7 +109,7 @@ def organ_warnings(
             f"{slice_ranges(hardest)} the furthest off: sections are not single-valued, or what "
             f"was found jumps from section to section"
         )
-    planes = stack.origins[fitted[0].index : fitted[-1].index + 1]
+    planes = stack.origins[fitted.sections[0].index : fitted.sections[-1].index + 1]
     path = float(np.linalg.norm(np.diff(planes, axis=0), axis=1).sum())
     if organ.length > LONG_AXIS * path:
         yield OrganWarning(

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.contour import SectionContour
-from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
-from organ_geometry.curves.fitted_section import FittedSection
+from organ_geometry.curves.fitted_organ import FittedOrgan
 from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
 from organ_geometry.encoder.encode import EncodedOrgan
-from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 _BACK_CORNERS = 64
@@ -66,16 +63,10 @@ class SectionReport:
     max_mm: float
 
 
-def section_reports(
-    stack: ImageStack,
-    encoded: EncodedOrgan,
-    contours: list[SectionContour],
-    fitted: list[FittedSection],
-    problems: dict[int, str],
-) -> tuple[SectionReport, ...]:
+def section_reports(fitted: FittedOrgan, encoded: EncodedOrgan) -> tuple[SectionReport, ...]:
     """Return one report for each image, measured on the organ as its file gives it."""
-    pixel = stack.mean_pixel
-    away = section_distances(encoded.organ, contours, encoded.places)
+    stack, pixel = fitted.stack, fitted.stack.mean_pixel
+    away = section_distances(encoded.organ, fitted.contours, encoded.places)
     rms = root_mean_squares(away)
     back = _back_distances(encoded)
     kept = _kept(encoded)
@@ -95,14 +86,14 @@ def section_reports(
             rms_mm=math.nan,
             max_mm=math.nan,
         )
-        for index, problem in problems.items()
+        for index, problem in fitted.problems.items()
     }
-    for place, section in enumerate(fitted):
+    for place, section in enumerate(fitted.sections):
         walls = [(section.curves, section.outer)]
         if encoded.organ.hollow and section.lumen is not None and section.lumen_curves is not None:
             walls.append((section.lumen_curves, section.lumen))
-        normal = _rms([normal_distances(*wall) for wall in walls])
-        algebraic = _rms([algebraic_distances(*wall) for wall in walls])
+        normal = _rms([curves.distances(points) for curves, points in walls])
+        algebraic = _rms([curves.algebraic_distances(points) for curves, points in walls])
         reports[section.index] = SectionReport(
             index=section.index,
             name=stack.names[section.index],

@@ -4,7 +4,7 @@ import json
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -143,6 +143,18 @@ def compress(
         float | None,
         typer.Option(help="The same in pixels.", rich_help_panel=_PROMISE),
     ] = None,
+    overall_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="RMS distance, mm, of all edges together to the organ that is kept. Without a "
+            "tolerance, a section may be off by four times as much.",
+            rich_help_panel=_PROMISE,
+        ),
+    ] = None,
+    overall_px: Annotated[
+        float | None,
+        typer.Option(help="The same in pixels.", rich_help_panel=_PROMISE),
+    ] = None,
     select: Annotated[
         str,
         typer.Option(
@@ -181,41 +193,48 @@ def compress(
     Examples: bluntdissect compress scans/ -o duct.organ --pixel-size 0.1 --slice-spacing 0.4;
     bluntdissect compress a/ b.nii.gz c.tif -o organs/
     """
-    area = region(roi)
-    reading: dict[str, Any] = {
-        "pixel_size": pixel_pair(pixel_size),
-        "slice_spacing": slice_spacing,
-        "axis": axis,
-        "label": label,
-        "window": window_levels(window),
-        "roi": area,
-    }
-    building: dict[str, Any] = {
-        "polarity": chosen("--polarity", polarity, ("auto", "bright", "dark")),
-        "threshold": threshold,
-        "method": chosen("--edges", edges, ("half-level", "canny")),
-        "seed": _within(area, seed_point(seed)),
-        "edge_shift_mm": edge_shift_mm,
-        "tolerance_mm": tolerance_mm,
-        "tolerance_px": tolerance_px,
-        "effort": chosen("--effort", effort, ("quick", "full")),
-        "select": chosen("--select", select, ("fewest", "thesis")),
-    }
-    when: Any = chosen("--recut", recut, ("auto", "always", "never"))
     if tolerance_mm is not None and tolerance_px is not None:
         raise ValueError("give either --tolerance-mm or --tolerance-px")
-    target = Path(output)
-    if len(stacks) > 1 or target.is_dir() or output.endswith("/"):
-        from app.compression.stack_job import jobs_into
+    if overall_mm is not None and overall_px is not None:
+        raise ValueError("give either --overall-mm or --overall-px")
+    from app.compression.stack_job import StackJob, jobs_into
+    from organ_geometry import Promise, ReadOptions, TraceOptions
 
-        jobs = jobs_into(
-            target, stacks, figures=figure, recut=when, reading=reading, building=building
-        )
+    area = region(roi)
+    target = Path(output)
+    job = StackJob(
+        stack=stacks[0],
+        output=target,
+        figure=figure,
+        read=ReadOptions(
+            pixel_size=pixel_pair(pixel_size),
+            slice_spacing=slice_spacing,
+            axis=axis,
+            label=label,
+            window=window_levels(window),
+            roi=area,
+        ),
+        reslice=chosen("--recut", recut, ("auto", "always", "never")),
+        trace=TraceOptions(
+            polarity=chosen("--polarity", polarity, ("auto", "bright", "dark")),
+            threshold=threshold,
+            method=chosen("--edges", edges, ("half-level", "canny")),
+            seed=_within(area, seed_point(seed)),
+            edge_shift_mm=edge_shift_mm,
+        ),
+        promise=Promise(
+            tolerance_mm=tolerance_mm,
+            tolerance_px=tolerance_px,
+            overall_mm=overall_mm,
+            overall_px=overall_px,
+            select=chosen("--select", select, ("fewest", "thesis")),
+            effort=chosen("--effort", effort, ("quick", "full")),
+        ),
+    )
+    if len(stacks) > 1 or target.is_dir() or output.endswith("/"):
+        jobs = jobs_into(target, stacks, figures=figure, like=job)
         _compress_many(jobs, target, figure, every=sections, as_json=as_json)
     else:
-        from app.compression.stack_job import StackJob
-
-        job = StackJob(stacks[0], target, figure, when, reading, building)
         _compress_one(job, every=sections, as_json=as_json)
 
 

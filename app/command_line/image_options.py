@@ -1,18 +1,21 @@
 """Options that say which images are meant and where in them the organ is, as text."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from organ_geometry import Region, Seed
 
+Choice = TypeVar("Choice", bound=str)
+
 __all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
 
 
-def chosen(option: str, text: str, offered: tuple[str, ...]) -> str:
+def chosen(option: str, text: str, offered: "tuple[Choice, ...]") -> "Choice":
     """Return a choice, if it is one of those offered."""
-    if text not in offered:
-        raise ValueError(f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}")
-    return text
+    for one in offered:
+        if one == text:
+            return one
+    raise ValueError(f"{option} must be {', '.join(offered[:-1])} or {offered[-1]}, not {text}")
 
 
 def pixel_pair(text: str | None) -> tuple[float, float] | None:

@@ -18,17 +18,21 @@ from organ_geometry import (
     BuiltOrgan,
     ImageStack,
     ImageStackError,
-    RecutSlices,
+    Promise,
+    ReadOptions,
     Region,
+    ReslicedSlices,
     ToleranceTooSmall,
     TracedOrgan,
     TracedSection,
+    TraceOptions,
+    build_fitted,
+    fit_organ,
     is_dicom_file,
     is_volume_file,
-    organ_of_edges,
     read_header,
     read_image_stack,
-    recut_where_needed,
+    reslice_where_needed,
     stack_labels,
     trace_organ,
 )
@@ -73,14 +77,14 @@ class OrganChoice:
         The part of the images in which it is, or None for all.
     label
         Its label, where the images hold labels, or None.
-    recut
+    reslice
         Whether images of a curved organ may be cut again across it.
     """
 
     seed: tuple[int, int, int] | None = None
     region: tuple[int, int, int, int, int, int] | None = None
     label: int | None = None
-    recut: bool = True
+    reslice: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,19 +118,19 @@ class OpenedStack:
     sizes_mm: tuple[float | None, float | None]
 
     @property
-    def recut(self) -> bool:
+    def resliced(self) -> bool:
         """Whether the images were cut again, so that no place in them is one of the whole ones."""
-        return isinstance(self.stack.slices, RecutSlices)
+        return isinstance(self.stack.slices, ReslicedSlices)
 
     @property
     def shown(self) -> ImageStack:
         """The images to show: all of them, or those that were cut again."""
-        return self.stack if self.recut else self.whole
+        return self.stack if self.resliced else self.whole
 
     def picture(self, index: int) -> NDArray[np.uint8]:
         """Return an image with its edges, the region and the seed drawn over it."""
         image, section = self.shown.image(index), self.section(index)
-        if self.recut:
+        if self.resliced:
             return edge_picture(image, section)
         region, seed = self.choice.region, self.choice.seed
         if region is not None and section is not None:
@@ -157,7 +161,7 @@ class OpenedStack:
     def _first(self) -> int:
         """Number of the first image looked at among those shown."""
         region = self.choice.region
-        return 0 if self.recut or region is None else region[4]
+        return 0 if self.resliced or region is None else region[4]
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,9 +317,7 @@ def _opened(
     pixel = None if pixel_mm is None else (pixel_mm, pixel_mm)
 
     def read(label: int | None, region: Region | None = None) -> ImageStack:
-        return read_image_stack(
-            source, pixel_size=pixel, slice_spacing=slice_mm, label=label, roi=region
-        )
+        return read_image_stack(source, ReadOptions(pixel, slice_mm, label=label, roi=region))
 
     _check_voxels(source, bounds)
     whole = read(None)
@@ -334,9 +336,10 @@ def _opened(
         if not all(a <= at <= b for a, at, b in zip(low, seed, high, strict=True)):
             raise ImageStackError("the point is outside of the part that is looked at")
         seed = seed[0] - region[0], seed[1] - region[1], seed[2] - region[4]
-    suited = recut_where_needed(stack, "auto" if choice.recut else "never", seed=seed)
-    traced = trace_organ(suited, seed=seed if suited is stack else None, progress=progress)
-    return OpenedStack(source, whole, labels, choice, suited, traced, sizes_mm)
+    trace = TraceOptions(seed=seed)
+    stack, trace = reslice_where_needed(stack, trace, "auto" if choice.reslice else "never")
+    traced = trace_organ(stack, trace, progress=progress)
+    return OpenedStack(source, whole, labels, choice, stack, traced, sizes_mm)
 
 
 def _built(
@@ -344,7 +347,7 @@ def _built(
 ) -> BuiltOrgan | _TooSmall:
     """Build an organ of its edges, or return what can be kept instead."""
     try:
-        return organ_of_edges(stack, traced, tolerance_px=tolerance_px)
+        return build_fitted(fit_organ(stack, traced), Promise(tolerance_px=tolerance_px))
     except ToleranceTooSmall as error:
         return _TooSmall(error.smallest_mm)
 

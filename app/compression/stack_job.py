@@ -5,20 +5,22 @@ import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from app.compression.image_upload import UploadBounds, unpack_upload
 from app.compression.organ_figure import check_figure_target, draw_organ_figure
 from app.compression.report import Facts, facts
 from organ_geometry import (
+    Promise,
+    ReadOptions,
+    TraceOptions,
     When,
     build_organ,
     check_target,
     read_image_stack,
-    recut_where_needed,
+    reslice_where_needed,
     write_organ,
 )
 
@@ -48,20 +50,23 @@ class StackJob:
         The organ file to write.
     figure
         The picture to draw, or None.
-    recut
-        Whether a curved organ is cut again across its centreline.
-    reading
-        Keyword arguments of `read_image_stack`.
-    building
-        Keyword arguments of `build_organ`.
+    read
+        Which of the images are taken.
+    reslice
+        Whether images of a curved organ are cut again across its centreline.
+    trace
+        Which organ is meant, and what its edge is.
+    promise
+        How far the organ may be from its edges.
     """
 
     stack: Path
     output: Path
     figure: Path | None = None
-    recut: When = "auto"
-    reading: dict[str, Any] = field(default_factory=dict[str, Any])
-    building: dict[str, Any] = field(default_factory=dict[str, Any])
+    read: ReadOptions = field(default_factory=ReadOptions)
+    reslice: When = "auto"
+    trace: TraceOptions = field(default_factory=TraceOptions)
+    promise: Promise = field(default_factory=Promise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,18 +110,14 @@ def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = 
     """Build a stack's organ and write its file, and its figure where one is wanted."""
     _check_job(job)
     with _unpacked(job.stack) as source:
-        images = read_image_stack(source, **job.reading)
-        building = dict(job.building)
-        where = {key: building[key] for key in ("seed", "threshold", "polarity") if key in building}
-        suited = recut_where_needed(images, job.recut, **where)
-        if suited is not images:
-            building["seed"] = None  # it was of the images as they were
-        built = build_organ(suited, progress=progress, **building)
+        images = read_image_stack(source, job.read)
+        images, trace = reslice_where_needed(images, job.trace, job.reslice)
+        built = build_organ(images, trace, job.promise, progress=progress)
         write_organ(built.organ, job.output)
         if job.figure is not None:
             edges = [contour.outer for contour in built.contours]
             draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
-        return facts(built, suited, stack=job.stack, output=job.output)
+        return facts(built, images, stack=job.stack, output=job.output)
 
 
 @contextmanager
@@ -141,30 +142,21 @@ def _content(stack: Path) -> bytes:
 
 
 def jobs_into(
-    folder: Path,
-    stacks: Sequence[Path],
-    *,
-    figures: Path | None,
-    recut: When,
-    reading: dict[str, Any],
-    building: dict[str, Any],
+    folder: Path, stacks: Sequence[Path], *, figures: Path | None, like: StackJob
 ) -> list[StackJob]:
-    """Return a job for each stack, with file names that differ."""
+    """Return a job for each stack, with the options of another and file names that differ."""
     places = [stack.resolve() for stack in stacks]
     for place, stack in zip(places, stacks, strict=True):
         if places.count(place) > 1:
             raise ValueError(f"the stack {stack} is given twice")
-    names = _names(places)
     return [
-        StackJob(
+        replace(
+            like,
             stack=stack,
             output=folder / f"{name}{ORGAN_SUFFIX}",
             figure=None if figures is None else figures / f"{name}.png",
-            recut=recut,
-            reading=reading,
-            building=building,
         )
-        for stack, name in zip(stacks, names, strict=True)
+        for stack, name in zip(stacks, _names(places), strict=True)
     ]
 
 

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -26,7 +25,6 @@ from organ_geometry.contours.section_region import (
     Mask,
     Outline,
     Region,
-    find_region,
     grown,
     main_outline,
     mask_of,
@@ -35,27 +33,17 @@ from organ_geometry.contours.section_region import (
     outline_over,
     with_margin,
 )
+from organ_geometry.contours.trace_options import EdgeMethod, FoundPolarity
 from organ_geometry.images.image_stack import GreyImage
 
 __all__ = [
     "BORDER_PROBLEM",
-    "SMOOTHING_PX",
-    "EdgeMethod",
-    "FoundPolarity",
-    "NoEdgeFound",
-    "Polarity",
-    "SectionEdges",
     "as_grey",
-    "find_edges",
     "find_polarity",
     "pixel_scale",
     "region_edges",
     "touches_border",
 ]
-
-Polarity: TypeAlias = Literal["auto", "bright", "dark"]
-FoundPolarity: TypeAlias = Literal["bright", "dark"]
-EdgeMethod: TypeAlias = Literal["half-level", "canny"]
 
 BORDER_PROBLEM = "the organ touches the image's border"
 
@@ -72,98 +60,6 @@ CANNY_REACH_PX = 3
 LARGEST_STRETCH = 3.0
 
 _GREY_TYPES = frozenset({np.dtype(np.uint8), np.dtype(np.uint16)})
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SectionEdges:
-    """The boundaries of an organ in one image.
-
-    Attributes
-    ----------
-    outer
-        (N, 2) points x = column, y = row of the outer boundary, px; pixel centres are integers and
-        the last point joins the first.
-    lumen
-        (M, 2) points of the lumen's boundary, px, or None if the organ is solid here.
-    threshold
-        Grey level of the outer boundary, half way between organ and background, or as given.
-    polarity
-        Whether the organ is brighter or darker than its background.
-    touches_border
-        Whether the organ reaches the image's outermost pixels, so that part of it may be missing
-        or what was found is the background.
-    other_part
-        Area of the largest other part that stands out as clearly, as a share of the organ's.
-    """
-
-    outer: NDArray[np.float64]
-    lumen: NDArray[np.float64] | None
-    threshold: float
-    polarity: FoundPolarity
-    touches_border: bool
-    other_part: float
-
-
-def find_edges(
-    image: GreyImage,
-    polarity: Polarity = "auto",
-    *,
-    threshold: float | None = None,
-    method: EdgeMethod = "half-level",
-    pixel_size: tuple[float, float] = SQUARE,
-) -> SectionEdges:
-    """Return the boundaries of the organ in an image.
-
-    The background is what the image's border shows; the organ is the largest thing near the middle
-    that differs from it. An edge is where the slightly blurred image passes half way between the
-    levels on both sides, or where Canny finds it, moved back by what the blur moves a curved edge.
-
-    Parameters
-    ----------
-    image
-        (H, W) grey levels or a mask.
-    polarity
-        Whether the organ is brighter or darker than its background; "auto" decides.
-    threshold
-        Grey level of the edge. Default: half way between organ and background, which Otsu's
-        threshold of the blurred image tells apart.
-    method
-        "half-level", or "canny" for the steepest place of the blurred image, closed and linked by
-        Canny's two thresholds.
-    pixel_size
-        Width and height of a pixel, in any unit, so that blur is the same in all directions.
-
-    Returns
-    -------
-    SectionEdges
-        The outer boundary, and the lumen's if there is one.
-
-    Raises
-    ------
-    NoEdgeFound
-        If nothing stands out from the background, or Canny's edge does not close.
-    ValueError
-        If the image is not one of grey levels, or the polarity or the method is unknown.
-    """
-    grey = as_grey(image)
-    if polarity not in {"auto", "bright", "dark"}:
-        raise ValueError(f"polarity must be auto, bright or dark, not {polarity!r}")
-    found: FoundPolarity
-    found = find_polarity([image]) if polarity == "auto" else polarity
-    sign = 1.0 if found == "bright" else -1.0
-    scale = pixel_scale(pixel_size)
-    bright = with_margin(grey * np.float32(sign))
-    given = None if threshold is None else sign * threshold
-    region = find_region(bright, main_outline, threshold=given, scale=scale)
-    outer, lumen = region_edges(bright, region, method=method, scale=scale)
-    return SectionEdges(
-        outer=outer - MARGIN,
-        lumen=None if lumen is None else lumen - MARGIN,
-        threshold=sign * region.outer_level,
-        polarity=found,
-        touches_border=touches_border(region.filled),
-        other_part=region.other_part,
-    )
 
 
 def find_polarity(images: Iterable[GreyImage]) -> FoundPolarity:

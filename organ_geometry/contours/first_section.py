@@ -9,7 +9,6 @@ import numpy as np
 from organ_geometry.contours.edge_curve import Image, NoEdgeFound, blurred
 from organ_geometry.contours.edges import (
     BORDER_PROBLEM,
-    FoundPolarity,
     as_grey,
     touches_border,
 )
@@ -28,6 +27,7 @@ from organ_geometry.contours.section_region import (
     with_margin,
     without,
 )
+from organ_geometry.contours.trace_options import FoundPolarity
 from organ_geometry.images.image_stack import GreyImage
 
 # Where an organ leaks, its edge is weaker than this share of an ideal one.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.edge_curve import SQUARE, Image, Scale
-from organ_geometry.contours.edges import EdgeMethod, FoundPolarity, region_edges
+from organ_geometry.contours.edges import region_edges
 from organ_geometry.contours.section_region import (
     MARGIN,
     SMALLEST_ORGAN_PX,
@@ -17,6 +17,7 @@ from organ_geometry.contours.section_region import (
     grown,
     mask_of,
 )
+from organ_geometry.contours.trace_options import EdgeMethod, FoundPolarity
 from organ_geometry.images.image_stack import GreyImage
 
 # Another part counts from this share of the organ's area on.

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from organ_geometry.contours.edge_curve import NoEdgeFound
-from organ_geometry.contours.edges import EdgeMethod, Polarity, find_polarity, pixel_scale
+from organ_geometry.contours.edges import find_polarity, pixel_scale
 from organ_geometry.contours.first_section import first_section, seed_polarity
 from organ_geometry.contours.found_section import (
     EdgeRule,
@@ -19,11 +19,15 @@ from organ_geometry.contours.found_section import (
     section_edges,
     shows_other_part,
 )
-from organ_geometry.contours.lasting_lumens import with_lasting_lumens
 from organ_geometry.contours.next_section import next_section
-from organ_geometry.contours.organ_seed import Seed, SeedPoint, seed_point
-from organ_geometry.contours.slice_ranges import slice_ranges
-from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.contours.trace_options import Polarity, SeedPoint, TraceOptions, seed_point
+from organ_geometry.contours.traced_organ import (
+    NothingLeft,
+    TracedOrgan,
+    TracedSection,
+    slice_ranges,
+    with_persistent_lumens,
+)
 from organ_geometry.images.image_stack import GreyImage, ImageStack
 
 Progress = Callable[[int, int], None]
@@ -36,37 +40,40 @@ _LARGEST_POOL = 8
 
 def trace_organ(
     stack: ImageStack,
+    options: TraceOptions | None = None,
     *,
-    polarity: Polarity = "auto",
-    threshold: float | None = None,
-    method: EdgeMethod = "half-level",
-    seed: Seed | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
 ) -> TracedOrgan:
     """Return the edges of the organ in every slice of a stack."""
-    _check(polarity, threshold, method, workers)
-    point = None if seed is None else seed_point(seed, stack)
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be 1 thread or more, not {workers}")
+    options = TraceOptions() if options is None else options
+    seed = None if options.seed is None else seed_point(options.seed, stack)
     size = min(os.cpu_count() or 1, _LARGEST_POOL) if workers is None else workers
     with ThreadPoolExecutor(size, thread_name_prefix="edges") as pool:
         try:
-            return _Tracing(stack, pool, 2 * size + 1).run(
-                polarity, threshold, method, point, progress
-            )
+            traced = _Tracing(stack, pool, 2 * size + 1).run(options, seed, progress)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+    if options.edge_shift_mm:
+        return _shifted(traced, options.edge_shift_mm, stack)
+    return traced
 
 
-def _check(polarity: str, threshold: float | None, method: str, workers: int | None) -> None:
-    if polarity not in {"auto", "bright", "dark"}:
-        raise ValueError(f"polarity must be auto, bright or dark, not {polarity!r}")
-    if method not in {"half-level", "canny"}:
-        raise ValueError(f"method must be half-level or canny, not {method!r}")
-    if threshold is not None and not math.isfinite(threshold):
-        raise ValueError(f"threshold must be a grey level, not {threshold}")
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be 1 thread or more, not {workers}")
+def _shifted(traced: TracedOrgan, shift_mm: float, stack: ImageStack) -> TracedOrgan:
+    """Return traced edges moved out or in; sections of which nothing is left are problems."""
+    sections: list[TracedSection] = []
+    problems = dict(traced.problems)
+    for section in traced.sections:
+        try:
+            sections.append(section.grown(shift_mm, stack.pixel_size))
+        except NothingLeft as error:
+            problems[section.index] = str(error)
+    way = "out" if shift_mm > 0.0 else "in"
+    note = f"edges are moved {way} by {abs(shift_mm):.4g} mm, as asked"
+    return replace(traced, sections=tuple(sections), problems=problems, notes=(*traced.notes, note))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,16 +97,15 @@ class _Tracing:
 
     def run(
         self,
-        polarity: Polarity,
-        threshold: float | None,
-        method: EdgeMethod,
+        options: TraceOptions,
         seed: SeedPoint | None,
         progress: Progress | None,
     ) -> TracedOrgan:
         """Return the organ."""
         total = len(self._stack)
         pixel_size = (float(self._stack.pixel_size[0]), float(self._stack.pixel_size[1]))
-        rule = EdgeRule("bright", threshold, method, pixel_scale(pixel_size))
+        polarity = options.polarity
+        rule = EdgeRule("bright", options.threshold, options.method, pixel_scale(pixel_size))
         start: FoundSection | None = None
         if seed is None:
             rule, start = self._survey(rule, polarity)
@@ -132,7 +138,7 @@ class _Tracing:
                 progress(done, total)
         self._collect(0)
         sections = sorted(self._found, key=lambda edges: edges.section.index)
-        traced, dropped = with_lasting_lumens([edges.section for edges in sections])
+        traced, dropped = with_persistent_lumens([edges.section for edges in sections])
         return TracedOrgan(
             sections=traced,
             problems=dict(sorted(self._problems.items())),

@@ -4,6 +4,13 @@ Coordinates are a section's own: mm, x along the image's columns, y along its ro
 the section's axis point. A boundary is stored as a row of sixteen numbers: the middle and half
 the width of its range in x, then seven Chebyshev coefficients in u = (x - middle) / half_width of
 the top half-curve (smaller y) and seven of the bottom one.
+
+An edge point's *normal distance* is its distance to the curve, along the curve's normal where it is
+nearest. Its *algebraic distance* is y - p(x), what is left when it is put into the equation of its
+half-curve y = p(x) = a0 + a1 x + ... + a6 x^6. The thesis's least squares (chapter 7) make the
+algebraic ones small, which are cheap, but say nothing where a boundary is steep: near the two ends
+of a section they grow beyond all bounds while the curve is near. The fit made here is for the
+normal ones: a point weighs by the length of boundary around it and by how flat it is there.
 """
 
 from dataclasses import dataclass
@@ -12,7 +19,7 @@ from functools import lru_cache
 import numba
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
 from organ_geometry.curves.outline_distance import foot_on_side, outline_distances
@@ -76,40 +83,8 @@ class HalfCurves:
             locked.setflags(write=False)
             object.__setattr__(self, field, locked)
 
-    @classmethod
-    def from_row(cls, row: ArrayLike) -> "HalfCurves":
-        """Return the half-curves of a row of sixteen numbers.
-
-        Parameters
-        ----------
-        row
-            (16,) middle, half width, top and bottom coefficients, mm.
-
-        Returns
-        -------
-        HalfCurves
-            The same boundary.
-
-        Raises
-        ------
-        ValueError
-            If there are not sixteen numbers, or they make no boundary.
-        """
-        numbers = np.asarray(row, dtype=np.float64)
-        if numbers.shape != (ROW_SIZE,):
-            raise ValueError(f"row must have shape ({ROW_SIZE},), not {numbers.shape}")
-        return cls(
-            float(numbers[MIDDLE]), float(numbers[HALF_WIDTH]), numbers[TOP], numbers[BOTTOM]
-        )
-
     def as_row(self) -> NDArray[np.float64]:
-        """Return the boundary as a row of sixteen numbers.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (16,) middle, half width, top and bottom coefficients, mm.
-        """
+        """Return the boundary as its row of sixteen numbers."""
         return np.concatenate([[self.middle, self.half_width], self.top, self.bottom])
 
     def outline(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -129,22 +104,17 @@ class HalfCurves:
         return outline_points(np.broadcast_to(self.as_row(), (len(angles), ROW_SIZE)), angles)
 
     def distances(self, points: NDArray[np.float64], *, count: int = 256) -> NDArray[np.float64]:
-        """Return the distance of each point to the boundary, its end segments included.
-
-        Parameters
-        ----------
-        points
-            (N, 2) points x, y, mm.
-        count
-            Number of corners of the polygon that stands for the boundary.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) distances, mm, not signed.
-        """
+        """Return the distance, mm, of each point to the boundary, its upright ends included."""
         corners = closed_outlines(self.as_row()[np.newaxis], count)[0]
         return outline_distances(np.ascontiguousarray(points, dtype=np.float64), corners)
+
+    def algebraic_distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return |y - p(x)|, mm, of each point to the half-curve that is nearer in y."""
+        # Points beyond the range in x, by a four-hundredth of the width at most where the curves
+        # were fitted to them, are put into the same polynomials.
+        u = (points[:, 0] - self.middle) / self.half_width
+        halves = chebyshev.chebval(u, np.stack([self.top, self.bottom], axis=1))
+        return np.abs(points[:, 1] - halves).min(axis=0)
 
 
 def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:

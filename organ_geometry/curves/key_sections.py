@@ -19,7 +19,8 @@ def key_sections(
     stations: NDArray[np.float64] | None = None,
 ) -> NDArray[np.intp]:
     """Return which sections are key sections, by the thesis's rule."""
-    check_tolerance(tolerance)
+    if not (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise ValueError(f"tolerance must be 0 mm or more and finite, not {tolerance:g} mm")
     if len(outer) < 2:
         raise ValueError(f"an organ needs two or more sections, not {len(outer)}")
     places = np.arange(len(outer), dtype=np.float64) if stations is None else stations
@@ -42,12 +43,6 @@ def key_sections(
             keys.append(following - 1)
         keys.append(following)
     return np.array(keys, dtype=np.intp)
-
-
-def check_tolerance(tolerance: float) -> None:
-    """Check an RMS tolerance."""
-    if not (math.isfinite(tolerance) and tolerance >= 0.0):
-        raise ValueError(f"tolerance must be 0 mm or more and finite, not {tolerance:g} mm")
 
 
 def _largest_error(

@@ -1,6 +1,7 @@
 """From files of images to a stack: folders, multipage TIFF, DICOM series and volumes."""
 
 import dataclasses
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -41,37 +42,18 @@ from organ_geometry.images.medical_file import (
     volume_files,
 )
 
-__all__ = ["read_image_stack", "stack_labels"]
+__all__ = ["ReadOptions", "read_image_stack", "stack_labels"]
 
 MOST_LABELS = 64
 """Images of more values are grey."""
 
 
-def read_image_stack(
-    path: Path,
-    *,
-    pixel_size: tuple[float, float] | None = None,
-    slice_spacing: float | None = None,
-    axis: Axis | None = None,
-    label: int | None = None,
-    window: Window | None = None,
-    roi: Region | None = None,
-) -> ImageStack:
-    """Return the stack of cross-section images in a folder, a multipage TIFF or a volume file.
+@dataclass(frozen=True, slots=True)
+class ReadOptions:
+    """Which images are taken of a stack, and what they do not say themselves.
 
-    A folder holds PNG, JPEG, TIFF or BMP images, taken in natural order (slice_2 before slice_10),
-    or one DICOM series, taken in the order of its places. Of a volume (NIfTI, NRRD, MetaImage) the
-    images across its last axis are taken. Medical images stand in LPS mm, as their files say.
-
-    What is not given of image files' sizes comes from a ``spacing.json`` in the folder or in its
-    parent; its ``pixel_spacing_mm`` may be one number for square pixels. Without directions there,
-    the sections stand along +x, with +y to the right and +z up in the image.
-
-    Parameters
+    Attributes
     ----------
-    path
-        Folder of images or of DICOM files; multipage TIFF, NIfTI, NRRD or MetaImage file; or one
-        DICOM file of a series, which is then read from its folder.
     pixel_size
         Distance between pixel centres, mm: from column to column (x), then from row to row (y).
         Note that a ``spacing.json`` has the row spacing first.
@@ -89,6 +71,42 @@ def read_image_stack(
     roi
         Columns and rows to keep, and if wanted sections: (x0, y0, x1, y1) or (x0, y0, x1, y1,
         first, last), from 0, the last ones included, in the images across `axis`.
+    """
+
+    pixel_size: tuple[float, float] | None = None
+    slice_spacing: float | None = None
+    axis: Axis | None = None
+    label: int | None = None
+    window: Window | None = None
+    roi: Region | None = None
+
+    def __post_init__(self) -> None:
+        if self.label is not None and self.window is not None:
+            raise ImageStackError(
+                "a label and a window cannot be given together: a label has no levels"
+            )
+        if self.window is not None:
+            check_window(self.window)
+
+
+def read_image_stack(path: Path, options: ReadOptions | None = None) -> ImageStack:
+    """Return the stack of cross-section images in a folder, a multipage TIFF or a volume file.
+
+    A folder holds PNG, JPEG, TIFF or BMP images, taken in natural order (slice_2 before slice_10),
+    or one DICOM series, taken in the order of its places. Of a volume (NIfTI, NRRD, MetaImage) the
+    images across its last axis are taken. Medical images stand in LPS mm, as their files say.
+
+    What is not given of image files' sizes comes from a ``spacing.json`` in the folder or in its
+    parent; its ``pixel_spacing_mm`` may be one number for square pixels. Without directions there,
+    the sections stand along +x, with +y to the right and +z up in the image.
+
+    Parameters
+    ----------
+    path
+        Folder of images or of DICOM files; multipage TIFF, NIfTI, NRRD or MetaImage file; or one
+        DICOM file of a series, which is then read from its folder.
+    options
+        Which images are taken, and what they do not say themselves.
 
     Returns
     -------
@@ -101,17 +119,11 @@ def read_image_stack(
         If there are no images, the first is unreadable, the spacing is missing or wrong, the label
         or axis is not there or the region is not inside.
     """
-    source = Path(path)
-    if label is not None and window is not None:
-        raise ImageStackError(
-            "a label and a window cannot be given together: a label has no levels"
-        )
-    if window is not None:
-        check_window(window)
-    stack = _whole_stack(source, pixel_size, slice_spacing, label, window)
-    if axis is not None:
-        stack = _across(stack, axis)
-    return stack if roi is None else _cropped(stack, roi)
+    source, options = Path(path), ReadOptions() if options is None else options
+    stack = _whole_stack(source, options)
+    if options.axis is not None:
+        stack = _across(stack, options.axis)
+    return stack if options.roi is None else _cropped(stack, options.roi)
 
 
 def stack_labels(stack: ImageStack) -> tuple[int, ...]:
@@ -132,20 +144,15 @@ def stack_labels(stack: ImageStack) -> tuple[int, ...]:
     return tuple(sorted(present - {0})) if 0 in present and len(present) > 2 else ()
 
 
-def _whole_stack(
-    source: Path,
-    pixel_size: tuple[float, float] | None,
-    slice_spacing: float | None,
-    label: int | None,
-    window: Window | None,
-) -> ImageStack:
+def _whole_stack(source: Path, options: ReadOptions) -> ImageStack:
     """Return a stack as it is stored."""
+    label, window = options.label, options.window
     if not source.exists():
         raise ImageStackError(f"there is no folder of images at {source}, and no file")
     if source.is_dir() and _holds_dicom(source):
         stack = _dicom_stack(source, window)
     elif source.is_dir() or source.suffix.lower() in TIFF_SUFFIXES:
-        return _file_stack(source, pixel_size, slice_spacing, label, window)
+        return _file_stack(source, options)
     elif is_volume_file(source):
         stack = _volume_stack(source, label, window)
         label = None
@@ -163,7 +170,7 @@ def _whole_stack(
         )
     if label is not None:
         raise ImageStackError(f"{source} has grey values and no labels")
-    planes = stack.planes.with_sizes(pixel_size, slice_spacing, source)
+    planes = stack.planes.with_sizes(options.pixel_size, options.slice_spacing, source)
     return _standing(stack, planes)
 
 
@@ -182,17 +189,15 @@ def _holds_dicom(folder: Path) -> bool:
     return True
 
 
-def _file_stack(
-    source: Path,
-    pixel_size: tuple[float, float] | None,
-    slice_spacing: float | None,
-    label: int | None,
-    window: Window | None,
-) -> ImageStack:
+def _file_stack(source: Path, options: ReadOptions) -> ImageStack:
     """Return the stack of a folder of image files or of a multipage TIFF."""
     files = file_slices(source)
     planes = planes_of_files(
-        source, files.files[0].parent, len(files.files), pixel_size, slice_spacing
+        source,
+        files.files[0].parent,
+        len(files.files),
+        options.pixel_size,
+        options.slice_spacing,
     )
     stack = ImageStack(
         source=source,
@@ -206,11 +211,11 @@ def _file_stack(
         units=planes.units,
         bytes_in=files.byte_count,
     )
-    if label is not None:
-        _check_label(stack, label)
-        return dataclasses.replace(stack, slices=LabelSlices(files, label))
-    if window is not None:
-        levels = grey_levels(*window, whole=True)
+    if options.label is not None:
+        _check_label(stack, options.label)
+        return dataclasses.replace(stack, slices=LabelSlices(files, options.label))
+    if options.window is not None:
+        levels = grey_levels(*options.window, whole=True)
         return _levelled(dataclasses.replace(stack, slices=WindowedSlices(files, levels)), levels)
     return stack
 

@@ -16,6 +16,7 @@ from simulated import phantom
 from app.simulation.reading import Phase
 from app.trainer.server.trainer import Trainer
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry import Promise
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
 
@@ -53,7 +54,9 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         expect(result).to_have_count(0, timeout=PATIENCE)
         tab.slide("Threshold (px)", 1.6)
         expect(result).to_have_attribute("data-tolerance-mm", "0.19921875", timeout=PATIENCE)
-        coarse = build_organ(read_image_stack(BILE_DUCT_PHANTOM), tolerance_px=1.6).organ.encoded
+        coarse = build_organ(
+            read_image_stack(BILE_DUCT_PHANTOM), promise=Promise(tolerance_px=1.6)
+        ).organ.encoded
         assert len(coarse) < len(phantom().encoded)
         assert downloaded(tab) == ("bile_duct_phantom.organ", coarse)
 

@@ -13,6 +13,7 @@ from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
 from app.trainer.client.background_worker import BackgroundWorker
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry import Promise
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
 
@@ -104,7 +105,7 @@ def test_a_workbench_gives_the_same_bytes_by_another_process(
     assert told[-1] == (12, 12)
     assert opened.picture(6).shape == (480, 480, 3)
     built = bench.build(0.5)
-    here = build_organ(read_image_stack(few), tolerance_px=0.5)
+    here = build_organ(read_image_stack(few), promise=Promise(tolerance_px=0.5))
     assert built.organ.encoded == here.organ.encoded
     with pytest.raises(PromiseRefusedError, match="the smallest that can is"):
         bench.build(0.01)

@@ -13,7 +13,7 @@ from program import command, refused, run
 from app.compression.report import report_lines
 from app.compression.stack_job import StackJob, compress_stack, jobs_into
 from assets import BILE_DUCT_PHANTOM
-from organ_geometry.organ_file import read_organ
+from organ_geometry import Promise, TraceOptions, read_organ
 
 SPACING = '{"pixel_spacing_mm": 0.1, "slice_spacing_mm": 0.5}'
 
@@ -99,20 +99,13 @@ def test_several_stacks_do_not_overwrite_a_file(tmp_path: Path, stacks: list[Pat
 def test_names_are_no_longer_than_they_must_be(tmp_path: Path) -> None:
     paths = [tmp_path / name for name in ("a.nii.gz", "b.tif", "c")]
     (tmp_path / "c").mkdir()
-    jobs = jobs_into(
-        Path("out"), paths, figures=Path("figures"), recut="auto", reading={}, building={}
-    )
+    like = StackJob(Path("any"), Path("any"), promise=Promise(tolerance_px=1.0))
+    jobs = jobs_into(Path("out"), paths, figures=Path("figures"), like=like)
+    assert all(job.promise == like.promise for job in jobs)
     assert [job.output for job in jobs] == [Path(f"out/{name}.organ") for name in "abc"]
     assert [job.figure for job in jobs] == [Path(f"figures/{name}.png") for name in "abc"]
     with pytest.raises(ValueError, match="would give the same file"):
-        jobs_into(
-            Path("out"),
-            [tmp_path / "b.tif", tmp_path / "b.png"],
-            figures=None,
-            recut="auto",
-            reading={},
-            building={},
-        )
+        jobs_into(Path("out"), [tmp_path / "b.tif", tmp_path / "b.png"], figures=None, like=like)
 
 
 def test_the_promise_can_be_given_in_pixels(tmp_path: Path, stacks: list[Path]) -> None:
@@ -264,7 +257,7 @@ def test_doubts_come_before_all_notes_and_in_the_json(tmp_path: Path) -> None:
     assert lines[first + 1].startswith(f"doubtful   {doubt}")
     assert sum(doubt in line for line in lines) == 1
     pointed = compress_stack(
-        StackJob(folder, tmp_path / "duct.organ", building={"seed": (32.0, 32.0)})
+        StackJob(folder, tmp_path / "duct.organ", trace=TraceOptions(seed=(32.0, 32.0)))
     )
     assert pointed.doubts == ()
     assert not any("doubtful" in line for line in report_lines(pointed, every_section=False))

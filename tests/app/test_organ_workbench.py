@@ -25,8 +25,8 @@ from app.compression.organ_workbench import (
 )
 from app.compression.stack_job import StackJob, compress_stack
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry import Promise, ReadOptions, TraceOptions, read_image_stack
 from organ_geometry.contours.traced_organ import TracedSection
-from organ_geometry.images.stack_reader import read_image_stack
 
 BOUNDS = UploadBounds()
 FEW = 12
@@ -275,8 +275,8 @@ def test_bytes_are_those_of_compress(
         StackJob(
             folder,
             output,
-            reading={"pixel_size": (0.125, 0.125), "slice_spacing": 0.4},
-            building={"tolerance_px": tolerance_px},
+            read=ReadOptions((0.125, 0.125), 0.4),
+            promise=Promise(tolerance_px=tolerance_px),
         )
     )
     assert built.organ.encoded == output.read_bytes()
@@ -402,8 +402,8 @@ def test_a_point_and_a_region_are_those_of_compress(bench: OrganWorkbench, tmp_p
     job = StackJob(
         tmp_path / "scan.zip",
         tmp_path / "duct.organ",
-        reading={"pixel_size": (0.5, 0.5), "slice_spacing": 2.0, "roi": choice.region},
-        building={"seed": (12.0, 10.0, 2)},
+        read=ReadOptions((0.5, 0.5), 2.0, roi=choice.region),
+        trace=TraceOptions(seed=(12.0, 10.0, 2)),
     )
     compress_stack(job)
     assert built.organ.encoded == job.output.read_bytes()

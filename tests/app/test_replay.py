@@ -33,6 +33,7 @@ from app.simulation.session import Phase, Session
 from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry import Promise
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import build_organ
@@ -496,7 +497,9 @@ def test_the_command_says_what_an_exercise_was_done_with(
 def test_the_command_takes_the_organ_s_own_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    coarser = build_organ(read_image_stack(BILE_DUCT_PHANTOM), tolerance_mm=0.3).organ
+    coarser = build_organ(
+        read_image_stack(BILE_DUCT_PHANTOM), promise=Promise(tolerance_mm=0.3)
+    ).organ
     write_organ(coarser, tmp_path / "own.organ")
     session = Session(read_organ(tmp_path / "own.organ"), vertices=300)
     session.set_force(1.0)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from organ_geometry.recut.centreline import NoTube, Tube, centreline
-from organ_geometry.recut.curve_frames import evenly_spaced
-from organ_geometry.recut.deep_way import arc_lengths, deep_way
-from organ_geometry.recut.plane_cut import plane_cut
-from organ_geometry.recut.section_planes import section_planes
+from organ_geometry.reslice.centreline import NoTube, Tube, centreline
+from organ_geometry.reslice.curve_frames import evenly_spaced
+from organ_geometry.reslice.minimal_path import arc_lengths, minimal_path
+from organ_geometry.reslice.plane_cut import plane_cut
+from organ_geometry.reslice.section_planes import section_planes
 
 SIZES = np.array([0.5, 0.5, 0.8])
 
@@ -38,8 +38,8 @@ def off_axis(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.norm(off - np.outer(off @ way, way), axis=1)
 
 
-def test_the_deep_way_keeps_to_the_middle() -> None:
-    way = deep_way(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
+def test_the_minimal_path_keeps_to_the_middle() -> None:
+    way = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
     stations = arc_lengths(way.points)
     inner = (stations > 2 * RADIUS) & (stations < stations[-1] - 2 * RADIUS)
     assert off_axis(way.points[inner]).max() < 1.5 * SIZES.max()
@@ -48,8 +48,8 @@ def test_the_deep_way_keeps_to_the_middle() -> None:
 
 
 def test_voxels_are_put_together_where_they_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("organ_geometry.recut.deep_way.MOST_VOXELS", 1500)
-    way = deep_way(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
+    monkeypatch.setattr("organ_geometry.reslice.minimal_path.MOST_VOXELS", 1500)
+    way = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
     stations = arc_lengths(way.points)
     inner = (stations > 2 * RADIUS) & (stations < stations[-1] - 2 * RADIUS)
     assert off_axis(way.points[inner]).max() < 2.5 * SIZES.max()
@@ -113,7 +113,7 @@ def test_planes_turn_so_as_not_to_cross_in_a_bend(monkeypatch: pytest.MonkeyPatc
     tube = Tube(np.full((41, 61, 61), 255, dtype=np.uint8), np.ones(3))
     depths = np.full(len(corner), 1.5)
     turned = section_planes(tube, corner, depths, 3.0)
-    monkeypatch.setattr("organ_geometry.recut.section_planes._TURN_FACTORS", (1.0,))
+    monkeypatch.setattr("organ_geometry.reslice.section_planes._TURN_FACTORS", (1.0,))
     assert section_planes(tube, corner, depths, 3.0).crossing > turned.crossing
     # Pixels of 1 mm, up to three depths from the middle.
     assert turned.reach == pytest.approx(5.0)

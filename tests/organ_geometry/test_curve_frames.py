@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from organ_geometry.recut.curve_frames import (
+from organ_geometry.reslice.curve_frames import (
     evenly_spaced,
     rotation_minimising_frames,
     smooth_points,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from organ_geometry import ReadOptions
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 
@@ -72,7 +73,7 @@ def write_series(tmp_path: Path) -> WriteSeries:
 
 
 def numbers(path: Path, **options: Any) -> list[int]:
-    stack = read_image_stack(path, **options)
+    stack = read_image_stack(path, ReadOptions(**options))
     return [round(stack.level_offset + int(image[0, 0])) for image in stack.images()]
 
 
@@ -168,14 +169,14 @@ def test_values_are_in_the_series_unit(write_series: WriteSeries) -> None:
         itk.GetArrayFromImage(itk.ReadImage(str(f)))[0, 0, 0] for f in sorted(folder.iterdir())
     ]
     assert levels == written
-    windowed = read_image_stack(folder, window=(written[0] + 0.0, written[0] + 200.0))
+    windowed = read_image_stack(folder, ReadOptions(window=(written[0] + 0.0, written[0] + 200.0)))
     assert windowed.image(1).dtype == np.uint8
     assert [int(image[0, 0]) for image in windowed.images()] == [0, written[1] - written[0]]
 
 
 def test_a_series_turns_like_a_volume(write_series: WriteSeries) -> None:
     folder = write_series([0.0, 2.0, 4.0])
-    turned = read_image_stack(folder, axis="i")
+    turned = read_image_stack(folder, ReadOptions(axis="i"))
     assert turned.shape == (3, 6)
     assert len(turned) == 8
     assert turned.pixel_size == pytest.approx([0.5, 2.0])
@@ -183,7 +184,7 @@ def test_a_series_turns_like_a_volume(write_series: WriteSeries) -> None:
 
 def refused(path: Path, message: str, **options: Any) -> None:
     with pytest.raises(ImageStackError, match=message) as error:
-        list(read_image_stack(path, **options).images())
+        list(read_image_stack(path, ReadOptions(**options)).images())
     assert "\n" not in str(error.value)
 
 

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
 from organ_geometry.curves.half_curves import HalfCurves, fit_half_curves
 
 # A boundary is measured as a polygon of 256 corners.
@@ -28,9 +27,9 @@ def test_on_a_slope_the_distance_in_y_is_longer_by_its_secant(
     x = np.linspace(-10.0, 10.0, 21)
     points = np.stack([x, side + slope * x + off], axis=1)
     curves = slanted(slope)
-    np.testing.assert_allclose(algebraic_distances(curves, points), abs(off), atol=1e-12)
+    np.testing.assert_allclose(curves.algebraic_distances(points), abs(off), atol=1e-12)
     expected = abs(off) / np.hypot(1.0, slope)
-    np.testing.assert_allclose(normal_distances(curves, points), expected, atol=1e-12)
+    np.testing.assert_allclose(curves.distances(points), expected, atol=1e-12)
 
 
 def test_the_polynomial_is_the_thesis_s() -> None:
@@ -42,14 +41,14 @@ def test_the_polynomial_is_the_thesis_s() -> None:
     curves = HalfCurves(3.0, 2.0, chebyshev, chebyshev + 50.0 * (np.arange(7) == 0))
     points = np.stack([3.0 + 2.0 * x, rng.normal(size=50)], axis=1)
     expected = np.abs(points[:, 1] - sum(a * x**n for n, a in enumerate(powers)))
-    np.testing.assert_allclose(algebraic_distances(curves, points), expected, atol=1e-12)
+    np.testing.assert_allclose(curves.algebraic_distances(points), expected, atol=1e-12)
 
 
 def test_on_a_circle_the_ends_make_nearly_all_of_the_distance_in_y() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     circle = 10.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     curves = fit_half_curves(circle)
-    normal, algebraic = normal_distances(curves, circle), algebraic_distances(curves, circle)
+    normal, algebraic = curves.distances(circle), curves.algebraic_distances(circle)
     # The known floor of degree six on a circle, 0.3 % of its radius.
     assert np.sqrt(np.mean(normal**2)) == pytest.approx(0.030, abs=0.002)
     # No point of a curve is nearer than its nearest, and the short ends only bring it nearer.

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from organ_geometry import ReadOptions
 from organ_geometry.images.image_files import _quiet_decoders
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
@@ -58,7 +59,7 @@ def test_a_multipage_tiff_is_a_stack(tmp_path: Path, alone_in_folder: bool) -> N
     file = tmp_path / "pages.tif"
     assert cv2.imwritemulti(str(file), [grey(5), grey(6), grey(7)])
     stack = read_image_stack(
-        tmp_path if alone_in_folder else file, pixel_size=(1.0, 1.0), slice_spacing=1.0
+        tmp_path if alone_in_folder else file, ReadOptions(pixel_size=(1.0, 1.0), slice_spacing=1.0)
     )
     assert [int(image[0, 0]) for image in stack.images()] == [5, 6, 7]
     assert stack.names[1] == "pages.tif page 1"
@@ -81,7 +82,7 @@ def test_without_directions_the_organ_runs_along_x_with_image_up_as_z(
 
 def test_arguments_win(write_stack: WriteStack) -> None:
     folder = write_stack([grey(0)] * 2, PARALLEL)
-    stack = read_image_stack(folder, pixel_size=(0.1, 0.2), slice_spacing=3.0)
+    stack = read_image_stack(folder, ReadOptions(pixel_size=(0.1, 0.2), slice_spacing=3.0))
     assert stack.pixel_size.tolist() == [0.1, 0.2]
     assert stack.slice_spacing == 3.0
     assert stack.origins[1].tolist() == [3.0, 0.0, 0.0]
@@ -149,7 +150,7 @@ def test_one_frame_per_slice(write_stack: WriteStack) -> None:
     np.testing.assert_array_equal(stack.origins[:, 0], [0, 1, 2])
     np.testing.assert_array_equal(stack.frames[2], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     # An explicit spacing wins over frames.
-    straight = read_image_stack(folder, slice_spacing=5.0)
+    straight = read_image_stack(folder, ReadOptions(slice_spacing=5.0))
     np.testing.assert_array_equal(straight.origins[:, 0], [0, 5, 10])
 
 
@@ -162,7 +163,7 @@ def test_arrays_are_locked(write_stack: WriteStack) -> None:
 def fails(folder: Path, message: str, **arguments: Any) -> None:
     """Reading the stack and its images gives one line that matches."""
     with pytest.raises(ImageStackError, match=message) as error:
-        list(read_image_stack(folder, **arguments).images())
+        list(read_image_stack(folder, ReadOptions(**arguments)).images())
     assert "\n" not in str(error.value)
 
 
@@ -283,7 +284,7 @@ def test_a_slip_of_the_unit_is_refused(write_stack: WriteStack, value: float) ->
 @pytest.mark.parametrize("value", [1e-6, 1000.0])
 def test_the_limits_of_spacing_are_allowed(write_stack: WriteStack, value: float) -> None:
     folder = write_stack([grey(0)] * 2)
-    stack = read_image_stack(folder, pixel_size=(value, value), slice_spacing=value)
+    stack = read_image_stack(folder, ReadOptions(pixel_size=(value, value), slice_spacing=value))
     assert stack.slice_spacing == value
 
 
@@ -291,7 +292,9 @@ def test_the_limits_of_spacing_are_allowed(write_stack: WriteStack, value: float
 def test_a_pixel_a_thousand_times_as_long_as_wide_is_allowed(
     write_stack: WriteStack, pair: tuple[float, float]
 ) -> None:
-    stack = read_image_stack(write_stack([grey(0)] * 2), pixel_size=pair, slice_spacing=1.0)
+    stack = read_image_stack(
+        write_stack([grey(0)] * 2), ReadOptions(pixel_size=pair, slice_spacing=1.0)
+    )
     assert tuple(stack.pixel_size) == pair
 
 
@@ -321,8 +324,11 @@ def test_one_number_makes_square_pixels(write_stack: WriteStack, key: str) -> No
 
 def test_arguments_are_mm(write_stack: WriteStack) -> None:
     folder = write_stack([grey(0)] * 2, PARALLEL | {"units": "relative"})
-    assert read_image_stack(folder, pixel_size=(0.1, 0.1)).units == "relative"
-    assert read_image_stack(folder, pixel_size=(0.1, 0.1), slice_spacing=3.0).units == "mm"
+    assert read_image_stack(folder, ReadOptions(pixel_size=(0.1, 0.1))).units == "relative"
+    assert (
+        read_image_stack(folder, ReadOptions(pixel_size=(0.1, 0.1), slice_spacing=3.0)).units
+        == "mm"
+    )
 
 
 @pytest.mark.parametrize("units", ["cm", "MM", "", "m", "not relative", 1, ["mm"]])

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from organ_geometry import ReadOptions
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.medical_file import read_values
 from organ_geometry.images.stack_reader import read_image_stack
@@ -67,7 +68,7 @@ def test_every_voxel_stands_where_the_file_says(
 ) -> None:
     voxels = noise()
     path = write_volume(voxels, suffix)
-    stack = read_image_stack(path, axis=axis)
+    stack = read_image_stack(path, ReadOptions(axis=axis))
     across = 2 if axis is None else axis if isinstance(axis, int) else "ijk".index(axis)
     assert len(stack) == voxels.shape[2 - across]
     image = itk.ReadImage(str(path))
@@ -138,7 +139,7 @@ def test_directions_in_space_name_the_nearest_axis(
     image = itk.GetImageFromArray(voxels)
     image.SetDirection(near.ravel().tolist())
     itk.WriteImage(image, str(tmp_path / "a.nrrd"))
-    assert len(read_image_stack(tmp_path / "a.nrrd", axis=axis)) == (5, 7, 6)[expected]
+    assert len(read_image_stack(tmp_path / "a.nrrd", ReadOptions(axis=axis))) == (5, 7, 6)[expected]
 
 
 def test_a_label_becomes_a_mask_and_a_missing_one_is_answered_with_all(
@@ -147,12 +148,12 @@ def test_a_label_becomes_a_mask_and_a_missing_one_is_answered_with_all(
     voxels = np.zeros((4, 5, 6), dtype=np.int16)
     voxels[1, 2:4, 1:3], voxels[2, 0, 0] = 3, 700
     path = write_volume(voxels)
-    stack = read_image_stack(path, label=3)
+    stack = read_image_stack(path, ReadOptions(label=3))
     np.testing.assert_array_equal(np.stack(list(stack.images())), (voxels == 3) * 255)
     with pytest.raises(ImageStackError, match=r"label 5 is not in .*, which has 3, 700$"):
-        read_image_stack(path, label=5)
+        read_image_stack(path, ReadOptions(label=5))
     with pytest.raises(ImageStackError, match="label and a window cannot be given together"):
-        read_image_stack(path, label=3, window=(0, 1))
+        read_image_stack(path, ReadOptions(label=3, window=(0, 1)))
 
 
 def values_of(stack: ImageStack) -> NDArray[np.float64]:
@@ -191,7 +192,7 @@ def test_a_window_clips_and_keeps_what_is_inside(
     write_volume: Callable[..., Path], dtype: Any, window: tuple[float, float], kind: Any
 ) -> None:
     voxels = noise(np.int64) - (0 if dtype == np.uint8 else 100)
-    stack = read_image_stack(write_volume(voxels.astype(dtype)), window=window)
+    stack = read_image_stack(write_volume(voxels.astype(dtype)), ReadOptions(window=window))
     assert stack.image(0).dtype == kind
     atol = 0.0 if dtype != np.float32 else 0.5001 * stack.level_step
     np.testing.assert_allclose(values_of(stack), np.clip(voxels, *window), atol=atol)
@@ -202,12 +203,12 @@ def test_a_window_has_its_lower_end_first(
     write_volume: Callable[..., Path], window: tuple[float, float]
 ) -> None:
     with pytest.raises(ImageStackError, match="lowest and the highest value kept, as -150,500"):
-        read_image_stack(write_volume(noise()), window=window)
+        read_image_stack(write_volume(noise()), ReadOptions(window=window))
 
 
 def test_given_sizes_win_and_the_directions_stay(write_volume: Callable[..., Path]) -> None:
     path = write_volume(noise())
-    stack = read_image_stack(path, pixel_size=(1.0, 3.0), slice_spacing=5.0)
+    stack = read_image_stack(path, ReadOptions(pixel_size=(1.0, 3.0), slice_spacing=5.0))
     assert stack.pixel_size.tolist() == [1.0, 3.0]
     as_stored = read_image_stack(path)
     np.testing.assert_array_equal(stack.frames, as_stored.frames)
@@ -215,7 +216,7 @@ def test_given_sizes_win_and_the_directions_stay(write_volume: Callable[..., Pat
         stack.origins[3], as_stored.origins[0] + 15.0 * as_stored.frames[0, :, 2]
     )
     with pytest.raises(ImageStackError, match="slip of the unit"):
-        read_image_stack(path, slice_spacing=1e9)
+        read_image_stack(path, ReadOptions(slice_spacing=1e9))
 
 
 @pytest.mark.parametrize("roi", [(1, 2, 4, 5), (0, 0, 0, 0, 3, 3), (2, 1, 6, 5, 1, 4)])
@@ -224,7 +225,7 @@ def test_a_region_keeps_pixels_and_places(
 ) -> None:
     path = write_volume(noise())
     whole = read_image_stack(path)
-    part = read_image_stack(path, roi=roi)  # pyright: ignore[reportArgumentType]
+    part = read_image_stack(path, ReadOptions(roi=roi))  # pyright: ignore[reportArgumentType]
     x0, y0, x1, y1, first, last = roi if len(roi) == 6 else (*roi, 0, 4)
     assert part.shape == (y1 - y0 + 1, x1 - x0 + 1)
     assert part.names == whole.names[first : last + 1]
@@ -251,12 +252,12 @@ def test_a_region_must_be_inside(
     write_volume: Callable[..., Path], roi: tuple[int, ...], message: str
 ) -> None:
     with pytest.raises(ImageStackError, match=message):
-        read_image_stack(write_volume(noise()), roi=roi)  # pyright: ignore[reportArgumentType]
+        read_image_stack(write_volume(noise()), ReadOptions(roi=roi))  # pyright: ignore[reportArgumentType]
 
 
 def refused(path: Path, message: str, **arguments: Any) -> None:
     with pytest.raises(ImageStackError, match=message) as error:
-        read_image_stack(path, **arguments)
+        read_image_stack(path, ReadOptions(**arguments))
     assert "\n" not in str(error.value)
 
 
@@ -315,9 +316,11 @@ def test_images_of_files_turn_across_another_axis(write_stack: Callable[..., Pat
     voxels = noise()
     spacing = {"pixel_spacing_mm": [0.5, 0.25], "slice_spacing_mm": 2.0}
     folder = write_stack(list(voxels), spacing)
-    whole, turned = read_image_stack(folder), read_image_stack(folder, axis="j")
+    whole, turned = read_image_stack(folder), read_image_stack(folder, ReadOptions(axis="j"))
     # Without directions in spacing.json the sections stand along x, and rows run down z.
-    np.testing.assert_array_equal(read_image_stack(folder, axis="z").origins, turned.origins)
+    np.testing.assert_array_equal(
+        read_image_stack(folder, ReadOptions(axis="z")).origins, turned.origins
+    )
     assert turned.pixel_size.tolist() == [0.25, 2.0]
     assert turned.slice_spacing == 0.5
     np.testing.assert_array_equal(turned.image(4), voxels[:, 4, :])
@@ -360,9 +363,9 @@ def test_labels_and_windows_of_image_files(write_stack: Callable[..., Path]) -> 
     voxels = noise()
     folder = write_stack(list(voxels), {"pixel_spacing_mm": 1, "slice_spacing_mm": 1})
     label = int(voxels[2, 3, 4])
-    masks = np.stack(list(read_image_stack(folder, label=label).images()))
+    masks = np.stack(list(read_image_stack(folder, ReadOptions(label=label)).images()))
     np.testing.assert_array_equal(masks, (voxels == label) * 255)
-    windowed = read_image_stack(folder, window=(50, 90))
+    windowed = read_image_stack(folder, ReadOptions(window=(50, 90)))
     np.testing.assert_array_equal(values_of(windowed), voxels.clip(50, 90))
     refused(folder, "label 201 is not in .*, which has 1, 3, ", label=201)
 
@@ -433,20 +436,20 @@ def test_a_volume_s_bytes_count_its_voxels_file(write_volume: Callable[..., Path
     path = write_volume(noise(), ".mhd")
     expected = path.stat().st_size + path.with_suffix(".zraw").stat().st_size
     assert read_image_stack(path).bytes_in == expected
-    assert read_image_stack(path, axis="i", roi=(0, 0, 2, 2)).bytes_in == expected
+    assert read_image_stack(path, ReadOptions(axis="i", roi=(0, 0, 2, 2))).bytes_in == expected
 
 
 def test_the_aorta_is_the_same_in_images_nifti_and_nrrd(data_dir: Path) -> None:
     folder = data_dir / "aorta_ct"
     images = read_image_stack(folder / "images")
-    volume = read_image_stack(folder / "ct_cropped.nii.gz", window=(-150, 500))
+    volume = read_image_stack(folder / "ct_cropped.nii.gz", ReadOptions(window=(-150, 500)))
     for section in (0, 50, 129):
         # The images' 256 levels stand for -150 to 500 HU.
         scaled = volume.image(section) * (255.0 / 650.0)
         assert np.abs(scaled - images.image(section)).max() <= 1.0
     roi = (26, 30, 105, 125, 0, 129)
     for grey, crop in (("ct_cropped", "ct_crop_small"), ("aorta", "aorta_crop_small")):
-        whole = read_image_stack(folder / f"{grey}.nii.gz", roi=roi)
+        whole = read_image_stack(folder / f"{grey}.nii.gz", ReadOptions(roi=roi))
         small = read_image_stack(folder / f"{crop}.nrrd")
         np.testing.assert_allclose(whole.origins, small.origins, atol=1e-6)
         np.testing.assert_allclose(whole.frames, small.frames, atol=1e-12)
@@ -457,7 +460,8 @@ def frog_masks(data_dir: Path, folder: str, record: str) -> tuple[ImageStack, di
     spacing = json.loads((data_dir / record).read_text())
     down, along = spacing["pixel_spacing"]
     stack = read_image_stack(
-        data_dir / folder, pixel_size=(along, down), slice_spacing=spacing["slice_spacing"]
+        data_dir / folder,
+        ReadOptions(pixel_size=(along, down), slice_spacing=spacing["slice_spacing"]),
     )
     return stack, spacing
 
@@ -470,7 +474,7 @@ def test_the_frog_s_label_is_its_masks_along_x(data_dir: Path) -> None:
     rows, columns = masks.shape
     roi = (y, z, y + columns - 1, z + rows - 1, x, x + len(masks) - 1)
     volume = read_image_stack(
-        data_dir / "frog_labels_mhd" / "frogtissue.mhd", label=9, axis="x", roi=roi
+        data_dir / "frog_labels_mhd" / "frogtissue.mhd", ReadOptions(label=9, axis="x", roi=roi)
     )
     assert volume.pixel_size.tolist() == masks.pixel_size.tolist() == [1.0, 1.5]
     assert volume.slice_spacing == masks.slice_spacing
@@ -482,7 +486,7 @@ def test_the_frog_s_label_is_its_masks_along_x(data_dir: Path) -> None:
 
 def test_the_frog_s_label_is_its_masks_as_stored(data_dir: Path) -> None:
     masks, _ = frog_masks(data_dir, "frog_duodenum/axial_masks", "frog_duodenum/axial.json")
-    volume = read_image_stack(data_dir / "frog_labels_mhd" / "frogtissue.mhd", label=3)
+    volume = read_image_stack(data_dir / "frog_labels_mhd" / "frogtissue.mhd", ReadOptions(label=3))
     assert volume.pixel_size.tolist() == masks.pixel_size.tolist()
     assert volume.slice_spacing == masks.slice_spacing
     # The masks are the label's bounding box and a margin.

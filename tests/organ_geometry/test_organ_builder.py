@@ -10,15 +10,16 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from drawn_stack import traced_edges
 from numpy.typing import NDArray
+from tubes import of_row
 
 from assets import BILE_DUCT_PHANTOM
+from organ_geometry import Promise, ReadOptions, TraceOptions
 from organ_geometry.contours.edge_curve import enclosed_area
-from organ_geometry.contours.edges import find_edges
 from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.curves.fit_error import algebraic_distances, normal_distances
+from organ_geometry.curves.fitted_organ import fit_organ
 from organ_geometry.curves.half_curves import (
-    HalfCurves,
     closed_outlines,
     fit_half_curves,
     polygon_distances,
@@ -27,7 +28,7 @@ from organ_geometry.encoder.search import Effort
 from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import BuiltOrgan, build_organ, organ_of_edges
+from organ_geometry.organ_builder import BuiltOrgan, build_fitted, build_organ
 from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
 from organ_geometry.surface_distance import wall_distances
 
@@ -60,7 +61,7 @@ def ring(cover: Cover, radius: float, inner: float) -> Any:
 def test_a_drawn_cone_becomes_a_cone(cover: Cover, write_stack: WriteStack) -> None:
     radii = np.linspace(20.0, 32.0, 13)
     stack = read_image_stack(write_stack([disc(cover, radius) for radius in radii], SPACING))
-    built = build_organ(stack, tolerance_mm=0.03)
+    built = build_organ(stack, promise=Promise(tolerance_mm=0.03))
     organ = built.organ
     # A cone is straight between its ends: both are all there is to keep.
     assert built.sections_kept == 2
@@ -93,7 +94,7 @@ def test_a_shifted_disc_puts_the_axis_where_it_is(cover: Cover, write_stack: Wri
     centres = [(50.5, 49.5), (54.5, 49.5), (54.5, 45.5)]
     images = [disc(cover, 20.0, centre) for centre in centres]
     stack = read_image_stack(write_stack(images, SPACING | {"slice_spacing_mm": 2.0}))
-    organ = build_organ(stack, tolerance_mm=0.03).organ
+    organ = build_organ(stack, promise=Promise(tolerance_mm=0.03)).organ
     # Columns run along +y and rows along -z, from the image's middle, 0.1 mm a pixel.
     angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     for station, expected in ((0.0, [0.0, -0.4, 0.0]), (organ.length, [4.0, 0.0, 0.4])):
@@ -106,7 +107,9 @@ def test_anisotropic_pixels_are_measured_in_mm(cover: Cover, write_stack: WriteS
     # A circle of 4 mm seen with pixels 0.2 mm wide and 0.1 mm high.
     images = [image(cover(SHAPE, (54.5, 49.5), (20.0, 40.0)))] * 3
     spacing = {"pixel_spacing_mm": [0.1, 0.2], "slice_spacing_mm": 1.0}
-    built = build_organ(read_image_stack(write_stack(images, spacing)), tolerance_mm=0.03)
+    built = build_organ(
+        read_image_stack(write_stack(images, spacing)), promise=Promise(tolerance_mm=0.03)
+    )
     organ = built.organ
     moments = [
         organ.section_properties(organ.stations, np.array(direction)).second_moment
@@ -128,10 +131,12 @@ def test_masks_and_grey_images_give_the_same_organ(
     masks = read_image_stack(
         write_stack([np.where(one >= 0.5, np.uint8(255), np.uint8(0)) for one in shown], SPACING)
     )
-    of_masks = build_organ(masks, tolerance_mm=0.05)
+    of_masks = build_organ(masks, promise=Promise(tolerance_mm=0.05))
     masks.source.rename(masks.source.with_name("masks"))
     grey = [255 - image(one) if dark else image(one) for one in shown]
-    of_grey = build_organ(read_image_stack(write_stack(grey, SPACING)), tolerance_mm=0.05)
+    of_grey = build_organ(
+        read_image_stack(write_stack(grey, SPACING)), promise=Promise(tolerance_mm=0.05)
+    )
     assert of_grey.polarity == ("dark" if dark else "bright")
     for one, other in ((of_masks, of_grey), (of_grey, of_masks)):
         assert all(section.rms_mm <= 0.05 for section in one.sections)
@@ -159,7 +164,7 @@ def test_masks_and_grey_images_give_the_same_organ(
 def test_a_dark_hollow_organ(cover: Cover, write_stack: WriteStack, polarity: Any) -> None:
     images = [255 - ring(cover, 35.0, 25.0)] * 4
     stack = read_image_stack(write_stack(images, SPACING))
-    built = build_organ(stack, polarity=polarity, tolerance_mm=0.02)
+    built = build_organ(stack, TraceOptions(polarity=polarity), Promise(tolerance_mm=0.02))
     organ = built.organ
     assert built.polarity == "dark"
     assert organ.hollow
@@ -215,7 +220,7 @@ def test_the_background_is_no_organ() -> None:
     with pytest.raises(
         ValueError, match=r"an organ in 0 of 128 images .*section_000.png: the organ touches the"
     ):
-        build_organ(stack, polarity="dark")
+        build_organ(stack, TraceOptions(polarity="dark"))
 
 
 def test_a_section_that_no_half_curves_follow_is_reported_and_left_out(
@@ -247,11 +252,11 @@ def test_the_largest_error_is_measured_both_ways(cover: Cover, write_stack: Writ
     built = build_organ(read_image_stack(write_stack([grey] * 2, SPACING)))
     cosine, sine = np.cos(built.organ.turn), np.sin(built.organ.turn)
     turned = np.array([[cosine, -sine], [sine, cosine]])
-    edge = (find_edges(grey).outer - [54.5, 49.5]) @ turned
+    edge = (traced_edges(grey).outer - [54.5, 49.5]) @ turned
     row = built.organ.outer[0]
     middle = (built.organ.axis[0, 1:] * [1.0, -1.0]) @ turned
     outline = closed_outlines(row[np.newaxis])[0]
-    forth = HalfCurves.from_row(row).distances(0.1 * edge - middle).max()
+    forth = of_row(row).distances(0.1 * edge - middle).max()
     back = polygon_distances(outline, 0.1 * edge - middle).max()
     assert back > forth
     # The report looks at fewer corners of the outline.
@@ -265,13 +270,13 @@ def test_other_parts_are_warned_of(cover: Cover, write_stack: WriteStack) -> Non
 
     folder = write_stack([beside(r) for r in (3, 3, 9, 9)], SPACING)
     last = SHAPE[1] - 1, SHAPE[0] - 1
-    built = build_organ(read_image_stack(folder, roi=(0, 0, *last, 1, 3)))
+    built = build_organ(read_image_stack(folder, ReadOptions(roi=(0, 0, *last, 1, 3))))
     assert built.warnings == (
         "2 of 3 sections show another part of at least 5% of the organ's area beside it, "
         "which was left out",
     )
     assert built.doubts == built.warnings
-    one = build_organ(read_image_stack(folder, roi=(0, 0, *last, 0, 2)))
+    one = build_organ(read_image_stack(folder, ReadOptions(roi=(0, 0, *last, 0, 2))))
     assert one.warnings[0].startswith("1 of 3 sections show another part")
     assert one.doubts == ()
 
@@ -295,7 +300,7 @@ def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
 def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStack) -> None:
     images = [image(open_ring(cover, 6.0, 30.0, 60.0))] * 3
     stack = read_image_stack(write_stack(images, SPACING))
-    assert build_organ(stack, tolerance_mm=2.0).warnings == ()
+    assert build_organ(stack, promise=Promise(tolerance_mm=2.0)).warnings == ()
 
 
 @pytest.mark.parametrize("effort", ["quick", "full"])
@@ -306,7 +311,7 @@ def test_hundreds_of_equal_discs_are_a_straight_organ(
     mask = cv2.circle(np.zeros((160, 160), np.uint8), (80, 80), 40, 255, -1)
     spacing = SPACING | {"slice_spacing_mm": 0.1}
     stack = read_image_stack(write_stack([mask] * 400, spacing))
-    organ = build_organ(stack, effort=effort).organ
+    organ = build_organ(stack, promise=Promise(effort=effort)).organ
     bends = code_from_bytes(organ.encoded).bends
     assert not bends[:, 0].any()
     assert np.abs(bends).max() <= 1
@@ -318,21 +323,21 @@ def test_a_tolerance_below_the_floor_names_the_smallest(
 ) -> None:
     stack = read_image_stack(write_stack([disc(cover, 30.0)] * 3, SPACING))
     with pytest.raises(ToleranceTooSmall, match=r"a tolerance of 0 mm cannot be kept") as raised:
-        build_organ(stack, tolerance_mm=0.0)
+        build_organ(stack, promise=Promise(tolerance_mm=0.0))
     smallest = raised.value.smallest_mm
     assert 0.0029 * 3.0 < smallest < 0.1 * CIRCLE_RMS_PX
-    built = build_organ(stack, tolerance_mm=1.05 * smallest)
+    built = build_organ(stack, promise=Promise(tolerance_mm=1.05 * smallest))
     assert all(section.rms_mm <= built.tolerance_mm for section in built.sections)
 
 
 def test_a_tolerance_in_pixels(cover: Cover, write_stack: WriteStack) -> None:
     stack = read_image_stack(write_stack([disc(cover, 30.0)] * 3, SPACING))
-    pixels = build_organ(stack, tolerance_px=0.5).organ
-    assert pixels.encoded == build_organ(stack, tolerance_mm=0.05).organ.encoded
+    pixels = build_organ(stack, promise=Promise(tolerance_px=0.5)).organ
+    assert pixels.encoded == build_organ(stack, promise=Promise(tolerance_mm=0.05)).organ.encoded
     with pytest.raises(ValueError, match="in mm or in px, not both"):
-        build_organ(stack, tolerance_px=0.5, tolerance_mm=0.05)
+        build_organ(stack, promise=Promise(tolerance_px=0.5, tolerance_mm=0.05))
     with pytest.raises(ValueError, match="select must be fewest or thesis, not 'all'"):
-        build_organ(stack, select="all")  # pyright: ignore[reportArgumentType]
+        build_organ(stack, promise=Promise(select="all"))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_jumping_organ_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
@@ -351,9 +356,9 @@ def test_an_organ_that_most_images_do_not_show_is_doubtful(
 
     folder = write_stack([disc(cover, 20.0)] * 4 + [empty] * 5, SPACING)
     last = SHAPE[1] - 1, SHAPE[0] - 1
-    half = build_organ(read_image_stack(folder, roi=(0, 0, *last, 0, 7)))
+    half = build_organ(read_image_stack(folder, ReadOptions(roi=(0, 0, *last, 0, 7))))
     assert (half.sections_found, half.doubts) == (4, ())
-    less = build_organ(read_image_stack(folder, roi=(0, 0, *last, 1, 8)))
+    less = build_organ(read_image_stack(folder, ReadOptions(roi=(0, 0, *last, 1, 8))))
     assert less.doubts == ("the organ was found in only 3 of 8 images",)
 
 
@@ -373,10 +378,10 @@ def test_edges_that_were_found_give_the_organ_without_an_image_read(
 ) -> None:
     stack = read_image_stack(write_stack([disc(cover, r) for r in (20.0, 24.0, 21.0)], SPACING))
     edges = trace_organ(stack)
-    built = build_organ(stack, tolerance_px=0.5)
+    built = build_organ(stack, promise=Promise(tolerance_px=0.5))
     for image in stack.source.glob("*.png"):
         image.unlink()
-    again = organ_of_edges(stack, edges, tolerance_px=0.5)
+    again = build_fitted(fit_organ(stack, edges), Promise(tolerance_px=0.5))
     assert again.organ.encoded == built.organ.encoded
     assert again.sections == built.sections
     assert again.notes == built.notes
@@ -398,7 +403,7 @@ def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteSta
     images = [disc(cover, radius) for radius in (25.0, 25.5, 26.0, 27.0, 27.5)]
     stack = read_image_stack(write_stack(images, SPACING))
     for select in ("fewest", "thesis"):
-        built = build_organ(stack, tolerance_mm=0.05, select=select)
+        built = build_organ(stack, promise=Promise(tolerance_mm=0.05, select=select))
         organ = organ_from_bytes(built.organ.encoded)
         assert organ.outer.tobytes() == built.organ.outer.tobytes()
         assert organ.frames.tobytes() == built.organ.frames.tobytes()
@@ -406,7 +411,7 @@ def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteSta
         for section, row, radius in zip(
             built.sections, rows, (25.0, 25.5, 26.0, 27.0, 27.5), strict=True
         ):
-            ideal = HalfCurves.from_row(row / 0.1)
+            ideal = of_row(row / 0.1)
             angles = np.linspace(0.0, 2.0 * np.pi, 400)
             circle = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
             expected = float(np.sqrt(np.mean(ideal.distances(circle) ** 2)))
@@ -432,7 +437,7 @@ def test_the_fit_is_reported_along_the_normal_and_in_y(
             edge = (wall - contour.outer.mean(axis=0)) @ frame
             curves = fit_half_curves(edge)
             for place, away in enumerate(
-                (normal_distances(curves, edge), algebraic_distances(curves, edge))
+                (curves.distances(edge), curves.algebraic_distances(edge))
             ):
                 own[place] += away @ away
         squares += own
@@ -449,7 +454,7 @@ def test_a_huge_tolerance_keeps_two_sections(cover: Cover, write_stack: WriteSta
     stack = read_image_stack(
         write_stack([disc(cover, radius) for radius in (30.0, 31.0, 29.0, 30.0)], SPACING)
     )
-    assert build_organ(stack, tolerance_mm=1e9).sections_kept == 2
+    assert build_organ(stack, promise=Promise(tolerance_mm=1e9)).sections_kept == 2
 
 
 def test_progress_counts_every_image(cover: Cover, write_stack: WriteStack) -> None:
@@ -465,7 +470,7 @@ def test_a_wrong_tolerance_is_refused(
 ) -> None:
     stack = read_image_stack(write_stack([disc(cover, 20.0)] * 2, SPACING))
     with pytest.raises(ValueError, match="tolerance must be 0 mm or more and finite"):
-        build_organ(stack, tolerance_mm=tolerance)
+        build_organ(stack, promise=Promise(tolerance_mm=tolerance))
 
 
 def test_too_few_sections_name_the_folder_and_the_first_problem(

@@ -6,17 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn_stack import traced_edges
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
 from assets.phantom import PIXEL_SPACING, outer_half_axes, section_stations
+from organ_geometry import TraceOptions
 from organ_geometry.contours.edge_curve import enclosed_area
-from organ_geometry.contours.edges import EdgeMethod, find_edges
 from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.contours.slice_ranges import slice_ranges
-from organ_geometry.contours.traced_organ import TracedOrgan
+from organ_geometry.contours.trace_options import EdgeMethod
+from organ_geometry.contours.traced_organ import TracedOrgan, slice_ranges
 from organ_geometry.curves.half_curves import polygon_distances
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
@@ -106,7 +107,7 @@ def test_drawn_sections_are_traced_to_a_twentieth_of_a_pixel(
 def test_lobes_are_found_to_a_twentieth_of_a_pixel(
     radius: float, share: float, count: int, dark: bool
 ) -> None:
-    edges = find_edges(drawn(lobed_cover(radius, share * radius, count), dark=dark))
+    edges = traced_edges(drawn(lobed_cover(radius, share * radius, count), dark=dark))
     angles = np.linspace(0.0, 2.0 * np.pi, 1440, endpoint=False)
     truth = lobes(angles, radius, share * radius, count)
     assert rms(polygon_distances(edges.outer, truth)) < EDGE_PX
@@ -127,8 +128,8 @@ def test_turned_grey_levels_give_the_same_edge_to_rounding(
     cover: Cover, write_stack: WriteStack
 ) -> None:
     image = drawn(cover(SHAPE, CENTRE, (31.0, 22.0)))
-    bright = find_edges(image, "bright").outer
-    dark = find_edges(np.uint8(255) - image, "dark").outer
+    bright = traced_edges(image, polarity="bright").outer
+    dark = traced_edges(np.uint8(255) - image, polarity="dark").outer
     np.testing.assert_allclose(bright, dark, atol=1e-3)
 
 
@@ -137,8 +138,8 @@ def test_both_methods_agree_on_clean_sections(
     cover: Cover, write_stack: WriteStack, method: EdgeMethod
 ) -> None:
     images = [drawn(cover(SHAPE, CENTRE, (30.0, 22.0)))] * 3
-    organ = trace_organ(stack_of(write_stack, images), method=method)
-    half_level = find_edges(images[0]).outer
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(method=method))
+    half_level = traced_edges(images[0]).outer
     assert len(organ.sections) == 3
     for section in organ.sections:
         assert polygon_distances(section.outer, half_level).max() < 0.2
@@ -152,7 +153,7 @@ def test_canny_says_where_its_edge_does_not_close(cover: Cover, write_stack: Wri
     slope = np.clip((40.0 - np.hypot(x - CENTRE[0], y - CENTRE[1])) / 30.0, 0.0, 1.0)
     fading = np.where(x > CENTRE[0], slope, disc)
     images = [drawn(disc), drawn(fading), drawn(disc)]
-    organ = trace_organ(stack_of(write_stack, images), method="canny", seed=CENTRE)
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(method="canny", seed=CENTRE))
     assert organ.problems.keys() == {1}
     assert organ.problems[1].startswith("Canny's edge of the organ does not close")
 
@@ -164,7 +165,7 @@ def test_a_threshold_given_moves_the_edge(write_stack: WriteStack) -> None:
     image = np.round(255.0 * np.clip(1.0 - away / 45.0, 0.0, 1.0)).astype(np.uint8)
     stack = stack_of(write_stack, [image] * 2)
     for threshold in (60.0, 120.0, 180.0):
-        organ = trace_organ(stack, threshold=threshold, polarity="bright")
+        organ = trace_organ(stack, TraceOptions(threshold=threshold, polarity="bright"))
         expected = 45.0 * (1.0 - threshold / 255.0)
         for section in organ.sections:
             assert section.threshold == threshold
@@ -182,7 +183,7 @@ def test_the_organ_is_continued_past_a_larger_neighbour(
         return np.round(60.0 + 90.0 * organ + 180.0 * beside).astype(np.uint8)
 
     images = [scene(radius) for radius in (0.0, 0.0, 0.0, 8.0, 16.0, 24.0, 24.0, 24.0)]
-    organ = trace_organ(stack_of(write_stack, images), seed=(70, 50))
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(seed=(70, 50)))
     assert organ.problems == {}
     for section in organ.sections:
         assert rms(circle_errors(section.outer, 13.0, (70.5, 49.5))) < EDGE_PX
@@ -193,7 +194,7 @@ def test_the_seed_picks_the_organ(cover: Cover, write_stack: WriteStack) -> None
     both = np.sum([cover(SHAPE, place, (size, size)) for place, size in places.items()], axis=0)
     stack = stack_of(write_stack, [drawn(both)] * 4)
     for place, radius in places.items():
-        organ = trace_organ(stack, seed=place)
+        organ = trace_organ(stack, TraceOptions(seed=place))
         assert len(organ.sections) == 4
         for section in organ.sections:
             assert rms(circle_errors(section.outer, radius, place)) < EDGE_PX
@@ -213,7 +214,7 @@ def test_from_a_seed_in_any_image_the_organ_is_followed_both_ways(
         for here in place
     ]
     stack = stack_of(write_stack, images)
-    organ = trace_organ(stack, seed=(*place[index], index))
+    organ = trace_organ(stack, TraceOptions(seed=(*place[index], index)))
     assert organ.problems == {}
     for section, here in zip(organ.sections, place, strict=True):
         assert rms(circle_errors(section.outer, 13.0, here)) < EDGE_PX
@@ -223,7 +224,7 @@ def test_from_a_seed_in_any_image_the_organ_is_followed_both_ways(
 def test_the_polarity_is_that_at_the_seed_s_image(cover: Cover, write_stack: WriteStack) -> None:
     disc = cover(SHAPE, CENTRE, (14.0, 14.0))
     empty, full = np.full(SHAPE, 60, np.uint8), drawn(disc, dark=True)
-    organ = trace_organ(stack_of(write_stack, [empty, full, full]), seed=(*CENTRE, 2))
+    organ = trace_organ(stack_of(write_stack, [empty, full, full]), TraceOptions(seed=(*CENTRE, 2)))
     assert organ.polarity == "dark"
     assert [section.index for section in organ.sections] == [1, 2]
 
@@ -234,7 +235,7 @@ def test_the_seed_decides_the_polarity(cover: Cover, write_stack: WriteStack) ->
     image = np.round(120.0 + 100.0 * bright - 100.0 * dark).astype(np.uint8)
     stack = stack_of(write_stack, [image] * 2)
     for place, polarity in (((30.5, 49.5), "bright"), ((78.5, 49.5), "dark")):
-        organ = trace_organ(stack, seed=place)
+        organ = trace_organ(stack, TraceOptions(seed=place))
         assert organ.polarity == polarity
         assert rms(circle_errors(organ.sections[0].outer, 14.0, place)) < EDGE_PX
 
@@ -245,7 +246,9 @@ def test_an_organ_is_found_in_what_it_lies_in(cover: Cover, write_stack: WriteSt
     organ = cover(SHAPE, (48.5, 52.5), (11.0, 11.0))
     bone = cover(SHAPE, (72.5, 52.5), (9.0, 9.0))
     image = np.round(10.0 + 120.0 * body + 40.0 * organ + 120.0 * bone).astype(np.uint8)
-    (section, _) = trace_organ(stack_of(write_stack, [image] * 2), seed=(48, 52)).sections
+    (section, _) = trace_organ(
+        stack_of(write_stack, [image] * 2), TraceOptions(seed=(48, 52))
+    ).sections
     assert rms(circle_errors(section.outer, 11.0, (48.5, 52.5))) < EDGE_PX
 
 
@@ -257,7 +260,7 @@ def test_a_leak_into_a_neighbour_is_cut_off_or_named(cover: Cover, write_stack: 
         return np.round(60.0 + 120.0 * organ + 100.0 * beside * (1.0 - organ)).astype(np.uint8)
 
     images = [scene(gap) for gap in (8.0, 7.0, 6.0, 5.0, 4.0, 2.5, 1.0, 0.5, 0.0, 0.0)]
-    organ = trace_organ(stack_of(write_stack, images), seed=(35, 50))
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(seed=(35, 50)))
     assert {section.index for section in organ.sections} >= {0, 1, 2, 3}
     for section in organ.sections:
         assert rms(circle_errors(section.outer, 16.0, (35.5, 49.5))) < 1.0
@@ -270,7 +273,7 @@ def test_a_merger_of_masks_is_named(cover: Cover, write_stack: WriteStack) -> No
         return drawn(np.maximum(*(cover(SHAPE, centre, (18.0, 18.0)) for centre in centres)))
 
     images = [scene(gap) for gap in (10.0, 9.0, 8.0, -4.0, -5.0)]
-    organ = trace_organ(stack_of(write_stack, images), seed=(30, 50))
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(seed=(30, 50)))
     assert [section.index for section in organ.sections] == [0, 1, 2]
     assert organ.problems == dict.fromkeys(
         (3, 4), "the organ merges with what was beside it in slice_2.png"
@@ -324,7 +327,8 @@ def test_a_seed_means_its_own_image_only(cover: Cover, write_stack: WriteStack) 
     disc = drawn(cover(SHAPE, CENTRE, (14.0, 14.0)))
     empty = np.full(SHAPE, 60, dtype=np.uint8)
     organ = trace_organ(
-        stack_of(write_stack, [disc, empty, disc]), seed=(*CENTRE, 1), polarity="bright"
+        stack_of(write_stack, [disc, empty, disc]),
+        TraceOptions(seed=(*CENTRE, 1), polarity="bright"),
     )
     assert organ.sections == ()
     reason = f"nothing stands out at the seed ({CENTRE[0]:g}, {CENTRE[1]:g})"
@@ -336,7 +340,7 @@ def test_a_ring_that_opens_is_named(cover: Cover, write_stack: WriteStack) -> No
     horseshoe = ring.copy()
     horseshoe[50:, 44:66] = 0.0
     images = [drawn(part) for part in (ring, ring, ring, horseshoe, horseshoe)]
-    organ = trace_organ(stack_of(write_stack, images), seed=(54, 20))
+    organ = trace_organ(stack_of(write_stack, images), TraceOptions(seed=(54, 20)))
     assert all(section.lumen is not None for section in organ.sections)
     assert organ.problems == dict.fromkeys(
         (3, 4), "the wall is open, which closes a lumen in slice_2.png"
@@ -347,7 +351,9 @@ def test_what_vanishes_is_named_and_found_again(cover: Cover, write_stack: Write
     disc = drawn(cover(SHAPE, CENTRE, (24.0, 24.0)))
     elsewhere = drawn(cover(SHAPE, (15.0, 15.0), (9.0, 9.0)))
     empty = np.full_like(disc, 60)
-    organ = trace_organ(stack_of(write_stack, [disc, disc, empty, elsewhere, disc]), seed=CENTRE)
+    organ = trace_organ(
+        stack_of(write_stack, [disc, disc, empty, elsewhere, disc]), TraceOptions(seed=CENTRE)
+    )
     assert [section.index for section in organ.sections] == [0, 1, 4]
     assert organ.problems[2] == "nothing stands out from the image's background"
     assert "slice_1.png" in organ.problems[3] or "nothing stands out" in organ.problems[3]
@@ -364,7 +370,7 @@ def test_nothing_at_the_seed_is_named_for_every_slice(
     cover: Cover, write_stack: WriteStack
 ) -> None:
     empty = np.full(SHAPE, 60, dtype=np.uint8)
-    organ = trace_organ(stack_of(write_stack, [empty] * 3), seed=(20, 30))
+    organ = trace_organ(stack_of(write_stack, [empty] * 3), TraceOptions(seed=(20, 30)))
     assert organ.sections == ()
     assert organ.problems == dict.fromkeys(range(3), "nothing stands out at the seed (20, 30)")
 
@@ -454,7 +460,6 @@ def test_an_unreadable_image_is_refused(cover: Cover, write_stack: WriteStack) -
         ({"polarity": "grey"}, "polarity must be auto, bright or dark, not 'grey'"),
         ({"method": "sobel"}, "method must be half-level or canny, not 'sobel'"),
         ({"threshold": np.nan}, "threshold must be a grey level, not nan"),
-        ({"workers": 0}, "workers must be 1 thread or more, not 0"),
         ({"seed": (110, 5)}, "seed must be a point x, y of the first image, from 0, 0 to 109, 99"),
         ({"seed": (5, np.nan, 1)}, "seed must be a point x, y of image 1, from 0, 0 to 109, 99"),
         ({"seed": (5, 5, 2)}, "the seed's image must be one of 2, from 0 to 1, not 2"),
@@ -466,7 +471,13 @@ def test_a_wrong_option_is_refused(
 ) -> None:
     stack = stack_of(write_stack, [drawn(cover(SHAPE, CENTRE, (20.0, 20.0)))] * 2)
     with pytest.raises(ValueError, match=message):
-        trace_organ(stack, **options)
+        trace_organ(stack, TraceOptions(**options))
+
+
+def test_no_threads_are_refused(cover: Cover, write_stack: WriteStack) -> None:
+    stack = stack_of(write_stack, [drawn(cover(SHAPE, CENTRE, (20.0, 20.0)))] * 2)
+    with pytest.raises(ValueError, match="workers must be 1 thread or more, not 0"):
+        trace_organ(stack, workers=0)
 
 
 def test_ranges_of_slices() -> None:
@@ -515,7 +526,7 @@ def test_a_grey_aorta_is_found_where_its_masks_are_or_given_up(
 ) -> None:
     masks = trace_organ(read_image_stack(data_dir / "aorta_ct" / "masks"))
     truth = {section.index: section.outer for section in masks.sections}
-    organ = trace_organ(read_image_stack(data_dir / "aorta_ct" / "images"), seed=seed)
+    organ = trace_organ(read_image_stack(data_dir / "aorta_ct" / "images"), TraceOptions(seed=seed))
     errors = {
         section.index: rms(polygon_distances(section.outer, truth[section.index]))
         for section in organ.sections

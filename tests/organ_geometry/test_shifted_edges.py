@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from organ_geometry import TraceOptions
 from organ_geometry.contours.edge_curve import enclosed_area
 from organ_geometry.contours.organ_tracing import trace_organ
-from organ_geometry.contours.shifted_edges import NothingLeft, shifted_section
-from organ_geometry.contours.traced_organ import TracedSection
+from organ_geometry.contours.traced_organ import NothingLeft, TracedSection
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
 
@@ -36,9 +36,8 @@ def section(outer: np.ndarray, lumen: np.ndarray | None = None) -> TracedSection
 @pytest.mark.parametrize("clockwise", [False, True])
 @pytest.mark.parametrize("shift", [-3.0, 0.0, 2.0])
 def test_a_ring_s_wall_grows_on_both_sides(shift: float, clockwise: bool) -> None:
-    moved = shifted_section(
-        section(ring(20.0, clockwise=clockwise), ring(10.0, clockwise=not clockwise)), shift, SQUARE
-    )
+    wall = section(ring(20.0, clockwise=clockwise), ring(10.0, clockwise=not clockwise))
+    moved = wall.grown(shift, SQUARE)
     assert moved.lumen is not None
     radii = np.linalg.norm(moved.outer - 40.0, axis=1)
     np.testing.assert_allclose(radii, 20.0 + shift, atol=1e-9)
@@ -47,15 +46,15 @@ def test_a_ring_s_wall_grows_on_both_sides(shift: float, clockwise: bool) -> Non
 
 def test_the_shift_is_as_long_in_pixels_of_any_shape() -> None:
     pixel = np.array([0.5, 0.2])
-    moved = shifted_section(section(ring(20.0) / pixel), 1.0, pixel)
+    moved = section(ring(20.0) / pixel).grown(1.0, pixel)
     np.testing.assert_allclose(np.linalg.norm(moved.outer * pixel - 40.0, axis=1), 21.0, atol=1e-9)
 
 
 def test_an_edge_is_not_moved_into_nothing() -> None:
     with pytest.raises(NothingLeft, match=r"edge of 20 mm radius cannot be moved in by 11 mm"):
-        shifted_section(section(ring(20.0)), -11.0, SQUARE)
+        section(ring(20.0)).grown(-11.0, SQUARE)
     with pytest.raises(NothingLeft, match=r"edge of 5 mm radius cannot be moved in by 4 mm"):
-        shifted_section(section(ring(20.0), ring(5.0)), 4.0, SQUARE)
+        section(ring(20.0), ring(5.0)).grown(4.0, SQUARE)
 
 
 @pytest.fixture(scope="module")
@@ -77,18 +76,18 @@ def test_masks_that_are_an_eighth_of_a_pixel_too_large_are_put_right(masks: Path
     found = trace_organ(read_image_stack(masks)).sections
     off = np.mean([radius_of(one.outer) for one in found]) - 40.0
     assert off == pytest.approx(HALF_OF_FOUR_SAMPLES_PX, abs=0.02)
-    moved = [shifted_section(one, -HALF_OF_FOUR_SAMPLES_PX, SQUARE) for one in found]
+    moved = [one.grown(-HALF_OF_FOUR_SAMPLES_PX, SQUARE) for one in found]
     assert np.mean([radius_of(one.outer) for one in moved]) == pytest.approx(40.0, abs=0.02)
 
 
 def test_an_organ_s_edges_are_moved_and_that_is_said(masks: Path) -> None:
     stack = read_image_stack(masks)
-    plain, larger = (build_organ(stack, edge_shift_mm=shift) for shift in (0.0, 2.5))
+    plain, larger = (build_organ(stack, TraceOptions(edge_shift_mm=shift)) for shift in (0.0, 2.5))
     grown = larger.organ.mean_radius - plain.organ.mean_radius
     assert grown == pytest.approx(2.5, abs=0.3)
     assert "edges are moved out by 2.5 mm, as asked" in larger.notes
     assert not any("moved" in note for note in plain.notes)
     with pytest.raises(ValueError, match="shift must be a length, not nan mm"):
-        build_organ(stack, edge_shift_mm=math.nan)
+        build_organ(stack, TraceOptions(edge_shift_mm=math.nan))
     with pytest.raises(ValueError, match=r"0 of 12 images .* cannot be moved in by 30 mm"):
-        build_organ(stack, edge_shift_mm=-30.0)
+        build_organ(stack, TraceOptions(edge_shift_mm=-30.0))

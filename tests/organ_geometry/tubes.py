@@ -2,14 +2,20 @@
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
-from organ_geometry.curves.half_curves import fit_half_curves
+from organ_geometry.curves.half_curves import HalfCurves, fit_half_curves
 from organ_geometry.mesh.skin import Skin
 from organ_geometry.organ import Organ
 
 LENGTH = 50.8
 RADIUS = 4.445
 SECTIONS = 128
+
+
+def of_row(row: NDArray[np.float64]) -> HalfCurves:
+    """The half-curves of a row of sixteen numbers, as `as_row` gives it."""
+    return HalfCurves(float(row[0]), float(row[1]), row[2:9], row[9:])
 
 
 def tube(

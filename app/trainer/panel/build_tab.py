@@ -114,7 +114,7 @@ class BuildTab:
             self._images = gui.add_text("Images", "", hint="The first and the last, from 0")
             self._columns = gui.add_text("Columns", "", hint="Of the region's left and right side")
             self._rows = gui.add_text("Rows", "", hint="Of the region's upper and lower side")
-            self._recut = gui.add_checkbox(
+            self._reslice = gui.add_checkbox(
                 "Cut again across a curve",
                 True,
                 hint="Images that do not suit a curved organ are cut again across it",
@@ -146,7 +146,7 @@ class BuildTab:
         on_click(self._download, self._send_organ)
         on_input(self._index, lambda _: self._look())
         on_input(self._threshold, self._wish)
-        for handle in (self._label, self._point, self._recut, *self._region):
+        for handle in (self._label, self._point, self._reslice, *self._region):
             on_input(handle, lambda _: self._point_at())
 
         @self._send.on_upload
@@ -281,7 +281,7 @@ class BuildTab:
             seed=seed,
             region=None if whole else (x0, y0, x1, y1, first, last),
             label=next((each for each in opened.labels if str(each) == label), None),
-            recut=bool(self._recut.value),
+            reslice=bool(self._reslice.value),
         )
 
     def _offer(self, opened: OpenedStack) -> None:
@@ -294,9 +294,9 @@ class BuildTab:
             handle.value = f"{ends[0]}-{ends[1]}"
         self._point.value = "" if choice.seed is None else ",".join(map(str, choice.seed))
         self._label.value = _GREY if choice.label is None else str(choice.label)
-        self._recut.value = choice.recut
+        self._reslice.value = choice.reslice
         self._label.visible = bool(opened.labels)
-        self._point.visible = not opened.recut
+        self._point.visible = not opened.resliced
         self._folder.visible = True
 
     def _build_first(self, opened: OpenedStack) -> None:
@@ -355,7 +355,7 @@ class BuildTab:
                 picture,
                 f"Image {index}, with the edges that were found",
                 opened.shown.shape,
-                None if opened.recut else index,
+                None if opened.resliced else index,
             )
         self._caption.content = note(caption, "build-caption")
 
@@ -431,7 +431,7 @@ def _caption(opened: OpenedStack, index: int) -> str:
     """Return what is seen in an image, as HTML."""
     name = html.escape(opened.shown.names[index])
     section = opened.section(index)
-    pointing = "" if opened.recut else ". Another organ is meant? Click on it."
+    pointing = "" if opened.resliced else ". Another organ is meant? Click on it."
     if section is None:
         reason = html.escape(opened.problem(index) or "nothing was found")
         return f"{name}: <b>no edge</b>, {reason}{pointing}"

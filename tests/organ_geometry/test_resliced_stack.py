@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from drawn_stack import traced_edges
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from organ_geometry.contours.edges import find_edges
+from organ_geometry import TraceOptions
 from organ_geometry.images.grey_image import GreyImage
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.image_volume import VolumeSlices
 from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.recut.organ_voxels import half_level, organ_voxels
-from organ_geometry.recut.recut_stack import recut, recut_where_needed
+from organ_geometry.reslice.organ_voxels import half_level, organ_voxels
+from organ_geometry.reslice.resliced_stack import reslice, reslice_where_needed
 
 # A stack that stands obliquely, with pixels that are not square and slices further apart.
 PIXEL = np.array([0.5, 0.6])
@@ -92,14 +93,14 @@ def edge_points(stack: ImageStack) -> list[NDArray[np.float64]]:
     """Edge points of each image, in space."""
     found: list[NDArray[np.float64]] = []
     for index, image in enumerate(stack.images()):
-        edge = find_edges(image, "bright").outer
+        edge = traced_edges(image, polarity="bright").outer
         offset = (edge - 0.5 * (np.array(stack.shape[::-1]) - 1.0)) * stack.pixel_size
         found.append(stack.origins[index] + offset @ stack.frames[index][:, :2].T)
     return found
 
 
 def test_a_bent_tube_cut_lengthwise_is_recovered(arc: ImageStack) -> None:
-    sections = recut(arc)
+    sections = reslice(arc)
     pixel = float(sections.pixel_size[0])
     assert pixel == sections.pixel_size[1] == 0.5
     middles = own_axes(sections.origins) - MIDDLE
@@ -129,7 +130,7 @@ def test_a_bent_tube_cut_lengthwise_is_recovered(arc: ImageStack) -> None:
 
 
 def test_frames_and_names_are_the_sections_own(arc: ImageStack) -> None:
-    sections = recut(arc, spacing=3.0)
+    sections = reslice(arc, spacing=3.0)
     assert sections.slice_spacing == pytest.approx(3.0, rel=0.05)
     gaps = np.linalg.norm(np.diff(sections.origins, axis=0), axis=1)
     np.testing.assert_allclose(gaps, sections.slice_spacing, rtol=0.05)
@@ -146,7 +147,7 @@ def test_frames_and_names_are_the_sections_own(arc: ImageStack) -> None:
 
 def test_a_dark_organ_is_found_and_deep_levels_stay(arc: ImageStack) -> None:
     dark = volume_stack(40_000 - 100 * drawn(arc_distance(places(SHAPE)), np.uint16))
-    ours, theirs = recut(dark), recut(arc)
+    ours, theirs = reslice(dark), reslice(arc)
     assert ours.image(5).dtype == np.uint16
     np.testing.assert_allclose(ours.origins, theirs.origins, atol=0.05)
     np.testing.assert_allclose(ours.image(20), 40_000 - 100.0 * theirs.image(20), atol=150)
@@ -166,21 +167,21 @@ def test_the_seed_says_which_organ() -> None:
     thick = straight((-15, -20, 17), (-15, 25, 17), 5.0)
     thin = straight((12, -10, 0), (15, 10, 33), 3.0)
     stack = volume_stack(drawn(np.minimum(thick, thin)))
-    assert own_axes(recut(stack).origins)[:, 0].max() < 0.0
+    assert own_axes(reslice(stack).origins)[:, 0].max() < 0.0
     rows, columns = stack.shape
     seed = (12 / PIXEL[0] + (columns - 1) / 2, -10 / PIXEL[1] + (rows - 1) / 2)
-    assert own_axes(recut(stack, seed=seed).origins)[:, 0].min() > 0.0
+    assert own_axes(reslice(stack, TraceOptions(seed=seed)).origins)[:, 0].min() > 0.0
     half_way = (13.5 / PIXEL[0] + (columns - 1) / 2, (rows - 1) / 2, len(stack) // 2)
-    assert own_axes(recut(stack, seed=half_way).origins)[:, 0].min() > 0.0
+    assert own_axes(reslice(stack, TraceOptions(seed=half_way)).origins)[:, 0].min() > 0.0
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 1"):
-        recut(stack, seed=(2.0, 3.0, 1))
+        reslice(stack, TraceOptions(seed=(2.0, 3.0, 1)))
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 0"):
-        recut(stack, seed=(2.0, 3.0))
+        reslice(stack, TraceOptions(seed=(2.0, 3.0)))
     with pytest.raises(
         ImageStackError,
         match=r"seed must be a point x, y of the first image, from 0, 0 to 129, 109",
     ):
-        recut(stack, seed=(2.0, 300.0))
+        reslice(stack, TraceOptions(seed=(2.0, 300.0)))
 
 
 def mask(distance: NDArray[np.float64]) -> GreyImage:
@@ -189,13 +190,13 @@ def mask(distance: NDArray[np.float64]) -> GreyImage:
 
 def test_lengthwise_slices_are_cut_again_and_it_is_said() -> None:
     bent = volume_stack(mask(arc_distance(places(SHAPE))))
-    sections = recut_where_needed(bent, "auto")
+    sections = reslice_where_needed(bent)[0]
     assert sections is not bent
     (note,) = sections.notes
     assert "of the organ" in note or "flatter than 45 degrees" in note
     assert "cut again into" in note
     flat = volume_stack(mask(straight((-20, -20, 12), (18, 20, 22), 5.0)))
-    (note,) = recut_where_needed(flat, "auto").notes
+    (note,) = reslice_where_needed(flat)[0].notes
     assert note.startswith("the organ lies flatter than 45 degrees to the images over ")
 
 
@@ -203,7 +204,7 @@ def test_lengthwise_slices_are_cut_again_and_it_is_said() -> None:
 def test_a_tube_tilted_to_thirty_degrees_is_left_alone(degrees: float) -> None:
     slope = np.tan(np.radians(degrees))
     stack = volume_stack(mask(straight((-10, 0, -9), (-10 + 44 * slope, 0, 35), 4.0)))
-    assert recut_where_needed(stack, "auto") is stack
+    assert reslice_where_needed(stack)[0] is stack
 
 
 def test_two_organs_side_by_side_are_left_alone() -> None:
@@ -211,23 +212,23 @@ def test_two_organs_side_by_side_are_left_alone() -> None:
         straight((-12, 0, -9), (-12, 0, 50), 5), straight((12, 0, -9), (12, 0, 50), 4)
     )
     stack = volume_stack(mask(beside))
-    assert recut_where_needed(stack, "auto") is stack
+    assert reslice_where_needed(stack)[0] is stack
 
 
 def test_grey_images_are_looked_at_with_a_threshold_only() -> None:
     noise = np.random.default_rng(0).normal(scale=30.0, size=SHAPE)
     grey = np.clip(drawn(arc_distance(places(SHAPE))) + noise, 0, 255).astype(np.uint8)
     stack = volume_stack(grey)
-    assert recut_where_needed(stack, "auto") is stack
-    assert recut_where_needed(stack, "auto", threshold=120.0) is not stack
-    assert recut_where_needed(stack, "never", threshold=120.0) is stack
+    assert reslice_where_needed(stack)[0] is stack
+    assert reslice_where_needed(stack, TraceOptions(threshold=120.0), "auto")[0] is not stack
+    assert reslice_where_needed(stack, TraceOptions(threshold=120.0), "never")[0] is stack
 
 
 def test_never_and_always_are_obeyed() -> None:
     bent = volume_stack(mask(arc_distance(places(SHAPE))))
-    assert recut_where_needed(bent, "never") is bent
+    assert reslice_where_needed(bent, when="never")[0] is bent
     upright = volume_stack(mask(straight((-10, 0, -9), (-5, 0, 50), 4.0)))
-    assert len(recut_where_needed(upright, "always")) == pytest.approx(SHAPE[0], abs=3)
+    assert len(reslice_where_needed(upright, when="always")[0]) == pytest.approx(SHAPE[0], abs=3)
 
 
 def test_what_the_sections_leave_out_is_said() -> None:
@@ -235,7 +236,7 @@ def test_what_the_sections_leave_out_is_said() -> None:
     trunk = straight((-28, 0, 17), (28, 0, 17), 5.0)
     branch = straight((0, 0, 17), (0, 30, 17), 5.0)
     stack = volume_stack(mask(np.minimum(trunk, branch)))
-    (note,) = recut(stack).notes
+    (note,) = reslice(stack).notes
     found = re.search(
         r"; (\d+)% of the organ lies beside them, in a branch or where it touches itself, most of "
         r"it in slice (\d+) to slice (\d+)",
@@ -252,21 +253,21 @@ def test_what_the_sections_leave_out_is_said() -> None:
 def test_what_cannot_be_cut_again_is_named() -> None:
     ball = np.linalg.norm(places(SHAPE) - MIDDLE, axis=-1) - 12.0
     with pytest.raises(ImageStackError, match=r"drawn has no centreline: it is .* long and thin"):
-        recut(volume_stack(mask(ball)))
+        reslice(volume_stack(mask(ball)))
     with pytest.raises(ImageStackError, match="nothing stands out in the images of drawn"):
-        recut(volume_stack(np.full(SHAPE, 9, dtype=np.uint8)))
+        reslice(volume_stack(np.full(SHAPE, 9, dtype=np.uint8)))
     with pytest.raises(ImageStackError, match="nothing stands out in the images of drawn"):
-        recut(volume_stack(mask(ball)), threshold=255.0, polarity="bright")
+        reslice(volume_stack(mask(ball)), TraceOptions(threshold=255.0, polarity="bright"))
     turned = np.broadcast_to(np.eye(3), (SHAPE[0], 3, 3)).copy()
     turned[7] = turned[7][:, [1, 0, 2]]
     with pytest.raises(ImageStackError, match="not parallel, and so are no volume"):
-        recut(volume_stack(mask(ball), frames=turned))
+        reslice(volume_stack(mask(ball), frames=turned))
 
 
 def test_a_lumen_does_not_lead_the_centreline_astray(arc: ImageStack) -> None:
     distance = arc_distance(places(SHAPE))
     hollow = volume_stack(drawn(np.maximum(distance, -distance - 2.4)))
-    ours, theirs = recut(hollow), recut(arc)
+    ours, theirs = reslice(hollow), reslice(arc)
     middles = own_axes(ours.origins) - MIDDLE
     angles = np.arctan2(middles @ ARC_Y, middles @ ARC_X)
     inner = np.abs(angles) < HALF_ARC - 0.3
@@ -305,7 +306,7 @@ def test_an_organ_hangs_together_over_its_images() -> None:
 
 def test_the_duodenum_s_sections_lie_on_its_reference(data_dir: Path) -> None:
     stack = read_image_stack(data_dir / "duodenum_parallel" / "masks")
-    sections = recut_where_needed(stack, "auto")
+    sections = reslice_where_needed(stack)[0]
     assert sections.notes[0].startswith("34 of 96 images show several parts of the organ")
     mesh = trimesh.load_mesh(data_dir / "duodenum_parallel" / "reference" / "FJ2573.obj")
     surface = np.asarray(trimesh.sample.sample_surface(mesh, 200_000, seed=1)[0])
@@ -322,6 +323,6 @@ def test_the_duodenum_s_sections_lie_on_its_reference(data_dir: Path) -> None:
     "name",
     ["bile_duct_parallel", "bile_duct_perpendicular", "ureter_left", "trachea_wall_parallel"],
 )
-def test_organs_that_slices_suit_are_left_alone(data_dir: Path, name: str) -> None:
+def test_organs_that_needs_reslicing_are_left_alone(data_dir: Path, name: str) -> None:
     stack = read_image_stack(data_dir / name / "masks")
-    assert recut_where_needed(stack, "auto") is stack
+    assert reslice_where_needed(stack)[0] is stack

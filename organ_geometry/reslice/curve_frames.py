@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.curves.axis_curve import least_turning
-from organ_geometry.recut.deep_way import arc_lengths
+from organ_geometry.reslice.minimal_path import arc_lengths
 
 
 def evenly_spaced(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.recut.curve_frames import (
+from organ_geometry.reslice.curve_frames import (
     evenly_spaced,
     rotation_minimising_frames,
     smooth_points,
     smooth_tangents,
 )
-from organ_geometry.recut.deep_way import DeepWay, arc_lengths, deep_way
-from organ_geometry.recut.plane_cut import plane_cut
+from organ_geometry.reslice.minimal_path import MinimalPath, arc_lengths, minimal_path
+from organ_geometry.reslice.plane_cut import plane_cut
 
 _ROUNDS = 4
 # The line's points are this share of the tube's radius apart while they are moved to the middle,
@@ -110,7 +110,7 @@ def centreline(tube: Tube) -> Centreline:
     inside = tube.inside > 0
     if np.count_nonzero(inside) < 2:
         raise NoTube("there are fewer than two voxels of it")
-    way = deep_way(inside, tube.sizes)
+    way = minimal_path(inside, tube.sizes)
     stations, radius = arc_lengths(way.points), float(np.median(way.depths))
     length = float(stations[-1])
     # The way's ends run from the middle to the surface's furthest voxels.
@@ -134,7 +134,7 @@ def centreline(tube: Tube) -> Centreline:
 
 
 def _moved_to_middle(
-    tube: Tube, way: DeepWay, points: NDArray[np.float64], radius: float, gap: float
+    tube: Tube, way: MinimalPath, points: NDArray[np.float64], radius: float, gap: float
 ) -> NDArray[np.float64]:
     """Return each point moved to the centroid of the section across the line there."""
     tangents = smooth_tangents(points, round(TANGENT_RADII * radius / gap))
@@ -152,7 +152,7 @@ def _moved_to_middle(
 
 
 def _nearest(
-    way: DeepWay, points: NDArray[np.float64]
+    way: MinimalPath, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N, 3) points of a way nearest to others, and the way's (N,) depths there, mm."""
     nearest = np.array([((way.points - point) ** 2).sum(axis=1).argmin() for point in points])

@@ -4,10 +4,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.contours.trace_options import TraceOptions
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
-from organ_geometry.recut.organ_voxels import PART_SHARE, half_level, is_bright, sample_images
+from organ_geometry.reslice.organ_voxels import PART_SHARE, half_level, is_bright, sample_images
 
 _FEWEST_IMAGES = 8
 
@@ -23,10 +24,9 @@ _DRIFT_SHARE = 0.12
 _LONG = 1.0
 
 
-def may_need_recut(
-    stack: ImageStack, *, threshold: float | None = None, polarity: str = "auto"
-) -> bool:
+def needs_reslicing(stack: ImageStack, options: TraceOptions) -> bool:
     """Return whether a closer look is worth its time: a few images are read."""
+    threshold = options.threshold
     if len(stack) < _FEWEST_IMAGES:
         return False
     try:
@@ -39,7 +39,7 @@ def may_need_recut(
     level = half_level(images) if threshold is None else threshold
     if level is None or (threshold is None and not all(_is_mask(image) for image in images)):
         return False
-    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
+    bright = is_bright(images, level, options.polarity)
     several = drifting = shown = 0
     longest = 0.0
     gap = float(np.linalg.norm(step)) * (len(stack) - 1) / (len(images) - 1)

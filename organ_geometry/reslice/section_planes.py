@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.recut.centreline import TANGENT_RADII, Tube
-from organ_geometry.recut.curve_frames import rotation_minimising_frames, smooth_tangents
+from organ_geometry.reslice.centreline import TANGENT_RADII, Tube
+from organ_geometry.reslice.curve_frames import rotation_minimising_frames, smooth_tangents
 
 # Planes are turned towards their neighbours, by fitting tangents over so many times the usual
 # length, until they do not cross inside the organ.

@@ -25,7 +25,7 @@ _SHALLOW = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DeepWay:
+class MinimalPath:
     """A way through a tube, from voxel to voxel.
 
     Attributes
@@ -47,7 +47,7 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return lengths
 
 
-def deep_way(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> DeepWay:
+def minimal_path(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> MinimalPath:
     """Return the way through a tube that keeps to its deep."""
     factors = _factors(inside, sizes)
     coarse = _coarser(inside, factors)
@@ -75,7 +75,7 @@ def deep_way(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> DeepWay:
     places = np.stack(np.unravel_index(way, coarse.shape), axis=1) - 1
     # The middle of a voxel made of several.
     points = (places + 0.5) * steps - 0.5 * sizes[::-1]
-    return DeepWay(points[::-1, ::-1].copy(), depths.ravel()[way][::-1].copy())
+    return MinimalPath(points[::-1, ::-1].copy(), depths.ravel()[way][::-1].copy())
 
 
 def _furthest(

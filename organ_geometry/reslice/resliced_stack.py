@@ -1,4 +1,9 @@
-"""Parallel images of a curved organ, cut again perpendicular to its centreline."""
+"""Parallel images of a curved organ, resliced: cut again perpendicular to its centreline.
+
+Straightened curved planar reformation: the organ's voxels (`organ_voxels`), the minimal path
+through them (`minimal_path`), the centreline it is relaxed to (`centreline`), planes along it that
+do not cross each other inside the organ (`section_planes`), and the images in them (`plane_cut`).
+"""
 
 import dataclasses
 from dataclasses import dataclass
@@ -7,31 +12,31 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.organ_seed import Seed
+from organ_geometry.contours.trace_options import TraceOptions
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
-from organ_geometry.recut.centreline import (
+from organ_geometry.reslice.centreline import (
     SMOOTH_RADII,
     Centreline,
     NoTube,
     Tube,
     centreline,
 )
-from organ_geometry.recut.curve_frames import (
+from organ_geometry.reslice.curve_frames import (
     evenly_spaced,
     smooth_points,
 )
-from organ_geometry.recut.organ_voxels import (
+from organ_geometry.reslice.needs_reslicing import needs_reslicing
+from organ_geometry.reslice.organ_voxels import (
     OrganVoxels,
     half_level,
     is_bright,
     organ_voxels,
     sample_images,
 )
-from organ_geometry.recut.plane_cut import plane_cut
-from organ_geometry.recut.section_planes import section_planes
-from organ_geometry.recut.slices_suit import may_need_recut
+from organ_geometry.reslice.plane_cut import plane_cut
+from organ_geometry.reslice.section_planes import section_planes
 
 When = Literal["auto", "always", "never"]
 
@@ -47,7 +52,7 @@ _BESIDE_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RecutSlices:
+class ReslicedSlices:
     """Images cut out of a volume in memory, each when it is asked for.
 
     Attributes
@@ -77,65 +82,60 @@ class RecutSlices:
         )
 
 
-def recut(
-    stack: ImageStack,
-    *,
-    seed: Seed | None = None,
-    threshold: float | None = None,
-    polarity: str = "auto",
-    spacing: float | None = None,
+def reslice(
+    stack: ImageStack, options: TraceOptions | None = None, *, spacing: float | None = None
 ) -> ImageStack:
     """Return a curved organ's sections, perpendicular to its centreline."""
-    voxels, tube = _organ(stack, seed, threshold, polarity)
+    voxels, tube = _organ(stack, TraceOptions() if options is None else options)
     try:
         line = centreline(tube)
     except NoTube as error:
         raise ImageStackError(f"the organ in {stack.source} has no centreline: {error}") from error
-    return _recut_along(stack, voxels, tube, line, spacing)
+    return _resliced_along(stack, voxels, tube, line, spacing)
 
 
-def recut_where_needed(
-    stack: ImageStack,
-    when: When,
-    *,
-    seed: Seed | None = None,
-    threshold: float | None = None,
-    polarity: str = "auto",
-) -> ImageStack:
-    """Return a stack whose images suit its organ, with a note if they have been cut again."""
+def reslice_where_needed(
+    stack: ImageStack, options: TraceOptions | None = None, when: When = "auto"
+) -> tuple[ImageStack, TraceOptions]:
+    """Return images that suit their organ, with a note if resliced, and how to trace it there."""
+    options = TraceOptions() if options is None else options
+    resliced = _where_needed(stack, options, when)
+    if resliced is None:
+        return stack, options
+    # The seed was a pixel of the images as they were.
+    return resliced, dataclasses.replace(options, seed=None)
+
+
+def _where_needed(stack: ImageStack, options: TraceOptions, when: When) -> ImageStack | None:
+    """Return the resliced images, or None where they stay as they are."""
     if when == "never":
-        return stack
+        return None
     if when == "always":
-        return recut(stack, seed=seed, threshold=threshold, polarity=polarity)
-    if not may_need_recut(stack, threshold=threshold, polarity=polarity):
-        return stack
+        return reslice(stack, options)
+    if not needs_reslicing(stack, options):
+        return None
     try:
-        voxels, tube = _organ(stack, seed, threshold, polarity)
+        voxels, tube = _organ(stack, options)
         line = centreline(tube)
     except (ImageStackError, NoTube):
         # What is wrong with the images is for the one to say who looks for the organ in each.
-        return stack
+        return None
     reason = _reason(voxels, line)
     if reason is None:
-        return stack
-    found = _recut_along(stack, voxels, tube, line, None)
+        return None
+    found = _resliced_along(stack, voxels, tube, line, None)
     return dataclasses.replace(found, notes=(f"{reason}: {found.notes[-1]}", *stack.notes))
 
 
-def _organ(
-    stack: ImageStack,
-    seed: Seed | None,
-    threshold: float | None,
-    polarity: str,
-) -> tuple[OrganVoxels, Tube]:
+def _organ(stack: ImageStack, options: TraceOptions) -> tuple[OrganVoxels, Tube]:
     """Return an organ's voxels."""
     step = even_step(stack.planes, stack.source)
     images = sample_images(stack)
-    level = half_level(images) if threshold is None else threshold
+    level = half_level(images) if options.threshold is None else options.threshold
     if level is None:
         raise ImageStackError(f"nothing stands out in the images of {stack.source}")
-    bright = is_bright(images, level) if polarity == "auto" else polarity == "bright"
-    voxels = organ_voxels(stack, threshold=level, bright=bright, seed=seed)
+    bright = is_bright(images, level, options.polarity)
+    voxels = organ_voxels(stack, threshold=level, bright=bright, seed=options.seed)
     sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])
     return voxels, Tube(voxels.inside.astype(np.uint8) * np.uint8(255), sizes)
 
@@ -154,7 +154,7 @@ def _reason(voxels: OrganVoxels, line: Centreline) -> str | None:
     return None
 
 
-def _recut_along(
+def _resliced_along(
     stack: ImageStack,
     voxels: OrganVoxels,
     tube: Tube,
@@ -192,7 +192,7 @@ def _recut_along(
     return dataclasses.replace(
         stack,
         names=tuple(f"section {index}" for index in range(len(points))),
-        slices=RecutSlices(
+        slices=ReslicedSlices(
             levels=voxels.levels,
             outside_level=voxels.outside_level,
             centres=points / tube.sizes,

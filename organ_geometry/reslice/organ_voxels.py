@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.organ_seed import Seed, seed_point
+from organ_geometry.contours.trace_options import Polarity, Seed, seed_point
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 
@@ -84,8 +84,10 @@ def half_level(images: Sequence[GreyImage]) -> float | None:
     return float(0.5 * (mean_below[best] + mean_above[best]))
 
 
-def is_bright(images: Sequence[GreyImage], threshold: float) -> bool:
-    """Return whether what lies in the middle of images is brighter than their border."""
+def is_bright(images: Sequence[GreyImage], threshold: float, polarity: Polarity = "auto") -> bool:
+    """Return whether an organ is bright: as given, or brighter than the border of most images."""
+    if polarity != "auto":
+        return polarity == "bright"
     borders = [
         float(np.median(np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))))
         for image in images

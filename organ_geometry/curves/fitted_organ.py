@@ -1,12 +1,14 @@
-"""One section's edge in mm, and the two half-curves a boundary that are fitted to it."""
+"""Edges in mm where they stand in space, and the two half-curves a boundary fitted to each."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import SectionContour
-from organ_geometry.contours.traced_organ import TracedSection
+from organ_geometry.contours.trace_options import FoundPolarity
+from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
 from organ_geometry.curves.half_curves import HalfCurves, NotSingleValued, fit_half_curves
 from organ_geometry.images.image_stack import ImageStack
 
@@ -48,7 +50,71 @@ class FittedSection:
     carried: bool
 
 
-def fitted_section(stack: ImageStack, edges: TracedSection) -> FittedSection:
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedOrgan:
+    """An organ's edges with half-curves fitted to them, before anything is left out.
+
+    Attributes
+    ----------
+    stack
+        The images.
+    sections
+        The sections that half-curves can follow, in order.
+    contours
+        Their edges in space.
+    problems
+        For each other image, why it has none.
+    polarity
+        Whether the organ is brighter or darker than its surroundings.
+    notes
+        How it was found, one sentence each.
+    """
+
+    stack: ImageStack
+    sections: tuple[FittedSection, ...]
+    contours: tuple[SectionContour, ...]
+    problems: dict[int, str]
+    polarity: FoundPolarity
+    notes: tuple[str, ...]
+
+    @property
+    def hollow(self) -> bool:
+        """Whether every section has a lumen."""
+        return all(section.lumen is not None for section in self.sections)
+
+    @property
+    def mean_radius(self) -> float:
+        """Mean radius of the circles of the sections' areas, mm."""
+        return float(np.mean([math.sqrt(section.area / math.pi) for section in self.sections]))
+
+
+def fit_organ(stack: ImageStack, traced: TracedOrgan) -> FittedOrgan:
+    """Return traced edges with half-curves fitted to each section."""
+    sections: list[FittedSection] = []
+    problems = dict(traced.problems)
+    for section in traced.sections:
+        try:
+            sections.append(_fitted(stack, section))
+        except NotSingleValued as error:
+            problems[section.index] = str(error)
+    if len(sections) < 2:
+        first = min(problems, default=None)
+        reason = "" if first is None else f"; {stack.names[first]}: {problems[first]}"
+        raise ValueError(
+            f"{stack.source} shows an organ in {len(sections)} of {len(stack)} images and two or "
+            f"more are needed{reason}"
+        )
+    return FittedOrgan(
+        stack=stack,
+        sections=tuple(sections),
+        contours=tuple(_contour(stack, section) for section in sections),
+        problems=problems,
+        polarity=traced.polarity,
+        notes=traced.notes,
+    )
+
+
+def _fitted(stack: ImageStack, edges: TracedSection) -> FittedSection:
     """Return one section's edge and half-curves."""
     index = edges.index
     rows, columns = stack.shape
@@ -89,7 +155,7 @@ def _area_and_centroid(points: NDArray[np.float64]) -> tuple[float, NDArray[np.f
     return abs(0.5 * twice), start + cross @ (here + after) / (3.0 * twice)
 
 
-def section_contour(stack: ImageStack, section: FittedSection) -> SectionContour:
+def _contour(stack: ImageStack, section: FittedSection) -> SectionContour:
     """Return a section's edge where it stands in space."""
     frame = stack.frames[section.index]
 
