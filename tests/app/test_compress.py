@@ -108,6 +108,25 @@ def test_names_are_no_longer_than_they_must_be(tmp_path: Path) -> None:
         jobs_into(Path("out"), [tmp_path / "b.tif", tmp_path / "b.png"], figures=None, like=like)
 
 
+def test_an_overall_promise_leaves_single_sections_more(tmp_path: Path, stacks: list[Path]) -> None:
+    output = tmp_path / "duct.organ"
+    done = run("compress", stacks[1], "-o", output, "--overall-px", 0.4, "--json")
+    assert done.returncode == 0, done.stderr
+    overall = json.loads(done.stdout)
+    # Each section may be off by four times what all together may.
+    assert overall["tolerance_px"] == pytest.approx(1.6, rel=0.02)
+    assert overall["rms_error_px"] <= 0.4
+    each, both = (
+        compress_stack(StackJob(stacks[1], output, promise=promise))
+        for promise in (Promise(tolerance_px=0.4), Promise(tolerance_px=0.5, overall_px=0.4))
+    )
+    assert overall["bytes_out"] <= each.bytes_out
+    assert both.tolerance_px == pytest.approx(0.5, rel=0.02)
+    assert both.rms_error_px <= 0.4
+    line = refused(("compress", stacks[1], "-o", output, "--overall-px", 1, "--overall-mm", 1))
+    assert "give either --overall-mm or --overall-px" in line
+
+
 def test_the_promise_can_be_given_in_pixels(tmp_path: Path, stacks: list[Path]) -> None:
     said = []
     for option in (("--tolerance-px", 0.5), ("--tolerance-mm", 0.05)):
