@@ -12,7 +12,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import run
+from program import run_process
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -58,7 +58,7 @@ def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     said = ""
     for words in commands(README, "bluntdissect"):
-        done = run(*words)
+        done = run_process(*words)
         assert done.returncode == 0, (words, done.stderr)
         said += done.stdout
     assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}

@@ -1,8 +1,15 @@
-"""The program `bluntdissect`, run as a process."""
+"""The program `bluntdissect`, run in this process or, where that is the subject, in its own."""
 
+import contextlib
+import io
 import subprocess
 import sys
 from collections.abc import Sequence
+from unittest.mock import patch
+
+import pytest
+
+from app.command_line import main
 
 ENTRY = "from app.command_line import main; main()"
 """What the installed script runs."""
@@ -13,8 +20,24 @@ def command(*arguments: object, entry: str = ENTRY) -> list[str]:
     return [sys.executable, "-c", entry, *map(str, arguments)]
 
 
-def run(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
-    """Run the program to its end."""
+def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run the program to its end in this process, from `main` to the status it exits with."""
+    line = ["bluntdissect", *map(str, arguments)]
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        patch.object(sys, "argv", line),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        pytest.raises(SystemExit) as ended,
+    ):
+        main()
+    status = ended.value.code
+    assert isinstance(status, int)
+    return subprocess.CompletedProcess(line, status, out.getvalue(), err.getvalue())
+
+
+def run_process(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+    """Run the program to its end in a process of its own."""
     return subprocess.run(
         command(*arguments), capture_output=True, text=True, timeout=seconds, check=False
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from program import command, refused, run
+from program import command, refused, run_process
 
 from app.haptics.device import DeviceOptions
 from app.haptics.hand import read_hand
@@ -32,14 +32,16 @@ def test_a_virtual_run_reports_records_and_is_made_again(tmp_path: Path) -> None
     hand.write_text(block("toml", "[hand]"))
     assert read_hand(hand).repeats
     report, record = tmp_path / "r.json", tmp_path / "run.json"
-    said = run("haptics", "--device", "virtual", "--hand", str(hand), "--hold", "--seconds", "1.5",
-               "--report", str(report), "--record", str(record)).stdout  # fmt: skip
+    said = run_process(
+        *("haptics", "--device", "virtual", "--hand", hand, "--hold", "--seconds", 3),
+        *("--report", report, "--record", record),
+    ).stdout
     made: dict[str, Any] = json.loads(report.read_text())
     assert "ended by           its time is over" in said
     assert made["force_check"]["largest_error"] < 1e-6
     assert made["energy_mJ"]["residual_of_peak"] < 1e-4
     assert made["stale_periods"] == 0
-    again = json.loads(run("haptics", "--replay", str(record), "--json").stdout)
+    again = json.loads(run_process("haptics", "--replay", str(record), "--json").stdout)
     assert again["as_recorded"] is True
     assert again["periods"] == made["periods"]
     assert again["bytes"] == record.stat().st_size
@@ -100,7 +102,7 @@ def test_a_driver_is_written_in_forty_lines() -> None:
 
 
 def test_the_published_commands_have_our_options() -> None:
-    said = run("haptics", "--help").stdout
+    said = run_process("haptics", "--help").stdout
     commands = block("sh", "--serve-virtual")
     for option in set(re.findall(r"--[a-z-]+", commands)) - {"--haptics"}:
         assert option in said

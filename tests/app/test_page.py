@@ -437,7 +437,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         # Loaded anew in the middle of it, it is an exercise still.
         tab.page.reload()
         tab.wait_for_node("skin")
-        tab.wait_until(lambda: newest(trainer) is not view)
+        tab.wait_until(lambda: trainer._views and newest(trainer) is not view)
         view = newest(trainer)
         assert view.session.run is run
         assert run.going
@@ -662,7 +662,7 @@ def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer
         tab.page.reload()
         tab.wait_for_node("skin")
         tab.wait_for_force(1.5)
-        tab.wait_until(lambda: newest(trainer) is not view)
+        tab.wait_until(lambda: trainer._views and newest(trainer) is not view)
         assert newest(trainer).session is view.session
         assert len(trainer._kept) <= sessions  # those left long ago may have expired
         assert view.session.run.ticks >= ticks

@@ -58,7 +58,7 @@ def scene(folder: Path, *parts: str) -> Path:
 
 
 def peeled(path: Path, *options: object) -> dict:
-    done = run("peel", path, "--json", *options, seconds=600.0)
+    done = run("peel", path, "--json", *options)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return json.loads(done.stdout)
@@ -187,7 +187,6 @@ def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:
     done = run(
         *("solve", "--bed", "firm", "--seed", 7, "--hook", 31, "--path", path),
         *("--steps", 12, "--elements", 40, "--json", "-o", table),
-        seconds=600.0,
     )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
