@@ -156,7 +156,6 @@ def _loft_cuts(
 ) -> NDArray[np.float64]:
     count, lines = rings.shape[0], rings.shape[1]
     cuts = np.empty((len(points), lines, 3))
-    heights = np.empty(count)
     for m in range(len(points)):
         p0, p1, p2 = points[m, 0], points[m, 1], points[m, 2]
         n0, n1, n2 = normals[m, 0], normals[m, 1], normals[m, 2]
@@ -186,13 +185,16 @@ def _loft_cuts(
                 if place >= 0:
                     break
             if place < 0:
+                least = np.inf
                 for ring in range(count):
-                    heights[ring] = abs(
+                    height = abs(
                         (rings[ring, line, 0] - p0) * n0
                         + (rings[ring, line, 1] - p1) * n1
                         + (rings[ring, line, 2] - p2) * n2
                     )
-                place = min(int(heights.argmin()), count - 2)
+                    if height < least:
+                        least, place = height, ring
+                place = min(place, count - 2)
             low = high = 0.0
             for c in range(3):
                 low += (rings[place, line, c] - points[m, c]) * normals[m, c]
@@ -246,9 +248,10 @@ def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64
 def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     count = len(points)
     middle = np.zeros(3)
-    for point in points:
-        middle += point
-    middle /= count
+    for way in range(3):
+        for i in range(count):
+            middle[way] += points[i, way]
+        middle[way] /= count
     crossed = np.empty((count, 3))
     twice = np.zeros(3)
     for i in range(count):
@@ -259,7 +262,8 @@ def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float6
         crossed[i, 0] = a1 * b2 - a2 * b1
         crossed[i, 1] = a2 * b0 - a0 * b2
         crossed[i, 2] = a0 * b1 - a1 * b0
-        twice += crossed[i]
+        for way in range(3):
+            twice[way] += crossed[i, way]
     size = math.sqrt(twice[0] ** 2 + twice[1] ** 2 + twice[2] ** 2)
     total = 0.0
     moment = np.zeros(3)
@@ -271,4 +275,6 @@ def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float6
         total += part
         for way in range(3):
             moment[way] += part * (points[i, way] + points[after, way] - 2.0 * middle[way])
-    return middle + moment / (3.0 * max(total, _TINY)), math.sqrt(0.5 * size / math.pi)
+    for way in range(3):
+        middle[way] += moment[way] / (3.0 * max(total, _TINY))
+    return middle, math.sqrt(0.5 * size / math.pi)

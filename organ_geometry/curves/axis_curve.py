@@ -153,26 +153,24 @@ def _least_turning(
         for c in range(3):
             step[c] = points[place + 1, c] - points[place, c]
             now[c], along[c] = across[place, c], tangents[place, c]
-        if _dot(step, step) > 0.0:
+        # In the plane half way between both points, then in the one between both tangents.
+        if step[0] * step[0] + step[1] * step[1] + step[2] * step[2] > 0.0:
             _reflect(now, step)
             _reflect(along, step)
             for c in range(3):
                 turn[c] = tangent[c] - along[c]
-            if _dot(turn, turn) > 0.0:
+            if turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] > 0.0:
                 _reflect(now, turn)
         _make_perpendicular(now, tangent)
     return across
 
 
 @numba.njit(cache=True)
-def _dot(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
-
-
-@numba.njit(cache=True)
 def _reflect(vector: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
     """Reflect a vector in the plane with a normal of any length, in place."""
-    twice = 2.0 / _dot(normal, normal) * _dot(normal, vector)
+    squared = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]
+    height = normal[0] * vector[0] + normal[1] * vector[1] + normal[2] * vector[2]
+    twice = 2.0 / squared * height
     for c in range(3):
         vector[c] -= twice * normal[c]
 
@@ -180,9 +178,10 @@ def _reflect(vector: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
 @numba.njit(cache=True)
 def _make_perpendicular(vector: NDArray[np.float64], tangent: NDArray[np.float64]) -> None:
     """Make a vector a unit vector across a unit tangent, in place."""
-    along = _dot(vector, tangent)
+    along = vector[0] * tangent[0] + vector[1] * tangent[1] + vector[2] * tangent[2]
     for c in range(3):
         vector[c] -= along * tangent[c]
-    size = max(math.sqrt(_dot(vector, vector)), _TINY)
+    squared = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+    size = max(math.sqrt(squared), _TINY)
     for c in range(3):
         vector[c] /= size

@@ -75,7 +75,10 @@ def fitted_half(
         for order in range(2, COEFFICIENTS):
             system[order, row] = 2.0 * u * system[order - 1, row] - system[order - 2, row]
         system[COEFFICIENTS, row] = boundary[point, 1] * weight
-    given = system.T.copy()
+    given = np.empty((count, COEFFICIENTS + 1))
+    for row in range(count):
+        for order in range(COEFFICIENTS + 1):
+            given[row, order] = system[order, row]
     upper = np.zeros((COEFFICIENTS, COEFFICIENTS + 1))
     for order in range(COEFFICIENTS):
         size = 0.0

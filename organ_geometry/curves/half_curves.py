@@ -13,6 +13,7 @@ of a section they grow beyond all bounds while the curve is near. The fit made h
 normal ones: a point weighs by the length of boundary around it and by how flat it is there.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -203,16 +204,23 @@ def polygon_distances(
 def _polygon_distances(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    x, y = points[:, 0].copy(), points[:, 1].copy()
-    squared = np.full(len(points), np.inf)
-    x0, y0 = corners[-1, 0], corners[-1, 1]
+    count = len(points)
+    squared = np.empty(count)
+    for i in range(count):
+        squared[i] = np.inf
+    last = len(corners) - 1
+    x0, y0 = corners[last, 0], corners[last, 1]
     # Side by side, several points are measured at once.
     for c in range(len(corners)):
         x1, y1 = corners[c, 0], corners[c, 1]
-        for i in range(len(points)):
-            squared[i] = min(squared[i], foot_on_side(x0, y0, x1, y1, x[i], y[i])[0])
+        for i in range(count):
+            squared[i] = min(
+                squared[i], foot_on_side(x0, y0, x1, y1, points[i, 0], points[i, 1])[0]
+            )
         x0, y0 = x1, y1
-    return np.sqrt(squared)
+    for i in range(count):
+        squared[i] = math.sqrt(squared[i])
+    return squared
 
 
 def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -35,7 +35,9 @@ def outline_distances(
                 best = min(best, one, other)
                 column += way
         if (x - right) ** 2 <= FURTHER * best:
-            best = min(best, _squared_distance(corners, last, 0, x, y))
+            # Not `_squared_distance`: a constant corner would be one more compilation of it.
+            x1, y1 = corners[last, 0], corners[last, 1]
+            best = min(best, foot_on_side(x1, y1, corners[0, 0], corners[0, 1], x, y)[0])
         if (x - left) ** 2 <= FURTHER * best:
             best = min(best, _squared_distance(corners, columns, columns + 1, x, y))
         distances[i] = math.sqrt(best)

@@ -8,7 +8,7 @@ from organ_geometry.contours.trace_options import TraceOptions
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
-from organ_geometry.reslice.organ_voxels import PART_SHARE, half_level, is_bright, sample_images
+from organ_geometry.reslice.organ_voxels import PART_SHARE, organ_level, sample_images
 
 _FEWEST_IMAGES = 8
 
@@ -36,10 +36,12 @@ def needs_reslicing(stack: ImageStack, options: TraceOptions) -> bool:
     if threshold is None and not _is_mask(stack.image(len(stack) // 2)):
         return False
     images = sample_images(stack)
-    level = half_level(images) if threshold is None else threshold
-    if level is None or (threshold is None and not all(_is_mask(image) for image in images)):
+    if threshold is None and not all(_is_mask(image) for image in images):
         return False
-    bright = is_bright(images, level, options.polarity)
+    found = organ_level(images, options)
+    if found is None:
+        return False
+    level, bright = found
     several = drifting = shown = 0
     longest = 0.0
     gap = float(np.linalg.norm(step)) * (len(stack) - 1) / (len(images) - 1)

@@ -1,5 +1,16 @@
-"""The voxels of one organ in a stack of parallel images: those that hang together in space."""
+"""The voxels of one organ in a stack of parallel images: those that hang together in space.
 
+A voxel is of an organ where its level is beyond one threshold for all images: as given, or the mean
+of the mean levels on both sides of Otsu's threshold of their joint histogram [Otsu 1979]. Which
+side is decided as for the tracing (`find_polarity`). Parts of neighbouring images that overlap in
+a pixel are one organ (union and find); the largest is taken, or the one that a seed is on. Images
+are read one at a time, twice: to link their parts, and to fill the box around the organ.
+
+[Otsu 1979] N. Otsu, A threshold selection method from gray-level histograms, IEEE Transactions on
+Systems, Man, and Cybernetics 9, 62-66.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,7 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.contours.trace_options import Polarity, Seed, seed_point
+from organ_geometry.contours.edges import find_polarity
+from organ_geometry.contours.organ_tracing import SAMPLES
+from organ_geometry.contours.trace_options import Seed, TraceOptions, seed_point
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 
@@ -51,24 +64,18 @@ def sample_images(stack: ImageStack) -> list[GreyImage]:
     return [stack.image(int(index)) for index in wanted]
 
 
+def organ_level(images: Sequence[GreyImage], options: TraceOptions) -> tuple[float, bool] | None:
+    """Return the level of an organ's edge and whether the organ is above it, if any."""
+    level = half_level(images) if options.threshold is None else options.threshold
+    if level is None:
+        return None
+    few = images[:: math.ceil(len(images) / SAMPLES)]
+    polarity = find_polarity(few) if options.polarity == "auto" else options.polarity
+    return level, polarity == "bright"
+
+
 def half_level(images: Sequence[GreyImage]) -> float | None:
-    """Return the level midway between the dark and the bright of some images.
-
-    Parameters
-    ----------
-    images
-        (H, W) grey images.
-
-    Returns
-    -------
-    float | None
-        Mean of the mean levels on both sides of Otsu's threshold; None if there is one level only.
-
-    Notes
-    -----
-    [Otsu 1979] N. Otsu, A threshold selection method from gray-level histograms, IEEE Transactions
-    on Systems, Man, and Cybernetics 9, 62-66.
-    """
+    """Return the level midway between the dark and the bright of images; None of one level only."""
     most = max(int(image.max()) for image in images) + 1
     counts = np.zeros(most)
     for image in images:
@@ -82,17 +89,6 @@ def half_level(images: Sequence[GreyImage]) -> float | None:
     mean_below, mean_above = sums[:-1] / below[:-1], (sums[-1] - sums[:-1]) / above
     best = int((below[:-1] * above * (mean_above - mean_below) ** 2).argmax())
     return float(0.5 * (mean_below[best] + mean_above[best]))
-
-
-def is_bright(images: Sequence[GreyImage], threshold: float, polarity: Polarity = "auto") -> bool:
-    """Return whether an organ is bright: as given, or brighter than the border of most images."""
-    if polarity != "auto":
-        return polarity == "bright"
-    borders = [
-        float(np.median(np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))))
-        for image in images
-    ]
-    return float(np.median(borders)) <= threshold
 
 
 def organ_voxels(

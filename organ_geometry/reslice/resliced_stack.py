@@ -30,8 +30,7 @@ from organ_geometry.reslice.curve_frames import (
 from organ_geometry.reslice.needs_reslicing import needs_reslicing
 from organ_geometry.reslice.organ_voxels import (
     OrganVoxels,
-    half_level,
-    is_bright,
+    organ_level,
     organ_voxels,
     sample_images,
 )
@@ -130,11 +129,10 @@ def _where_needed(stack: ImageStack, options: TraceOptions, when: When) -> Image
 def _organ(stack: ImageStack, options: TraceOptions) -> tuple[OrganVoxels, Tube]:
     """Return an organ's voxels."""
     step = even_step(stack.planes, stack.source)
-    images = sample_images(stack)
-    level = half_level(images) if options.threshold is None else options.threshold
-    if level is None:
+    found = organ_level(sample_images(stack), options)
+    if found is None:
         raise ImageStackError(f"nothing stands out in the images of {stack.source}")
-    bright = is_bright(images, level, options.polarity)
+    level, bright = found
     voxels = organ_voxels(stack, threshold=level, bright=bright, seed=options.seed)
     sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])
     return voxels, Tube(voxels.inside.astype(np.uint8) * np.uint8(255), sizes)
