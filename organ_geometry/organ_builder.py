@@ -186,7 +186,8 @@ def build_organ(
     """Return the organ of a stack of images, and a report on every section."""
     started = time.perf_counter()
     traced = trace_organ(stack, trace, progress=progress)
-    built = build_fitted(fit_organ(stack, traced), promise, name=name)
+    fitted = fit_organ(stack, traced)
+    built = build_fitted(fitted, promise, name=name)
     return replace(built, seconds=time.perf_counter() - started)
 
 
@@ -195,7 +196,8 @@ def build_fitted(
 ) -> BuiltOrgan:
     """Return the organ of fitted sections, and its report: no image is read again."""
     started = time.perf_counter()
-    built = report_organ(fitted, encode_organ(fitted, promise, name=name), promise)
+    encoded = encode_organ(fitted, promise, name=name)
+    built = report_organ(fitted, encoded, promise)
     return replace(built, seconds=time.perf_counter() - started)
 
 

@@ -1,4 +1,10 @@
-"""Section contours in space, and the loft through them that can be cut again by other planes."""
+"""Section contours in space, and the loft through them that can be cut again by other planes.
+
+Images stand where they were taken, seldom square to the axis. Contours are resampled to as many
+points each, all in one sense, and each is shifted against the one before so that points of equal
+number are nearest: the largest cyclic correlation, by Fourier transform. Lines join these points
+along the stack; a plane across the axis cuts each line once near where it is wanted.
+"""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,11 @@
-"""A closed edge, moved from whole pixels to where a blurred image has its edge."""
+"""A closed edge, moved from whole pixels to where a blurred image has its edge.
+
+Each point of the outline of a mask goes along the blurred image's gradient g, either by Newton's
+method onto a level L, p += g (L - I(p)) / |g|^2, or to the vertex of the parabola through the
+gradient's size a pixel before it, at it and a pixel beyond it. A blur of standard deviation s moves
+an edge of radius of curvature R towards its centre by s^2 / (2 R), to second order; every point is
+moved back by that (`_unshrunk`).
+"""
 
 import math
 
@@ -13,6 +20,7 @@ Scale = tuple[float, float]
 SQUARE: Scale = (1.0, 1.0)
 
 _NEWTON_STEPS = 4
+# A point that went further than this from the mask's outline has left the edge, and is dropped.
 _LARGEST_MOVE_PX = 1.5
 
 

@@ -1,9 +1,16 @@
 """An edge carried from one image to the next where no grey level closes it.
 
 Where an organ touches a neighbour of its own grey level, no threshold parts them. The image is then
-looked at in a strip along the last section's edge. The new edge is the closed path along the strip
-that best meets steps down from the organ, and across which the image best resembles the last one
-(Amini, Weymouth and Jain 1990, IEEE Trans. PAMI 12(9):855, dynamic programming of active contours).
+looked at in a strip along the last section's edge: row i of the strip is point i of that edge,
+column j an offset m_j along the edge's normal there. The new edge is the closed path j(i) around
+the strip of least
+
+    sum over i of  LIKENESS d(i, j) - STEP s(i, j) + MOVE m_j^2 + BEND |j(i) - j(i - 1)|
+
+with s the step down from inside to outside, and d the mean difference of the levels across the path
+from those that the last image has across its edge, both over the organ's contrast. It is found by
+dynamic programming (Amini, Weymouth and Jain 1990, IEEE Trans. PAMI 12(9):855, active contours),
+three times around: the second turn's path does not depend on where the first began.
 """
 
 import cv2
@@ -93,7 +100,7 @@ def _strip(
 
 def _closed_path(cost: NDArray[np.float64], bend: float) -> NDArray[np.intp]:
     """Return the (N,) places of the cheapest path around a strip, which ends where it begins."""
-    # Twice around, the second half of the best path has forgotten where the first began.
+    # Of three turns the middle one is taken: it knows neither where the path began nor its end.
     count, width = cost.shape
     turns = 3
     choices = np.zeros((turns * count, width), dtype=np.intp)

@@ -1,4 +1,17 @@
-"""The section that continues an organ in the next image."""
+"""The section that continues an organ in the next image.
+
+Around the last section's box the image is split at a level, and the component that covers most of
+the last section continues it. That is no longer the organ, and said so, where
+
+- another component has over `SPLIT_SHARE` of its area beside it (it splits),
+- a ring has become an open one (its wall is open), or
+- ground is won or lost where the two images hardly differ, or the area of a steady organ jumps (it
+  merges with a neighbour, or leaks into one).
+
+Then the edge is carried on along steps of grey from the last image (`edge_strip`), from one image
+to the next only; a level is trusted again once it closes about the same as was carried on. After a
+gap, the organ is the same one only where both share most of their area.
+"""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,11 @@
-"""An organ's edges in a whole stack of images, followed from slice to slice."""
+"""An organ's edges in a whole stack of images, followed from slice to slice.
+
+It begins at the seed, or with the clearest section of a few spread over the stack, and goes to both
+ends, each section looked for by the one before (`next_section`). Where one is lost, the image has a
+problem, and the next is looked for by the last that was found. That goes one image after the other;
+images are read ahead, and edges of sections found are moved to a part of a pixel, in threads: what
+is found does not depend on how many.
+"""
 
 import math
 import os
@@ -32,9 +39,11 @@ from organ_geometry.images.image_stack import GreyImage, ImageStack
 
 Progress = Callable[[int, int], None]
 
+# Images that polarity and the first section are sought in.
 SAMPLES = 9
 # Growth from one slice to the next that is worth a word.
 LARGE_GROWTH = 2.5
+# Of more threads the one that follows the organ is the slowest.
 _LARGEST_POOL = 8
 
 

@@ -1,4 +1,16 @@
-"""Where an organ and its lumen are in one image, to a pixel, and the levels of their edges."""
+"""Where an organ and its lumen are in one image, to a pixel, and the levels of their edges.
+
+1. The image is blurred and split at a level, as given or Otsu's; one component is chosen (the
+   largest near the middle, the one at a seed, the one over the last section) and filled.
+2. The level of its edge is half way between the medians of the levels inside and in a ring around
+   it. What stands out by less than noise would is refused; noise is the median absolute deviation
+   of the image from its blur. Then all is tried once more with a finer blur, for thin walls.
+3. The lumen is the largest hole at levels below the wall's top, if it is large enough and differs
+   from the wall by at least `LUMEN_CONTRAST` of what the wall differs from outside.
+
+Medians, because an organ's texture and its neighbours are outliers. All images here have a margin
+and are signed so that the organ is bright.
+"""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,10 @@
-"""The axis as a curve: natural cubic splines over even keys, arc length, and frames along it."""
+"""The axis as a curve: natural cubic splines over even keys, arc length, and frames along it.
+
+Between keys i and i + 1, at right = t and left = 1 - t, the spline through values k with second
+derivatives b is  left k_i + right k_(i+1) + ((left^3 - left) b_i + (right^3 - right) b_(i+1)) / 6,
+and b solves  b_(i-1) + 4 b_i + b_(i+1) = 6 (k_(i-1) - 2 k_i + k_(i+1)),  0 at both ends. All of it
+is linear in k, so that functions here return weights of the keys.
+"""
 
 import math
 from functools import lru_cache

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from organ_geometry.contours.contour import even_points
 from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
 from organ_geometry.curves.outline_distance import foot_on_side, outline_distances
 
@@ -135,7 +136,7 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
     curve = np.ascontiguousarray(boundary)
     halves, weights = boundary_halves(curve)
     if halves[:, 1].min() < _ENOUGH_POINTS:
-        curve = resampled(boundary, _RESAMPLED_POINTS)
+        curve = even_points(boundary, _RESAMPLED_POINTS)
         halves, weights = boundary_halves(curve)
     middle = 0.5 * (left + right)
     half_width = 0.5 * width * RANGE_SHARE
@@ -221,18 +222,6 @@ def _polygon_distances(
     for i in range(count):
         squared[i] = math.sqrt(squared[i])
     return squared
-
-
-def resampled(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return points at equal distances along a closed polygon."""
-    closed = np.concatenate([points, points[:1]])
-    steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    lengths = np.zeros(len(closed))
-    np.cumsum(steps, out=lengths[1:])
-    wanted = np.arange(count) * (float(lengths[-1]) / count)
-    x = np.interp(wanted, lengths, closed[:, 0])
-    y = np.interp(wanted, lengths, closed[:, 1])
-    return np.stack([x, y], axis=1)
 
 
 def _check_overshoot(curves: HalfCurves, boundary: NDArray[np.float64]) -> None:

@@ -1,4 +1,12 @@
-"""The line through the middle of a tube of voxels, and the tube's sections across it."""
+"""The line through the middle of a tube of voxels, and the tube's sections across it.
+
+The minimal path along the deepest voxels gives a first line, a radius short of either end. Then, in
+a few rounds, planes are laid across the line, each point is moved to the centroid of the tube's
+section in its plane, and the line is smoothed (Savitzky-Golay) and spaced evenly again. A section
+is what hangs together around the point and within a few depths of it, and its middle no further
+from the minimal path than a share of the depth: where a tube touches itself, a section is of both.
+At the end the line is led on straight to the tube's two ends.
+"""
 
 from dataclasses import dataclass
 
@@ -23,7 +31,7 @@ SMOOTH_RADII = 1.0
 TANGENT_RADII = 1.5
 # A tube is at least so many times as long as thick.
 _LONG_AND_THIN = 2.0
-# How far a section may reach, and its middle be from the deep way, in depths of the way there.
+# How far a section may reach, and its middle be from the minimal path, in depths there.
 _REACH_DEPTHS = 3.0
 _OFF_SHARE = 0.7
 # A line that has grown by more than this in being moved to the middle has lost its way.
@@ -97,7 +105,7 @@ class Centreline:
     depths
         (N,) distance to the tube's surface along them, mm.
     radius
-        The tube's typical one, mm: the median of the deep way's depths.
+        The tube's typical one, mm: the median depth along the minimal path.
     """
 
     points: NDArray[np.float64]
@@ -145,7 +153,7 @@ def _moved_to_middle(
         section, _ = tube.section(point, frame, float(depths[index]))
         if len(section):
             middles[index] += frame[:, :2] @ section.mean(axis=0)
-    # Where tubes touch, a section is of both: the deep way stays within one.
+    # Where tubes touch, a section is of both: the minimal path stays within one.
     off = middles - nearest
     far = np.linalg.norm(off, axis=1) / (_OFF_SHARE * depths)
     return nearest + off / np.maximum(far, 1.0)[:, np.newaxis]

@@ -1,9 +1,9 @@
-"""The way through a tube of voxels that keeps to its deep, from one end to the other.
+"""The minimal path through a tube of voxels, from one end to the other along its deepest voxels.
 
 Shortest ways over the 26 neighbours of a voxel [Dijkstra 1959] give, in this order: each voxel's
 depth below the surface, the two ends (the voxel furthest from the deepest, and the one furthest
-from that), and the way between them that keeps to the deep: the minimal path by which vessels are
-followed, as in [Deschamps 2001].
+from that), and the path of least cost between them, where a step costs less the deeper it is: the
+minimal path by which vessels are followed, as in [Deschamps 2001].
 
 [Dijkstra 1959] E. W. Dijkstra, A note on two problems in connexion with graphs, Numerische
 Mathematik 1, 269-271. [Deschamps 2001] T. Deschamps, L. D. Cohen, Fast extraction of minimal paths
@@ -48,7 +48,7 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def minimal_path(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> MinimalPath:
-    """Return the way through a tube that keeps to its deep."""
+    """Return the minimal path through a tube, from end to end."""
     factors = _factors(inside, sizes)
     coarse = _coarser(inside, factors)
     if int(coarse.sum()) < 2:

@@ -1,4 +1,10 @@
-"""The planes of sections along a centreline: across it, and not through each other."""
+"""The planes of sections along a centreline: across it, and not through each other.
+
+Planes stand across the line's smoothed tangents, with directions in them that turn about the line
+as little as possible (rotation-minimising frames). In a bend tighter than the tube is wide two
+neighbours would cross inside it; then tangents are fitted over longer pieces, which turns planes
+towards their neighbours, and of all that was tried the one with fewest crossings is taken.
+"""
 
 from dataclasses import dataclass
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from organ_geometry.contours.contour import even_points
 from organ_geometry.curves.half_curves import (
     closed_outlines,
     fit_half_curves,
     polygon_distances,
-    resampled,
 )
 from organ_geometry.curves.outline_distance import outline_distances
 from organ_geometry.surface_distance import LocatedPoints
@@ -94,5 +94,5 @@ def test_points_that_do_not_tell_coefficients_apart_make_a_curve_all_the_same() 
     steps = np.array(
         [[0, 0], [1, 0], [1, 1], [2, 1], [2, 0], [3, 0], [3, -2], [0, -2]], dtype=float
     )
-    curves = fit_half_curves(resampled(steps, 16))
+    curves = fit_half_curves(even_points(steps, 16))
     assert np.isfinite(curves.as_row()).all()
