@@ -34,7 +34,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         view = newest(trainer)
         session = view.session
         tab.open("Build")
-        assert trainer._builder._thread is None
+        assert trainer._workers.builder._thread is None
         tab.press("Use the built-in phantom")
         result = tab.page.get_by_test_id("build-result")
         expect(result).to_contain_text("128 in, 128 found, 10 kept", timeout=3 * PATIENCE)

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 
 import viser
 
@@ -17,13 +18,38 @@ from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
 from organ_geometry import Organ
 
-__all__ = ["HAND_ONLY", "ClientState", "explained"]
+__all__ = ["HAND_ONLY", "ClientState", "Workers", "explained"]
 
 PAST_BREAK = 1.05
 """Force of a ramp to the tear, in forces at break."""
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 PATIENCE = 0.4
 """A wait that is longer is explained, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """What does the slow work of all clients.
+
+    Attributes
+    ----------
+    background
+        A thread for what nobody waits for.
+    builder
+        A thread for organs, which take seconds: one client's after the other's.
+    build_process
+        The process in which the builder has them built.
+    """
+
+    background: BackgroundWorker = field(default_factory=BackgroundWorker)
+    builder: BackgroundWorker = field(default_factory=BackgroundWorker)
+    build_process: BuildProcess = field(default_factory=BuildProcess)
+
+    def stop(self) -> None:
+        """End them."""
+        self.background.stop()
+        self.build_process.stop()
+        self.builder.stop()
 
 
 class ClientState:
@@ -35,18 +61,14 @@ class ClientState:
         The client.
     session
         Its session.
-    background
-        Does what nobody waits for.
-    builder
-        Does what takes seconds, for one client after the other.
-    build_process
-        Where it is done; in the trainer's own process when None.
+    workers
+        Those of all clients.
     exercise_inputs
         What counts in exercises.
 
     Attributes
     ----------
-    client, session, background, builder, build_process, exercise_inputs
+    client, session, workers, exercise_inputs
         As given.
     heat, overlay, plain
         Whether the client wants to see the stress on the surface, and the points of the model.
@@ -62,15 +84,12 @@ class ClientState:
         self,
         client: viser.ClientHandle,
         session: Session,
-        background: BackgroundWorker,
-        builder: BackgroundWorker,
-        build_process: BuildProcess | None = None,
+        workers: Workers,
         exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self.client, self.session = client, session
-        self.background, self.builder = background, builder
-        self.build_process = build_process
+        self.workers = workers
         self.heat = self.overlay = self.plain = False
         self.pulls = 0
         self.last_run: RunFile | None = None

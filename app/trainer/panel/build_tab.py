@@ -64,7 +64,7 @@ class BuildTab:
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
-        self._bench = OrganWorkbench(process=state.build_process)
+        self._bench = OrganWorkbench(process=state.workers.build_process)
         self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
@@ -207,7 +207,7 @@ class BuildTab:
         with self._lock:
             self._wishes += 1
             wish = self._wishes
-        builder, kind = self._state.builder, (id(self), "build")
+        builder, kind = self._state.workers.builder, (id(self), "build")
 
         def do() -> None:
             said = ""
@@ -336,7 +336,7 @@ class BuildTab:
         return _TELLING
 
     def _look(self) -> None:
-        self._state.background.submit((id(self), "picture"), self._picture)
+        self._state.workers.background.submit((id(self), "picture"), self._picture)
 
     def _picture(self) -> None:
         opened = self._bench.opened

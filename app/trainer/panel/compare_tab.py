@@ -7,7 +7,7 @@ import viser
 from app.simulation.ghost import GhostReading
 from app.simulation.reading import Phase, Reading
 from app.trainer.client.client_state import ClientState
-from app.trainer.panel.controls import figure, heading, note, on_work
+from app.trainer.panel.controls import figure, heading, note, on_work, set_if_changed
 from physics import Cubic, Exact, Fem, TautString, Theory
 
 __all__ = ["OFFERED_THEORIES", "CompareTab"]
@@ -77,14 +77,13 @@ class CompareTab:
         state, session = self._state, self._state.session
         visible, live = state.figures_visible, state.playback is None
         settled = reading.phase is Phase.INTACT and not state.in_exercise and live
-        if self._theory.visible != settled:
-            self._theory.visible = settled
+        set_if_changed(self._theory, visible=settled)
         for handle, value in (
             (self._theory, _label(session.theory)),
             (self._ghost, self._ghost_label()),
         ):
-            if handle.value != value and not self._choosing:
-                handle.value = value
+            if not self._choosing:
+                set_if_changed(handle, value=value)
         told = visible and live
         ghost = session.ghost_reading() if told else None
         if ghost is not None:
@@ -93,8 +92,7 @@ class CompareTab:
             content = note("The ghost's theory ends before this load.")
         else:
             content = ""
-        if self._numbers.content != content:
-            self._numbers.content = content
+        set_if_changed(self._numbers, content=content)
         chain = session.chain if told else None
         content = (
             ""
@@ -105,8 +103,7 @@ class CompareTab:
                 "chain",
             )
         )
-        if self._chain_numbers.content != content:
-            self._chain_numbers.content = content
+        set_if_changed(self._chain_numbers, content=content)
 
     def _choose_theory(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))

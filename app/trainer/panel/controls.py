@@ -14,6 +14,7 @@ __all__ = [
     "on_click",
     "on_input",
     "on_work",
+    "set_if_changed",
     "term",
 ]
 
@@ -45,6 +46,13 @@ def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
     def _(_: object) -> None:
         if handle.visible and not handle.disabled:
             do()
+
+
+def set_if_changed(handle: Any, **values: object) -> None:
+    """Set properties of a widget that differ: each that is set is sent to the page."""
+    for name, value in values.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
 
 
 def number(value: object) -> float:

@@ -8,7 +8,7 @@ from app.simulation.exercise import Exercise, ExerciseInputs
 from app.simulation.feedback import Feedback
 from app.simulation.run_log import RunFile
 from app.trainer.client.client_state import ClientState
-from app.trainer.panel.controls import note, on_click, on_input
+from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
 __all__ = ["ExerciseTab"]
 
@@ -104,7 +104,7 @@ class ExerciseTab:
             self._start.disabled = not offered
             self._describe()
 
-        self._state.background.submit((id(self), "offers"), find)
+        self._state.workers.background.submit((id(self), "offers"), find)
 
     def show(self) -> None:
         """Show how the exercise stands."""
@@ -126,9 +126,7 @@ class ExerciseTab:
                 if handle is self._stop:
                     self._describe()
         if busy:
-            value = round(100.0 * run.progress, 1)
-            if self._progress.value != value:
-                self._progress.value = value
+            set_if_changed(self._progress, value=round(100.0 * run.progress, 1))
             limit = run.exercise.time_limit_s if run.exercise else 0.0
             text = (
                 f"{run.seconds:.0f} s of {limit:.0f} s"
@@ -140,8 +138,7 @@ class ExerciseTab:
                 f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}",
                 "exercise-state",
             )
-            if self._status.content != content:
-                self._status.content = content
+            set_if_changed(self._status, content=content)
 
     def _end(self) -> None:
         if self._state.session.run.started:

@@ -2,6 +2,7 @@
 
 import viser
 
+from app.trainer.panel.controls import set_if_changed
 from app.trainer.stage.heat_map import heat_legend_html
 
 __all__ = ["HeatLegend"]
@@ -46,7 +47,6 @@ class HeatLegend:
         inside, beside = wanted and narrow, wanted and not narrow
         if inside and not self._inside.content:
             self._inside.content = self._content
-        if self._inside.visible != inside:
-            self._inside.visible = inside
-        if self._panel is not None and self._panel.visible != beside:
-            self._panel.visible = beside
+        set_if_changed(self._inside, visible=inside)
+        if self._panel is not None:
+            set_if_changed(self._panel, visible=beside)

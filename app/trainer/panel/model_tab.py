@@ -10,7 +10,15 @@ from app.simulation.preset import Preset
 from app.simulation.reading import Phase, Reading
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_input, on_work
+from app.trainer.panel.controls import (
+    KPA_PER_MPA,
+    figure,
+    note,
+    number,
+    on_input,
+    on_work,
+    set_if_changed,
+)
 from app.trainer.panel.preset_form import PresetForm
 from app.trainer.panel.train_tab import slider_step
 
@@ -82,12 +90,10 @@ class ModelTab:
     def show(self, reading: Reading) -> None:
         """Offer what can be chosen now."""
         state = self._state
-        if self._plain.value != state.plain:
-            self._plain.value = state.plain
+        set_if_changed(self._plain, value=state.plain)
         free = reading.phase is Phase.INTACT and state.playback is None and not state.in_exercise
         for handle in (self._preset, self._threshold):
-            if handle.visible != free:
-                handle.visible = free
+            set_if_changed(handle, visible=free)
         self._form.see(free)
         self.take_ranges()
 
@@ -180,7 +186,7 @@ class ModelTab:
                     "</div>"
                 )
 
-        state.background.submit((id(self), "thresholds"), solve)
+        state.workers.background.submit((id(self), "thresholds"), solve)
 
     def _about_html(self) -> str:
         session = self._state.session

@@ -8,7 +8,7 @@ from app.simulation.run_log import RunFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
-from app.trainer.panel.controls import on_click
+from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.help import HOTKEYS, show_help
@@ -105,12 +105,9 @@ class Panel:
             content = readout_html(reading, mode)
         else:
             content = hidden_readout_html(reading.phase)
-        if self._readout.content != content:
-            self._readout.content = content
+        set_if_changed(self._readout, content=content)
         self._announce(reading)
-        content = duct_html(state.shown, figures=visible)
-        if self._duct.content != content:
-            self._duct.content = content
+        set_if_changed(self._duct, content=duct_html(state.shown, figures=visible))
         self._legend.show(
             state.heat and visible,
             state.shown.stress_range[1],

@@ -11,7 +11,15 @@ from app.simulation.model import Model
 from app.simulation.preset import LIMITS, OrganBeam, Preset
 from app.simulation.preset_file import preset_toml, read_preset
 from app.trainer.client.client_state import ClientState
-from app.trainer.panel.controls import KPA_PER_MPA, figure, note, number, on_click, on_input
+from app.trainer.panel.controls import (
+    KPA_PER_MPA,
+    figure,
+    note,
+    number,
+    on_click,
+    on_input,
+    set_if_changed,
+)
 
 __all__ = ["PresetForm"]
 
@@ -93,8 +101,7 @@ class PresetForm:
 
     def see(self, visible: bool) -> None:
         """Show the fields, or not: a duct in an exercise, torn or replayed stays as it is."""
-        if self._folder.visible != visible:
-            self._folder.visible = visible
+        set_if_changed(self._folder, visible=visible)
 
     def show(self) -> None:
         """Put the figures of the preset that is solved into the fields, if it is another."""
@@ -124,9 +131,8 @@ class PresetForm:
         """Look for what the typed figures change, in the background; see what can be typed."""
         by_force = self._kind.value == FORCE
         for name, visible in (("force", by_force), ("stress", not by_force)):
-            if self._fields[name].visible != visible:
-                self._fields[name].visible = visible
-        self._state.background.submit((id(self), "figures"), self._preview)
+            set_if_changed(self._fields[name], visible=visible)
+        self._state.workers.background.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
         dissection, theory = self._dissection, self._state.session.theory

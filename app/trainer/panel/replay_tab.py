@@ -6,7 +6,7 @@ import viser
 
 from app.simulation.run_log import RunFile, read_run, run_json
 from app.trainer.client.client_state import ClientState
-from app.trainer.panel.controls import note, number, on_click, on_work
+from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.result_page import run_csv, run_name
 
 __all__ = ["ReplayTab"]
@@ -62,7 +62,7 @@ class ReplayTab:
         on_click(self._play, self._play_or_pause)
         on_click(self._json, lambda: self._download("json"))
         on_click(self._csv, lambda: self._download("csv"))
-        on_work(self._time, self._seek)
+        on_input(self._time, self._seek)
 
         @self._open.on_upload
         def _(_: object) -> None:
@@ -87,19 +87,17 @@ class ReplayTab:
             (self._json, not there),
             (self._csv, not there),
         ):
-            if handle.visible != visible:
-                handle.visible = visible
+            set_if_changed(handle, visible=visible)
         some = state.session.run.started or state.last_run is not None
         for button in (self._this, self._json, self._csv):
-            if button.disabled == (some and not state.in_exercise):
-                button.disabled = not button.disabled
+            set_if_changed(button, disabled=not some or state.in_exercise)
         if playback is None:
             self._of = None
             return
         if self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)
-        if self._playing != playback.playing:
+        if self._playing != playback.playing:  # an icon cannot be read back
             self._playing = playback.playing
             self._play.label = "Pause" if playback.playing else "Play"
             self._play.icon = (
@@ -140,4 +138,4 @@ class ReplayTab:
         playback = self._state.playback
         if playback is not None:
             playback.seek(number(seconds))
-            playback.pause()  # after the jump: where it pauses is what the slider is put to
+            playback.pause()

@@ -1,13 +1,11 @@
 """Train: what the duct is pulled with, and what is to be seen of it."""
 
-from typing import Any
-
 import numpy as np
 import viser
 
 from app.simulation.reading import Phase, Reading
 from app.trainer.client.client_state import HAND_ONLY, ClientState
-from app.trainer.panel.controls import note, number, on_click, on_input
+from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.pull_plot import PullPlot
 from app.trainer.viser_bridge import set_arrow_step
 
@@ -61,9 +59,8 @@ class TrainTab:
         self._reset = gui.add_button(
             "Reset (R)", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
         )
-        self._plot = PullPlot(gui, state.background)
+        self._plot = PullPlot(gui, state.workers.background)
         self._model: object = None
-        self._paused = False
         self._cause: object = None
 
         on_input(self._force, lambda value: state.pull_with(number(value)))
@@ -96,24 +93,19 @@ class TrainTab:
         self.take_ranges()
         hand_only = state.session.run.hand_only
         live = state.playback is None and reading.phase is Phase.INTACT
-        _see(self._hand_only, state.playback is None and hand_only)
-        _see(self._force, state.playback is None and visible)
-        _see(self._grasp, state.playback is None)
+        set_if_changed(self._hand_only, visible=state.playback is None and hand_only)
+        set_if_changed(self._force, visible=state.playback is None and visible)
+        set_if_changed(self._grasp, visible=state.playback is None)
         for slider in (self._force, self._grasp):  # a torn duct keeps their place
-            taken = live and not hand_only
-            if slider.disabled == taken:
-                slider.disabled = not taken
-        _see(self._heat, visible)
-        _see(self._pause, state.playback is None and not state.in_exercise)
-        _see(self._reset, state.playback is None)
+            set_if_changed(slider, disabled=not live or hand_only)
+        set_if_changed(self._heat, visible=visible)
+        set_if_changed(self._pause, visible=state.playback is None and not state.in_exercise)
+        set_if_changed(self._reset, visible=state.playback is None)
         self._plot.visible = visible
         if visible:
             self._plot.show(state.shown, reading)
-        if self._heat.value != state.heat:
-            self._heat.value = state.heat
-        if state.paused != self._paused:
-            self._paused = state.paused
-            self._pause.label = "Go on (P)" if self._paused else "Pause (P)"
+        set_if_changed(self._heat, value=state.heat)
+        set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")
         self._follow(reading, live=live, visible=visible)
         event = reading.breaks_at
         scale = self._force.max if event is None else event.force
@@ -133,8 +125,10 @@ class TrainTab:
         self._cause = cause
         wanted = session.force_wanted if live and visible else 0.0
         step = self._force.step
-        _put(self._force, min(max(round(wanted / step) * step, 0.0), self._force.max))
-        _put(self._grasp, round(session.grasp, 1))
+        force = min(max(round(wanted / step) * step, 0.0), self._force.max)
+        if abs(self._force.value - force) > 1e-9:  # more than the page rounds a value of its own
+            self._force.value = force
+        set_if_changed(self._grasp, value=round(session.grasp, 1))
 
 
 def _force_step(limit: float) -> float:
@@ -145,13 +139,3 @@ def _force_step(limit: float) -> float:
 def slider_step(limit: float) -> float:
     """Return the power of ten that divides a scale into some hundred to a thousand steps."""
     return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))
-
-
-def _see(handle: Any, visible: bool) -> None:
-    if handle.visible != visible:
-        handle.visible = visible
-
-
-def _put(handle: viser.GuiSliderHandle[float], value: float) -> None:
-    if abs(handle.value - value) > 1e-9:
-        handle.value = value

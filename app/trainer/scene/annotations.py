@@ -62,16 +62,14 @@ class Annotations:
             if not wanted:
                 return
             self._arrow = ForceArrow(self._client.scene, dissection.beam.span)
-        arrow = self._arrow
-        if arrow.visible != wanted:
-            arrow.visible = wanted
+        self._arrow.visible = wanted
         if wanted:
             event = reading.breaks_at
             up = dissection.frame[:, 2]
             foot = self._first + dissection.frame @ np.array(reading.hook)
             foot += ARROW_FOOT * self._radius * up
             at_break = reading.force if event is None else event.force
-            arrow.show(foot, reading.force * up, at_break=at_break)
+            self._arrow.show(foot, reading.force * up, at_break=at_break)
 
     def say_standing(self, session: Session, *, figures: bool) -> None:
         """Say at the goal what is to be done now; it passes with time alone."""
@@ -101,8 +99,7 @@ class Annotations:
                 return
             dissection = session.dissection
             self._overlay = Overlay(self._client.scene, dissection.organ, dissection.driving)
-        if self._overlay.visible != wanted:
-            self._overlay.visible = wanted
+        self._overlay.visible = wanted
         if wanted:
             self._overlay.show(session.transforms, session.dissection.frame[:, 2])
 
@@ -112,8 +109,7 @@ class Annotations:
             if ghost is None:
                 return
             self._ghost = GhostMesh(self._client.scene, ghost.surface.skin)
-        if self._ghost.visible != (ghost is not None):
-            self._ghost.visible = ghost is not None
+        self._ghost.visible = ghost is not None
         if ghost is not None:
             self._ghost.show(ghost.surface.vertices)
 
@@ -124,8 +120,7 @@ class Annotations:
                 return
             self._chain = ChainLines(self._client.scene, len(chain.places))
             self._nodes = np.empty_like(chain.places)
-        if self._chain.visible != (chain is not None):
-            self._chain.visible = chain is not None
+        self._chain.visible = chain is not None
         if chain is not None:
             dissection = session.dissection
             aside = CHAIN_ASIDE * self._radius * dissection.frame[:, 1]

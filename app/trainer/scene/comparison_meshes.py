@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.drawn import Drawn
 from app.trainer.stage.wall import Wall
 from organ_geometry.mesh import Skin
 
@@ -17,7 +18,7 @@ NODE_SIZE = 0.55
 """Radius, mm."""
 
 
-class GhostMesh:
+class GhostMesh(Drawn):
     """Another duct over the first, translucent. Hidden until it is made visible.
 
     Parameters
@@ -41,26 +42,14 @@ class GhostMesh:
             receive_shadow=False,
             visible=False,
         )
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return self._mesh.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._mesh.visible = visible
+        super().__init__(self._mesh)
 
     def show(self, vertices: NDArray[np.float32]) -> None:
         """Draw the other duct."""
         self._mesh.vertices = vertices[: self._count]
 
-    def remove(self) -> None:
-        """Take it off the scene."""
-        self._mesh.remove()
 
-
-class ChainLines:
+class ChainLines(Drawn):
     """The nodes and links of a mass-spring chain. Hidden until it is made visible.
 
     Parameters
@@ -90,25 +79,10 @@ class ChainLines:
             precision="float32",
             visible=False,
         )
-        self._visible = False
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return self._visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._visible = visible
-        self._links.visible = self._nodes.visible = visible
+        super().__init__(self._links, self._nodes)
 
     def show(self, nodes: NDArray[np.floating[Any]]) -> None:
         """Draw the chain."""
         places = np.asarray(nodes, np.float32)
         self._nodes.points = places
         self._links.points = np.stack([places[:-1], places[1:]], axis=1)
-
-    def remove(self) -> None:
-        """Take it off the scene."""
-        self._links.remove()
-        self._nodes.remove()

@@ -4,12 +4,14 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.drawn import Drawn
+
 __all__ = ["ForceArrow"]
 
 FORCE_COLOR = (255, 196, 60)
 
 
-class ForceArrow:
+class ForceArrow(Drawn):
     """An arrow with a number at the hook: the grasper's force. Hidden until it is made visible.
 
     Parameters
@@ -32,18 +34,8 @@ class ForceArrow:
             visible=False,
         )
         self._label = scene.add_label("/organ/force_label", "", visible=False)
-        self._visible = False
+        super().__init__(self._arrow, self._label)
         self._text = ""
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return self._visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._visible = visible
-        self._arrow.visible = self._label.visible = visible
 
     def show(
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
@@ -60,8 +52,3 @@ class ForceArrow:
             if text != self._text:  # a label is rendered anew whenever its text is set
                 self._label.text = self._text = text
         self._arrow.visible = self._label.visible = drawn
-
-    def remove(self) -> None:
-        """Take it off the scene."""
-        self._arrow.remove()
-        self._label.remove()

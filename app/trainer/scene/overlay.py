@@ -1,11 +1,10 @@
 """What explains the model over the tissue: key points, the sections kept and driving points."""
 
-from typing import Any
-
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.drawn import Drawn
 from organ_geometry import DrivingPoints, Organ
 from organ_geometry.mesh import BoundSkin, Skin, ring_angles
 
@@ -20,7 +19,7 @@ KEY_SIZE, DRIVING_SIZE = 0.32, 0.24
 """Radii of points, mm."""
 
 
-class Overlay:
+class Overlay(Drawn):
     """Key points, the sections that are kept, and driving points, which follow the duct.
 
     Hidden until it is made visible.
@@ -56,7 +55,7 @@ class Overlay:
         # Where the drawn ones lie on the wall: above the axis, which is inside the duct.
         step = SECTION_SIDES // KEY_POINTS_OF_A_SECTION
         self._key_index = np.arange(0, stations.size * SECTION_SIDES, step)
-        self._parts: list[Any] = [
+        super().__init__(
             scene.add_point_cloud(
                 "/organ/overlay/key_points",
                 self._rings[self._key_index],
@@ -83,21 +82,9 @@ class Overlay:
                 precision="float32",
                 visible=False,
             ),
-        ]
+        )
         self._lift = organ.mean_radius + CLEAR
-        self._visible = False
         self.show(np.zeros((driving.stations.size, 3, 4)), np.array([0.0, 0.0, 1.0]))
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return self._visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._visible = visible
-        for part in self._parts:
-            part.visible = visible
 
     def show(self, transforms: NDArray[np.float64], pull: NDArray[np.float64]) -> None:
         """Draw the points and sections where the driving points have taken them."""
@@ -108,11 +95,6 @@ class Overlay:
         on_wall = self._driving + self._lift * pull
         moved = np.einsum("dij,dj->di", transforms[:, :, :3], on_wall) + transforms[:, :, 3]
         driving.points = (on_wall + moved).astype(np.float32)
-
-    def remove(self) -> None:
-        """Take it off the scene."""
-        for part in self._parts:
-            part.remove()
 
     def _segments(self) -> NDArray[np.float32]:
         """Return the rings as (N, 2, 3) line segments."""

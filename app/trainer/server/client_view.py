@@ -6,13 +6,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.compression.build_process import BuildProcess
 from app.simulation.clock import Clock
-from app.simulation.exercise import ExerciseInputs
 from app.simulation.reading import Phase, Reading
 from app.simulation.run import Run
 from app.simulation.session import Session
-from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
@@ -38,20 +35,10 @@ class ClientView:
 
     Parameters
     ----------
-    client
-        The client.
-    session
-        The session that is the client's alone.
+    state
+        The client's state, with a session that is the client's alone.
     look
         "plain" for slow machines; "auto" goes over to it where the page draws too slowly.
-    background
-        Does what nobody waits for.
-    builder
-        Does what takes seconds.
-    build_process
-        Where organs are built; in this process when None.
-    exercise_inputs
-        What counts in exercises.
 
     Attributes
     ----------
@@ -65,19 +52,12 @@ class ClientView:
 
     def __init__(
         self,
-        client: viser.ClientHandle,
-        session: Session,
+        state: ClientState,
         look: LookChoice,
-        background: BackgroundWorker,
-        builder: BackgroundWorker,
-        build_process: BuildProcess | None = None,
-        exercise_inputs: ExerciseInputs = "hand",
     ) -> None:
-        self.client, self.session = client, session
-        self.state = ClientState(
-            client, session, background, builder, build_process, exercise_inputs
-        )
-        self.state.plain = look == "plain"
+        client, session = self.client, self.session = state.client, state.session
+        self.state = state
+        state.plain = look == "plain"
         self._scene = DuctScene(client, session, "plain" if look == "plain" else "full")
         # Before the panel is sent: what is seen can be dragged.
         self._scene.let_drag(self.state.grab, self.state.lead, self.state.let_go)
@@ -192,7 +172,9 @@ class ClientView:
             kept = state.last_run
             if run.exercise is not None and kept is not None:
                 state.release()
-                state.background.submit((id(self), "result"), lambda: self._panel.show_result(kept))
+                state.workers.background.submit(
+                    (id(self), "result"), lambda: self._panel.show_result(kept)
+                )
             elif reading.phase is not Phase.INTACT:
                 self._notice = self._tear_notice(reading)
             self._panel_stale = True

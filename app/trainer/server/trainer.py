@@ -9,7 +9,6 @@ from collections.abc import Callable, Generator
 
 import viser
 
-from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection, default_preset
@@ -17,8 +16,7 @@ from app.simulation.exercise import ExerciseInputs
 from app.simulation.preset import Preset
 from app.simulation.session import Session
 from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
-from app.trainer.client.background_worker import BackgroundWorker
-from app.trainer.client.client_state import explained
+from app.trainer.client.client_state import ClientState, Workers, explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.client_view import ClientView
@@ -112,8 +110,7 @@ class Trainer:
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
         self._kept = Sessions(lambda: Session(organ, preset), most=most_clients)
-        self._background, self._builder = BackgroundWorker(), BackgroundWorker()
-        self._build_process = BuildProcess()
+        self._workers = Workers()
         self._stopping = threading.Event()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
         warm_session(organ, preset)
@@ -178,9 +175,7 @@ class Trainer:
             views, self._views = self._views, {}
         for view in views.values():
             view.close()
-        self._background.stop()
-        self._build_process.stop()
-        self._builder.stop()
+        self._workers.stop()
         stop_server(self._server)
 
     def _connect(self, client: viser.ClientHandle) -> None:
@@ -192,10 +187,8 @@ class Trainer:
                 lost = before is not None and before not in self._kept
                 token, session = self._kept.claim(before)
                 tab_keeps(client, token)
-                view = ClientView(
-                    client, session, self._look, self._background, self._builder,
-                    self._build_process, self._exercise_inputs,
-                )  # fmt: skip
+                state = ClientState(client, session, self._workers, self._exercise_inputs)
+                view = ClientView(state, self._look)
                 if lost:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):

@@ -1,0 +1,74 @@
+"""Playback of a run: the clock alone goes to the moment that was asked for last."""
+
+import math
+from functools import cache
+from threading import Thread
+
+import pytest
+from simulated import phantom
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.replay import Replay
+from app.simulation.run_log import RunFile
+from app.simulation.session import Session
+from app.trainer.client import replay_playback
+from app.trainer.client.replay_playback import ReplayPlayback
+
+
+@cache
+def a_run() -> RunFile:
+    session = Session(phantom(), vertices=300)
+    session.set_force(0.4 * session.force_limit)
+    session.advance(60)
+    session.set_force(0.0)
+    session.advance(30)
+    return session.run_file()
+
+
+def reached(playback: ReplayPlayback) -> int:
+    """Tick until the moment that was asked for is seen, and return how often."""
+    for count in range(1, 1000):
+        if playback.tick(0):
+            return count
+    raise AssertionError("it is never reached")
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_the_last_moment_asked_for_by_any_thread_is_seen(
+    monkeypatch: pytest.MonkeyPatch, quick: bool
+) -> None:
+    monkeypatch.setattr(replay_playback, "SEEK_SECONDS", 60.0 if quick else 0.0)
+    playback, again = ReplayPlayback(a_run(), phantom()), Replay(a_run().log, phantom())
+    assert playback.tick(0)  # its first picture
+    assert not playback.tick(0)
+    for ticks in (80, 35, 90):
+        asking = [Thread(target=playback.seek, args=(each,)) for each in (1.0, 0.1, 2.0)]
+        for each in asking:
+            each.start()
+        for each in asking:
+            each.join()
+        playback.seek(ticks * TICK_SECONDS)
+        playback.seek(math.nan)  # as from an empty field
+        assert playback.time == pytest.approx(ticks * TICK_SECONDS)
+        counted = reached(playback)
+        assert (counted == 1) is quick
+        again.seek_tick(ticks)
+        assert playback.session.reading() == again.session.reading()
+    assert playback.at_end
+
+
+def test_it_plays_to_its_end_and_from_its_start_again() -> None:
+    playback = ReplayPlayback(a_run(), phantom())
+    playback.seek(1e9)
+    playback.play()
+    reached(playback)
+    assert playback.time == playback.duration
+    playback.tick(1)
+    assert not playback.playing
+    playback.play()
+    reached(playback)
+    assert (playback.time, playback.playing) == (0.0, True)
+    assert playback.tick(3)
+    assert playback.time == pytest.approx(3 * TICK_SECONDS)
+    playback.pause()
+    assert not playback.tick(3)
