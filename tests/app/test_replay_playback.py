@@ -59,6 +59,7 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
 
 def test_it_plays_to_its_end_and_from_its_start_again() -> None:
     playback = ReplayPlayback(a_run(), phantom())
+    playback.tick(0)  # its first picture
     playback.seek(1e9)
     playback.play()
     reached(playback)
