@@ -111,6 +111,8 @@ class BuiltOrgan:
         Whether the organ is "bright" or "dark" in its images, as given or as decided.
     tolerance_mm
         RMS distance to the organ that no section's edge points exceed, mm.
+    overall_mm
+        RMS distance that all edge points together were not to exceed, mm, or None.
     seconds
         Time for reading the images and building the organ, s.
     warnings
@@ -128,6 +130,7 @@ class BuiltOrgan:
     sections: tuple[SectionReport, ...]
     polarity: FoundPolarity
     tolerance_mm: float
+    overall_mm: float | None
     seconds: float
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
@@ -235,13 +238,15 @@ def report_organ(
 ) -> BuiltOrgan:
     """Return an organ with its errors at every section, and what its user should know."""
     sections = section_reports(fitted, encoded)
-    wanted_mm = _wanted_mm(fitted, Promise() if promise is None else promise)
+    promise = Promise() if promise is None else promise
+    wanted_mm = _wanted_mm(fitted, promise)
     warnings = tuple(organ_warnings(fitted, encoded.organ, sections, wanted_mm))
     return BuiltOrgan(
         organ=encoded.organ,
         sections=sections,
         polarity=fitted.polarity,
         tolerance_mm=encoded.organ.tolerance_mm,
+        overall_mm=promise.overall_of(fitted.stack.mean_pixel),
         seconds=0.0,
         warnings=tuple(warning.text for warning in warnings),
         doubts=tuple(warning.text for warning in warnings if warning.doubtful),

@@ -44,6 +44,8 @@ class Facts:
         The organ's size, mm.
     tolerance_mm, tolerance_px
         RMS distance that was promised for every section.
+    overall_mm, overall_px
+        RMS distance that was promised for all sections together, or None.
     sections_in, sections_found, sections_kept
         Number of images, of those in which the organ was found, of key sections.
     fit_normal_rms_mm, fit_normal_rms_px
@@ -79,6 +81,8 @@ class Facts:
     mean_radius_mm: float
     tolerance_mm: float
     tolerance_px: float
+    overall_mm: float | None
+    overall_px: float | None
     sections_in: int
     sections_found: int
     sections_kept: int
@@ -130,6 +134,8 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
         mean_radius_mm=built.organ.mean_radius,
         tolerance_mm=built.tolerance_mm,
         tolerance_px=built.tolerance_mm / pixel,
+        overall_mm=built.overall_mm,
+        overall_px=None if built.overall_mm is None else built.overall_mm / pixel,
         sections_in=built.sections_in,
         sections_found=built.sections_found,
         sections_kept=built.sections_kept,
@@ -158,6 +164,9 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         yield from section_lines(said.sections)
         yield ""
     wall = "hollow" if said.hollow else "solid"
+    overall = ""
+    if said.overall_mm is not None:
+        overall = f"; {said.overall_mm:.4f} mm, {said.overall_px:.3f} px over all"
     rows = [
         (
             "organ",
@@ -170,7 +179,7 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         ),
         (
             "promise",
-            f"{said.tolerance_mm:.4f} mm, {said.tolerance_px:.3f} px RMS at every section",
+            f"{said.tolerance_mm:.4f} mm, {said.tolerance_px:.3f} px RMS at every section{overall}",
         ),
         (
             "fit",

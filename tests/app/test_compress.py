@@ -115,6 +115,7 @@ def test_an_overall_promise_leaves_single_sections_more(tmp_path: Path, stacks: 
     overall = json.loads(done.stdout)
     # Each section may be off by four times what all together may.
     assert overall["tolerance_px"] == pytest.approx(1.6, rel=0.02)
+    assert overall["overall_px"] == pytest.approx(0.4)
     assert overall["rms_error_px"] <= 0.4
     each, both = (
         compress_stack(StackJob(stacks[1], output, promise=promise))
@@ -123,6 +124,9 @@ def test_an_overall_promise_leaves_single_sections_more(tmp_path: Path, stacks: 
     assert overall["bytes_out"] <= each.bytes_out
     assert both.tolerance_px == pytest.approx(0.5, rel=0.02)
     assert both.rms_error_px <= 0.4
+    assert each.overall_px is None
+    (line,) = (one for one in report_lines(both, every_section=False) if "promise" in one)
+    assert line.endswith("px RMS at every section; 0.0400 mm, 0.400 px over all")
     line = refused(("compress", stacks[1], "-o", output, "--overall-px", 1, "--overall-mm", 1))
     assert "give either --overall-mm or --overall-px" in line
 
