@@ -7,15 +7,18 @@ from numpy.typing import NDArray
 from benchmarks.duct import CENTRE, DUCT, FORCE, OFF_CENTRE, relative_error, walk_about
 from benchmarks.engine import Engine
 from benchmarks.stopwatch import microseconds
-from physics import Exact
-from physics import exact_kernels as kernels
+from physics import Exact, Linear, NeoHooke
+from physics.exact import symbols
+from physics.exact.newton import solve
+from physics.exact.state import State
+from physics.exact.symbols import BY_DEFLECTION, BY_FORCE, FOUND
 
 __all__ = ["exact_engines"]
 
 THEORIES = {
     "exact": ("exact", Exact()),
-    "exact_shear": ("exact, shear", Exact(shear=True)),
-    "exact_neo_hooke": ("exact, neo-hooke", Exact(shear=True, law="neo-hooke")),
+    "exact_shear": ("exact, shear", Exact(Linear(shear=True))),
+    "exact_neo_hooke": ("exact, neo-hooke", Exact(NeoHooke())),
 }
 """Keys of the figures, titles and theories."""
 GRASPS = {"centre": ("centre", CENTRE), "offcentre": ("30 %", OFF_CENTRE)}
@@ -23,27 +26,31 @@ SOLVES = 5000
 COLD_SOLVES = 1000
 
 
-@njit  # not cached: a cache does not notice a change in the kernels' file
+@njit  # not cached: it is compiled for this run only
 def walk(
-    state: kernels.State, law: int, grasp: int, control: int, loads: NDArray[np.float64]
+    state: State,
+    fibres: NDArray[np.float64] | None,
+    grasp: int,
+    control: int,
+    loads: NDArray[np.float64],
 ) -> int:
     """Solve for one load after the other; return how many were not found."""
     missed = 0
     for load in loads:
-        missed += kernels.solve(state, law, grasp, control, load) != kernels.FOUND
+        missed += solve(state, fibres, grasp, control, load) != FOUND
     return missed
 
 
 def compiled(theory: Exact, grasp: float, control: int) -> float:
     """Return the time of a warm solve inside compiled code, us."""
-    solver = theory.pull(DUCT, grasp)
-    solver.to_force(FORCE)
-    state, law, part = solver._state, solver._law, solver._part
-    entry = kernels.FORCE if control == kernels.BY_FORCE else kernels.DEFLECTION
-    loads = walk_about(float(state[4][entry]), SOLVES)
-    if walk(state, law, part, control, loads):
+    pull = theory.pull(DUCT, grasp).to_force(FORCE)
+    state, fibres, part = pull._state, pull._fibres, pull._part
+    loads = walk_about(
+        float(state.line[symbols.FORCE if control == BY_FORCE else symbols.DEFLECTION]), SOLVES
+    )
+    if walk(state, fibres, part, control, loads):
         raise RuntimeError("a load of the walk was not found")
-    return microseconds(lambda: walk(state, law, part, control, loads), SOLVES)
+    return microseconds(lambda: walk(state, fibres, part, control, loads), SOLVES)
 
 
 def called(theory: Exact, grasp: float) -> float:
@@ -84,8 +91,8 @@ def exact_engines() -> list[Engine]:
             error = relative_error(
                 theory.pull(DUCT, grasp).to_force(FORCE).deflection, theory, grasp
             )
-            warm, pulled = compiled(theory, grasp, kernels.BY_FORCE), f"{law}, {at}"
-            held = compiled(theory, grasp, kernels.BY_DEFLECTION)
+            warm, pulled = compiled(theory, grasp, BY_FORCE), f"{law}, {at}"
+            held = compiled(theory, grasp, BY_DEFLECTION)
             key = name if name != "exact" and place == "centre" else f"{name}_{place}"
             call = "exact" if key == "exact_centre" else key
             asked, unloaded = called(theory, grasp), cold(theory, grasp)

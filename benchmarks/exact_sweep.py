@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from physics import Beam, BeyondLaw, Exact
+from physics import Beam, BeyondLaw, Exact, Linear, NeoHooke
 
 THEORIES = {
     "linear": Exact(),
-    "linear, shear": Exact(shear=True),
-    "neo-hooke, shear": Exact(shear=True, law="neo-hooke"),
+    "linear, shear": Exact(Linear(shear=True)),
+    "neo-hooke, shear": Exact(NeoHooke()),
 }
 SMALLEST_LOAD = 1e-6
 """Smallest deflection, as a part of the largest."""
@@ -94,7 +94,7 @@ def sweep(theory: Exact, count: int, seed: int = 1) -> Sweep:
     generator = np.random.default_rng(seed)
     result = Sweep()
     for _ in range(count):
-        beam, grasp, deflection = random_case(generator, neo_hooke=theory.law == "neo-hooke")
+        beam, grasp, deflection = random_case(generator, neo_hooke=theory.law == NeoHooke())
         case = f"{beam}, grasp {grasp:.6g}, deflection {deflection:.6g}"
         start = time.perf_counter()
         try:

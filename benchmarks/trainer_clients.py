@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.duct import DUCT
 from benchmarks.page_protocol import Page, connected, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
-from physics import Exact
+from physics import Exact, NeoHooke
 
 __all__ = ["CLIENTS", "client_figures", "pulling"]
 
@@ -103,7 +103,7 @@ async def answer_seconds(address: str, moves: int) -> list[float]:
 
 def machine_speed() -> dict[str, float]:
     """Return how fast this machine is now, so that other figures can be held against it."""
-    pull = Exact(shear=True, law="neo-hooke").pull(DUCT, 0.5 * DUCT.span)
+    pull = Exact(NeoHooke()).pull(DUCT, 0.5 * DUCT.span)
     stations = np.array([0.0])
 
     def loop() -> None:

@@ -3,7 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import BeyondLaw, Exact, ExactPull, Hold
+from physics.exact import BeyondLaw, Exact, ExactPull, Hold, Linear, NeoHooke
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -45,8 +45,10 @@ __all__ = [
     "FittedQ",
     "Hold",
     "LigamentSection",
+    "Linear",
     "MassSpring",
     "MassSpringChain",
+    "NeoHooke",
     "NoEquilibrium",
     "Pull",
     "RayleighBeam",

@@ -1,17 +1,19 @@
 """The one way to call a theory of a pulled beam, whichever it is."""
 
 from collections.abc import Callable
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, Protocol, get_args
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.exact import Exact, Law
+from physics.exact import Exact, Linear, NeoHooke
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.pull import Pull
 from physics.taut_string import TautString
 
-__all__ = ["THEORIES", "Theory", "theory_named"]
+__all__ = ["THEORIES", "LawName", "Theory", "theory_named"]
+
+LawName = Literal["linear", "neo-hooke"]
 
 
 class Theory(Protocol):
@@ -45,7 +47,7 @@ def theory_named(
     *,
     q: float | Literal["fitted"] | None = None,
     shear: bool = False,
-    law: Law | None = None,
+    law: LawName | None = None,
 ) -> Theory:
     """Return the theory of that name."""
     if name not in THEORIES:
@@ -56,6 +58,8 @@ def theory_named(
         raise ValueError(f"shear and law belong to the exact theory, the {name} theory has none")
     if name == "cubic" and q is not None:
         return Cubic(q=q)
+    if law not in (None, *get_args(LawName)):
+        raise ValueError(f"law must be one of {', '.join(get_args(LawName))}, got {law!r}")
     if name == "exact":
-        return Exact(shear=shear or law == "neo-hooke", law=law or "linear")
+        return Exact(NeoHooke() if law == "neo-hooke" else Linear(shear=shear))
     return THEORIES[name]()

@@ -70,7 +70,7 @@ def theory_options(theory: "Theory") -> dict[str, object]:
     if isinstance(theory, Cubic):
         return {"q": theory.q}
     if isinstance(theory, Exact):
-        return {"shear": theory.shear, "law": theory.law}
+        return {"shear": theory.law.shear, "law": theory.law.name}
     return {}
 
 

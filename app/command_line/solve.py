@@ -278,7 +278,7 @@ def in_bed(
     from app.simulation.preset import ASSUMED_PRESET, THESIS_PRESET, RoundBeam
     from app.simulation.preset_file import chosen_preset
     from organ_geometry import check_target
-    from physics import Exact
+    from physics import Exact, Linear
     from physics.bed import Hand, SpaceBeam, pull
     from physics.quantity import positive
 
@@ -286,7 +286,7 @@ def in_bed(
         check_target(output)
     layer = bed_named(name)
     duct = chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
-    theory = Exact(shear=True)
+    theory = Exact(Linear(shear=True))
     if isinstance(duct.beam, RoundBeam):
         if organ is not None:
             raise ValueError(f"preset {duct.name} brings its own beam; leave out --organ")

@@ -184,7 +184,7 @@ class SpaceBeam:
         Parameters
         ----------
         beam
-            The beam: its shear areas are those of `Exact(shear=True)`.
+            The beam: its shear areas are those of `Exact(Linear(shear=True))`.
         elements, ends, axis, nodes_at
             See `made`. An axis is as long as the beam's span.
 

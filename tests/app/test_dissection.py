@@ -17,7 +17,9 @@ from physics import (
     Cubic,
     Exact,
     Fem,
+    Linear,
     MassSpring,
+    NeoHooke,
     TautString,
     Theory,
     VaryingBeam,
@@ -112,7 +114,7 @@ def test_exact_beam_along_an_even_organ_is_that_of_its_section() -> None:
     )  # fmt: skip
     dissection = Dissection.of(even, preset_named("porcine-gallbladder"))
     at = np.array([10.0, 25.4])
-    for exact in (Exact(), Exact(shear=True), Exact(shear=True, law="neo-hooke")):
+    for exact in (Exact(), Exact(Linear(shear=True)), Exact(NeoHooke())):
         beam = dissection.beam
         assert isinstance(beam, VaryingBeam)
         assert beam.weakest is not None
@@ -157,7 +159,7 @@ def test_organ_of_one_s_own_has_its_own_span_and_is_clamped_at_its_ends() -> Non
 
 @pytest.mark.parametrize(
     "theory",
-    [Cubic(), TautString(), Exact(), Exact(shear=True, law="neo-hooke"), Fem(), MassSpring()],
+    [Cubic(), TautString(), Exact(), Exact(NeoHooke()), Fem(), MassSpring()],
     ids=lambda theory: f"{theory.name}-{getattr(theory, 'law', '')}",
 )
 def test_hollow_organ_is_a_hollow_beam_in_every_theory(theory: Theory) -> None:

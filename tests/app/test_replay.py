@@ -38,7 +38,7 @@ from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import read_organ, write_organ
-from physics import Cubic, Exact, Fem, MassSpring, TautString
+from physics import Cubic, Exact, Fem, MassSpring, NeoHooke, TautString
 
 RUNS = Path(__file__).parent / "runs"
 
@@ -348,7 +348,7 @@ def test_a_run_of_another_organ_is_refused() -> None:
 
 @pytest.mark.parametrize(
     "theory",
-    [Cubic(), Cubic(0.3), Cubic("fitted"), Exact(), Exact(shear=True, law="neo-hooke"), Fem()],
+    [Cubic(), Cubic(0.3), Cubic("fitted"), Exact(), Exact(NeoHooke()), Fem()],
 )
 def test_theories_are_written_by_name_and_options(theory: object) -> None:
     choice = TheoryChoice.of(theory)  # pyright: ignore[reportArgumentType]

@@ -20,7 +20,7 @@ from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
 from app.haptics.virtual_device import VirtualDevice
 from app.simulation.preset import preset_named
-from physics import Cubic, Exact, Theory
+from physics import Cubic, Exact, NeoHooke, Theory
 
 DUCT = preset_named("thesis-bile-duct")
 STIFFNESS = 0.1388  # N/mm of the thesis's duct at rest: 3 E I (S/(a b))^3
@@ -73,7 +73,7 @@ def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 10
     return Felt(loop, device, hooks, forces, given, books)
 
 
-@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(shear=True, law="neo-hooke")])
+@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
 def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
     run = felt(hand(), choice(theory, 20.0))
     assert run.hooks.max() > 5.0
@@ -86,7 +86,7 @@ def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
     assert np.abs(run.given[:, 2] + run.forces).max() < 0.05
 
 
-@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(shear=True, law="neo-hooke")])
+@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
 @pytest.mark.parametrize("path", [THERE_AND_BACK, TO_THE_TEAR])
 @pytest.mark.parametrize("rate", [1000, 4000])
 def test_the_work_of_the_hand_is_stored_or_dissipated(

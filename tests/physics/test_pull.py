@@ -11,6 +11,8 @@ from physics import (
     Equilibrium,
     Exact,
     Fem,
+    Linear,
+    NeoHooke,
     TautString,
     Theory,
     VaryingBeam,
@@ -24,7 +26,7 @@ STATIONS = np.array([0.0, 12.0, 25.4, 50.8])
 @pytest.mark.parametrize("beam", [DUCT, VARYING], ids=["constant", "varying"])
 @pytest.mark.parametrize(
     "theory",
-    [Cubic(), TautString(), Fem(), Exact(shear=True), Exact(shear=True, law="neo-hooke")],
+    [Cubic(), TautString(), Fem(), Exact(Linear(shear=True)), Exact(NeoHooke())],
     ids=lambda theory: f"{theory.name}",
 )
 @pytest.mark.parametrize("grasp", [25.4, 12.0])

@@ -11,6 +11,7 @@ from physics import (
     Beam,
     Cubic,
     Exact,
+    NeoHooke,
     VaryingBeam,
     break_of,
     calibrated_threshold,
@@ -170,6 +171,6 @@ def test_a_break_is_found_where_a_section_gives_way_between_two_solved_ones() ->
     """Of this thick rod, at deflections of many spans past the break."""
     rod = Beam.round(span=50.8, diameter=10.16, modulus=10.3421)
     threshold = 43.37024023882904
-    event = break_of(Exact(shear=True, law="neo-hooke").pull(rod, 37.47519041930161), threshold)
+    event = break_of(Exact(NeoHooke()).pull(rod, 37.47519041930161), threshold)
     assert event is not None
     assert event.check.total_stress == pytest.approx(threshold, rel=1e-6)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from physics import Beam, Exact
+from physics import Beam, Exact, Linear
 from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
 
@@ -131,7 +131,7 @@ def test_without_strands_it_is_the_exact_beam(grasp: float) -> None:
         beam = SpaceBeam.of(DUCT, elements=elements, nodes_at=[grasp])
         hand = Hand(at=grasp, path=((0, 0, 10.0),), steps=5, along=(False, True, True))
         history = pull(beam, None, [hand])
-        solver = Exact(shear=True, intervals=80).pull(DUCT, grasp)
+        solver = Exact(Linear(shear=True), intervals=80).pull(DUCT, grasp)
         force = [solver.to_deflection(float(z)).force for z in history.hands[:, 0, 2]]
         sampled = solver.sample(np.array([0.0, grasp, DUCT.span]))
         stress = (sampled.normal_stress + sampled.bending_stress).max()

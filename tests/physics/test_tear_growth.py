@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from physics import (
     Beam,
     Exact,
+    Linear,
+    NeoHooke,
     TearPath,
     VaryingBeam,
     break_of,
@@ -26,8 +28,8 @@ from physics.tear_growth import DEEPEST, START, weak_length
 
 THEORIES = {
     "linear": Exact(),
-    "shear": Exact(shear=True),
-    "neo": Exact(shear=True, law="neo-hooke"),
+    "shear": Exact(Linear(shear=True)),
+    "neo": Exact(NeoHooke()),
 }
 every = pytest.mark.parametrize("theory", THEORIES.values(), ids=THEORIES)
 grasps = pytest.mark.parametrize("grasp", [25.4, 12.0])

@@ -8,7 +8,7 @@ from app.simulation.ghost import GhostReading
 from app.simulation.reading import Phase, Reading
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import figure, heading, note, on_work, set_if_changed
-from physics import Cubic, Exact, Fem, TautString, Theory
+from physics import Cubic, Exact, Fem, NeoHooke, TautString, Theory
 
 __all__ = ["OFFERED_THEORIES", "CompareTab"]
 
@@ -16,7 +16,7 @@ OFFERED_THEORIES: dict[str, Theory] = {
     "Cubic beam (Rayleigh)": Cubic(),
     "String (very large deflection)": TautString(),
     "Exact beam": Exact(),
-    "Exact beam, shear, neo-Hookean": Exact(shear=True, law="neo-hooke"),
+    "Exact beam, shear, neo-Hookean": Exact(NeoHooke()),
     "Finite elements (the thesis's reference)": Fem(),
 }
 """Theories that are quick enough to be stepped for a room of trainees, by their label."""

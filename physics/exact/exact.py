@@ -1,0 +1,360 @@
+"""The geometrically exact beam: large rotations, true stretch, shear, two material laws."""
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.beam import Beam
+from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.exact import newton, sampling
+from physics.exact import symbols as at
+from physics.exact.linear_law import Linear
+from physics.exact.mesh import element_bounds
+from physics.exact.neo_hooke_law import NeoHooke
+from physics.exact.state import new_state
+from physics.pull import Pull
+from physics.quantity import finite, stations_on
+
+__all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
+
+Law = Linear | NeoHooke
+"""What a section's forces are at its strains."""
+
+Reason = Literal["lost", "unstable", "gives way", "squeezed", "out of reach"]
+"""Why there is no equilibrium; see `BeyondLaw`."""
+
+REASONS: dict[int, tuple[Reason, str]] = {
+    at.LOST: ("lost", "no equilibrium was found near the last one, however small the step"),
+    at.UNSTABLE: ("unstable", "the equilibrium there would not stay, its energy can fall"),
+    at.GIVES_WAY: ("gives way", "a section has no stiffness left in stretch and shear"),
+    at.SQUEEZED: (
+        "squeezed",
+        f"a fibre would be squeezed to less than {at.LEAST_STRETCH:g} of its length",
+    ),
+    at.OUT_OF_REACH: (
+        "out of reach",
+        f"it lies beyond a deflection of {at.FARTHEST:g} spans",
+    ),
+}
+
+NEAREST = 1e-3
+"""Distance of two grasps, in spans, below which they count as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """What a grasper imposes where it holds the beam.
+
+    Attributes
+    ----------
+    kind
+        "force", the grasper's whole force, or "deflection", the place that it is led to.
+    amount
+        N or mm.
+    compliance
+        Of the grip, for a deflection, mm/N: the beam gives way to the force by as much. 0 is rigid.
+    """
+
+    kind: Literal["force", "deflection"]
+    amount: float
+    compliance: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite(self.amount, "amount of a hold", "N or mm")
+        if not 0.0 <= self.compliance < math.inf:
+            raise ValueError(f"compliance must be 0 mm/N or more, got {self.compliance:g} mm/N")
+        if self.kind == "force" and self.compliance:
+            raise ValueError("compliance belongs to a hold by deflection, not by force")
+
+
+class BeyondLaw(NoEquilibrium):
+    """A load beyond what the law can carry.
+
+    Attributes
+    ----------
+    reason
+        What stopped the pull: `lost`, no equilibrium near the last one; `unstable`, the
+        equilibrium would not stay; `gives way`, a section lost its stiffness; `squeezed`, a fibre
+        lost its length; `out of reach`, no deflection meets the force.
+    force
+        The grasper's force at the last equilibrium on the way, N.
+    deflection
+        Displacement of the grasp there, mm.
+    """
+
+    def __init__(self, message: str, reason: Reason, force: float, deflection: float) -> None:
+        super().__init__(message)
+        self.reason: Reason = reason
+        self.force = force
+        self.deflection = deflection
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Reissner's geometrically exact planar beam, as converged as its intervals make it.
+
+    With H and P the force in the beam along the clamp line and along the pull, constant over each
+    part, N = H cos theta + P sin theta and Q = P cos theta - H sin theta, stretch lambda and shear
+    gamma of the section: x' = lambda cos theta - gamma sin theta, y' = lambda sin theta
+    + gamma cos theta, M' = -(lambda Q - gamma N). The grasp may move along the axis and carries no
+    moment; the rotation and the moment go through it, P drops by the pull F.
+
+    Range, for half spans of one diameter and more and grasps from 5 to 95 % of the span, with 40
+    intervals (benchmarks/exact_sweep.py): every load that stretches the whole beam up to 2.5 times
+    its length. `NeoHooke`, for Poisson's ratios from 0.2: where the grasp is less than half a
+    diameter from a clamp, deflections up to 1.1 times that distance (a hollow section gives way
+    beyond). `Linear` with shear softens beyond a tension of about 0.5 E A and then shears
+    sideways instead of turning; that is the law's doing. What a law cannot carry is a
+    `BeyondLaw`.
+
+    Attributes
+    ----------
+    law
+        Material law: `Linear`, which may let sections shear, or `NeoHooke`.
+    intervals
+        Intervals between the rotations sought, on each side of the grasp: an even number, 4 or
+        more. The error falls with their fourth power.
+
+    Raises
+    ------
+    ValueError
+        If the intervals are odd or too few.
+
+    Examples
+    --------
+    >>> duct = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    >>> round(Exact().pull(duct, grasp=25.4).to_force(3.0).deflection, 2)
+    10.8
+    """
+
+    law: Law = field(default_factory=Linear)
+    intervals: int = 40
+    name: ClassVar[str] = "exact"
+
+    def __post_init__(self) -> None:
+        if self.intervals < 4 or self.intervals % 2:
+            raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
+
+    def pull(self, beam: Beam, grasp: float, second: float | None = None) -> "ExactPull":
+        """Return a beam at rest, grasped at one or two distances from the first clamp, mm."""
+        return ExactPull(self, beam, grasp, second)
+
+
+class ExactPull(Pull):
+    """A beam held in its last equilibrium, from which the next one is found in microseconds.
+
+    A load near the last one is solved from it; one that is far, or that this fails for, by pulling
+    the beam up from rest in steps. After a load that it cannot carry the beam is at rest.
+
+    Parameters
+    ----------
+    theory
+        Law and intervals; a second grasp adds half of the intervals.
+    beam
+        The beam.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    second
+        Distance of a second grasp, farther from that clamp, mm; none when None.
+
+    Attributes
+    ----------
+    beam, grasp, force, deflection
+        As of each `Pull`.
+
+    Raises
+    ------
+    ValueError
+        If a grasp is not between the clamps, or the second not beyond the first.
+    """
+
+    def __init__(
+        self, theory: Exact, beam: Beam, grasp: float, second: float | None = None
+    ) -> None:
+        super().__init__(beam, grasp)
+        self._theory = theory
+        self._span = beam.span
+        self._second = None if second is None else beam.grasped_at(second)[0]
+        if self._second is not None and self._second - self.grasp < NEAREST * self._span:
+            raise ValueError(
+                f"the second grasp must be {NEAREST * self._span:g} mm or more beyond the first, "
+                f"at {self.grasp:g} mm, got {self._second:g} mm; two at one place are one"
+            )
+        central = abs(self.grasp - 0.5 * beam.span) <= 1e-12 * beam.span
+        self._half = self._second is None and central and beam.is_symmetric
+        self._part = theory.intervals // 2
+        area, _ = beam.mean_section
+        self._force_unit = beam.modulus * area
+        ends = [0.0, 0.5] if self._half else [0.0, self.grasp / self._span, 1.0]
+        if self._second is not None:
+            ends.insert(2, self._second / self._span)
+        self._bounds = element_bounds(beam, ends, self._part)
+        lengths = np.diff(self._bounds)
+        count = lengths.size
+        law = theory.law
+        self._state, self._fibres = new_state(count, law.point_rows, law.fibre_rows)
+        self._state.elements[at.LENGTH] = lengths
+        line = self._line = self._state.line
+        line[at.SECOND] = count if self._second is None else 2 * self._part
+        parts = lengths[: self._part], lengths[self._part :]
+        # One after the other, as each part is as long as its elements to the last digit.
+        line[at.SHORTER_PART] = min(float(np.cumsum(part)[-1]) for part in parts if part.size)
+        law.fill(self._state, beam, self._bounds)
+        self.rest()
+
+    def rest(self) -> None:
+        """Let go of the beam."""
+        newton.rest(self._state, self._fibres)
+        self._read()
+
+    def _read(self) -> None:
+        self.force = float(self._line[at.FORCE]) * self._force_unit
+        self.deflection = float(self._line[at.DEFLECTION]) * self._span
+
+    def to_force(self, force: float) -> Self:
+        """Find the equilibrium under a whole force of the (first) grasper, N."""
+        force = finite(force, "force", "N")
+        if self._second is not None:
+            return self.hold(Hold("force", force), Hold("force", 0.0))
+        self._line[at.COMPLIANCE] = 0.0
+        load = force / self._force_unit
+        outcome = newton.solve(self._state, self._fibres, self._part, at.BY_FORCE, load)
+        self._read()
+        if outcome != at.FOUND:
+            raise self._no_equilibrium(outcome, f"force of {force:g} N")
+        return self
+
+    def to_deflection(self, deflection: float) -> Self:
+        """Find the equilibrium at a displacement of the (first) grasp, mm."""
+        deflection = finite(deflection, "deflection", "mm")
+        if self._second is not None:
+            return self.hold(Hold("deflection", deflection), Hold("force", 0.0))
+        self._line[at.COMPLIANCE] = 0.0
+        load = deflection / self._span
+        outcome = newton.solve(self._state, self._fibres, self._part, at.BY_DEFLECTION, load)
+        self._read()
+        if outcome != at.FOUND:
+            raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
+        return self
+
+    def hold(self, first: Hold, second: Hold | None = None) -> Self:
+        """Find the equilibrium of a beam that is held at its grasps, one hold for each."""
+        if (second is None) != (self._second is None):
+            raise ValueError("give one hold for each grasp")
+        load, control = self._set(first, at.COMPLIANCE)
+        if second is None:
+            outcome = newton.solve(self._state, self._fibres, self._part, control, load)
+            words = _words(first)
+        else:
+            line = self._line
+            line[at.TARGET_2], line[at.CONTROL_2] = self._set(second, at.COMPLIANCE_2)
+            outcome = newton.solve_both(
+                self._state, self._fibres, self._part, 2 * self._part, control, load
+            )
+            words = f"{_words(first)} with a {_words(second)} at the second grasp"
+        self._read()
+        if outcome != at.FOUND:
+            raise self._no_equilibrium(outcome, words)
+        return self
+
+    def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
+        """Set the compliance of a grip; return what is prescribed and of which kind."""
+        self._line[compliance] = hold.compliance * self._force_unit / self._span
+        if hold.kind == "force":
+            return hold.amount / self._force_unit, at.BY_FORCE
+        return hold.amount / self._span, at.BY_DEFLECTION
+
+    @property
+    def second_force(self) -> float:
+        """The second grasper's whole force, N."""
+        return float(self._line[at.FORCE_2]) * self._force_unit
+
+    @property
+    def second_deflection(self) -> float:
+        """Displacement of the second grasp along the pull, mm."""
+        return float(self._line[at.DEFLECTION_2]) * self._span
+
+    @property
+    def strain_energy(self) -> float:
+        """Strain energy of the beam, N mm."""
+        energy = sampling.strain_energy(self._state, self._fibres, self._part)
+        return energy * self._force_unit * self._span * (2.0 if self._half else 1.0)
+
+    def _no_equilibrium(self, outcome: int, load: str) -> BeyondLaw:
+        reason, words = REASONS[outcome]
+        force = float(self._line[at.LAST_FORCE]) * self._force_unit
+        deflection = float(self._line[at.LAST_DEFLECTION]) * self._span
+        return BeyondLaw(
+            f"the {self._theory.law.name} law must carry a {load}: {words}; "
+            f"the last equilibrium on the way is at {force:g} N and {deflection:g} mm",
+            reason,
+            force,
+            deflection,
+        )
+
+    def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
+        """Return the present equilibrium at stations.
+
+        Stresses are nominal, force over area at rest. `Linear`: N/A and |M| c/I. `NeoHooke`:
+        `normal_stress` is N/A, the mean over the section, and `bending_stress` what the outermost
+        fibre has beyond it; their sum is that fibre's first Piola stress along the axis.
+        `shear_force` is the force across the turned section. At the grasp the part under the
+        larger tension is reported. Where the centroid lies off the axis, `moment` is that about
+        the axis and the stresses are those of the moment about the centroid.
+
+        Parameters
+        ----------
+        stations
+            (N,) where to sample it, mm from the first clamp.
+
+        Returns
+        -------
+        Equilibrium
+            The equilibrium.
+
+        Raises
+        ------
+        BeyondLaw
+            If a section between those that the solution is found at gives way.
+        """
+        places = stations_on(self._span, stations)
+        parts = places / self._span
+        far = parts > 0.5 if self._half else np.zeros(places.shape, dtype=np.bool_)
+        folded = np.where(far, 1.0 - parts, parts)
+        samples = np.zeros((sampling.SAMPLE_ROWS, places.size))
+        if not sampling.sample(
+            self._state, self._fibres, self._part, self._bounds, folded, samples
+        ):
+            raise self._no_equilibrium(at.GIVES_WAY, f"deflection of {self.deflection:g} mm")
+        along: NDArray[np.float64] = samples[sampling.ALONG]
+        side = np.where(far, -1.0, 1.0)
+        sections = self.beam.sections_at(places)
+        tension = samples[sampling.TENSION] * self._force_unit
+        moment = samples[sampling.BENT] * self._force_unit * self._span
+        bending_stress = self._theory.law.bending_stress(
+            self.beam, sections, tension, moment, samples[sampling.SAMPLE_LAM :]
+        )
+        return Equilibrium(
+            theory=self._theory.name,
+            grasp=self.grasp,
+            force=self.force,
+            deflection=self.deflection,
+            stations=places.copy(),
+            along=np.where(far, 1.0 - along, along) * self._span,
+            across=samples[sampling.ACROSS] * self._span,
+            rotation=samples[sampling.TURN] * side,
+            normal_force=tension,
+            moment=moment,
+            normal_stress=tension / sections.areas,
+            bending_stress=bending_stress,
+            shear_force=-samples[sampling.TRANSVERSE] * side * self._force_unit,
+            strain_energy=self.strain_energy,
+        )
+
+
+def _words(hold: Hold) -> str:
+    unit = "N" if hold.kind == "force" else "mm"
+    return f"{hold.kind} of {hold.amount:g} {unit}"
