@@ -74,6 +74,8 @@ def test_python_example_gives_its_figures() -> None:
     assert isinstance(deflection, float)
     assert f"{deflection:.2f} mm" in example
     assert f"at {event.force:.3f} N" in example  # pyright: ignore[reportAttributeAccessIssue]
+    solid = names["solid"]
+    assert f"# {solid.deflection:.2f} mm" in example  # pyright: ignore[reportAttributeAccessIssue]
 
 
 @pytest.mark.parametrize(
