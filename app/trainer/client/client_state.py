@@ -53,7 +53,7 @@ class Workers:
 
 
 class ClientState:
-    """What the parts of one client's page share. Its methods may be called from any thread.
+    """What the parts of one client's page share. Its methods may be called by any thread.
 
     Parameters
     ----------
@@ -213,8 +213,8 @@ class ClientState:
         self._changed = True
 
     def give_hook(self, device: str) -> None:
-        """Give the hook to the hand on a device, and say so; mouse and sliders let it be."""
-        self.let_go()
+        """Give the hook to the hand on a device, and say so; mouse and sliders cannot pull then."""
+        self.release_hand()
         self.device = device
         self._device_notice = self.client.add_notification(
             "The device holds the hook", f"{device}: pull up to pull the duct.", color="green"
@@ -234,12 +234,12 @@ class ClientState:
         self._begin_anew(True)
         return self.session.grab(self.session.grasp) is not None
 
-    def pull_with(self, force: float) -> None:
-        """Pull with a force; after a run that is over, as a new run."""
+    def set_target_force(self, force: float) -> None:
+        """Set the force that the slider asks for; after a run that is over, as a new run."""
         if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_force(force)
-            # Not before the force is wished for: the inputs would go back to none.
+            # After the force is set: else the slider would be put back to none.
             self.pulls += renewed
 
     def ramp_to_tear(self) -> None:
@@ -254,7 +254,7 @@ class ClientState:
         self.pulls += 1
 
     def grab(self, hold: Hold) -> None:
-        """Take the duct by hand."""
+        """Grab the duct by hand."""
         if self._playback is not None or self._refuses_mouse():
             return
         session = self.session
@@ -265,29 +265,29 @@ class ClientState:
         first = session.dissection.clamps[0]
         station = session.grasp if hold.station is None else hold.station - first
         self._held_from = session.grab(station)
-        self.lead(hold)
+        self.move_hand(hold)
 
-    def lead(self, hold: Hold) -> None:
-        """Lead the hand that has taken the duct."""
+    def move_hand(self, hold: Hold) -> None:
+        """Move the hand that has grabbed the duct."""
         if self._held_from is not None:
             along_pull = float(hold.moved @ self.session.dissection.frame[:, 2])
             self.session.hand_to(self._held_from + along_pull)
 
-    def let_go(self) -> None:
-        """Let the duct spring back, if a hand holds it."""
+    def release_hand(self) -> None:
+        """Release the duct, if a hand holds it."""
         if self._held_from is not None:
             self._held_from = None
             self.release()
 
     def release(self) -> None:
-        """Let the duct spring back, by what it may be pulled."""
+        """Release the duct, whatever pulls it."""
         self.session.let_go()
         self.pulls += 1
 
     def start_replay(self, run: RunFile) -> ReplayPlayback:
         """Show a run again instead of the session, which stands still meanwhile."""
         playback = ReplayPlayback(run, self.session.dissection.organ)
-        self.let_go()
+        self.release_hand()
         playback.play()
         self._playback = playback
         self._changed = True

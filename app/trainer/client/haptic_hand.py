@@ -1,8 +1,8 @@
-"""A hand on a device in the trainer: it holds the hook of the first page, which says so.
+"""A haptic device in the trainer: it holds the hook of the first page, which says so.
 
-The servo has the duct's force at its own rate and in its own process. Each tick takes from it where
-the hook is and leads the session's hand there, as a mouse would: exercises, measures, tear and
-replay know no difference.
+The servo computes the force at its own rate, in a process of its own. Each tick of the trainer's
+clock reads where the hook is and moves the session's hand there, as a mouse would: exercises,
+measures, tear and replay see no difference.
 """
 
 from app.haptics.servo_process import FeltSetting, ServoProcess

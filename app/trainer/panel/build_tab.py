@@ -137,7 +137,7 @@ class BuildTab:
             "Download .organ", icon=viser.Icon.DOWNLOAD, color="gray", visible=False
         )
         self._told_at = 0.0
-        self._wishes = 0
+        self._requests = 0
         self._lock = threading.Lock()
         on_click(self._phantom, self._use_phantom)
         on_click(self._again, self._use_upload)
@@ -145,7 +145,7 @@ class BuildTab:
         on_click(self._practise, self._practise_on_it)
         on_click(self._download, self._send_organ)
         on_input(self._index, lambda _: self._look())
-        on_input(self._threshold, self._wish)
+        on_input(self._threshold, self._request)
         for handle in (self._label, self._point, self._reslice, *self._region):
             on_input(handle, lambda _: self._point_at())
 
@@ -183,7 +183,7 @@ class BuildTab:
 
         self._make(lambda: self._open(read))
 
-    def _wish(self, value: object) -> None:
+    def _request(self, value: object) -> None:
         """Build at the threshold that the slider has come to."""
         wanted = number(value)
         if math.isfinite(wanted) and self._bench.opened is not None:
@@ -203,10 +203,10 @@ class BuildTab:
             self._make(lambda: self._choose(opened))
 
     def _make(self, work: Callable[[], None], *, after: float = 0.0) -> None:
-        """Do something that takes seconds, if nothing newer is wished for before it begins."""
+        """Do something that takes seconds, if nothing newer is asked for before it begins."""
         with self._lock:
-            self._wishes += 1
-            wish = self._wishes
+            self._requests += 1
+            request = self._requests
         builder, kind = self._state.workers.builder, (id(self), "build")
 
         def do() -> None:
@@ -222,12 +222,12 @@ class BuildTab:
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."
-            if wish == self._wishes:
+            if request == self._requests:
                 self._say(said)
             self._show_result()
 
         def begin() -> None:
-            if wish == self._wishes:
+            if request == self._requests:
                 before = builder.tasks_ahead_of(kind)
                 self._say(_waiting(before) if before else "One moment.")
                 builder.submit(kind, do)

@@ -63,7 +63,7 @@ class TrainTab:
         self._model: object = None
         self._cause: object = None
 
-        on_input(self._force, lambda value: state.pull_with(number(value)))
+        on_input(self._force, lambda value: state.set_target_force(number(value)))
         on_input(self._grasp, lambda value: session.set_grasp(number(value)))
         on_input(self._heat, lambda value: state.show(heat=value is True))
         on_click(self._reset, state.reset)

@@ -1,4 +1,4 @@
-"""What is laid over the scene or set beside the duct: force, model, another theory, the chain."""
+"""Annotations of the scene: force arrow, goal, model points, ghost and mass-spring chain."""
 
 import numpy as np
 import viser
@@ -20,7 +20,7 @@ ARROW_FOOT = 1.25
 
 
 class Annotations:
-    """The force's arrow, a goal, the model's points, the ghost and the chain, made when asked for.
+    """All annotations of one client's scene, each added when it is first shown.
 
     Parameters
     ----------

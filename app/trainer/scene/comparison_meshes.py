@@ -1,4 +1,4 @@
-"""Another model beside the first: a duct's ghost, and the nodes of a mass-spring chain."""
+"""Other models beside the duct: its ghost by another theory, and a mass-spring chain."""
 
 from typing import Any
 

@@ -1,7 +1,7 @@
-"""The hand: what a mouse drags of the duct or the hook, as places in the organ's coordinates.
+"""Drag proxies: invisible meshes by which a mouse picks and drags the duct or the hook.
 
-Dragging needs something to pick. The duct itself is sent anew for every picture, so inside it there
-is a coarse tube that nobody sees, which follows it; another is inside the hook.
+The duct itself is sent anew for every frame and cannot be picked. A coarse transparent tube inside
+it follows it instead; another is inside the hook. Places are in the organ's coordinates.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What explains the model over the tissue: key points, the sections kept and driving points."""
+"""The model drawn over the tissue: key points, the sections kept and driving points."""
 
 import numpy as np
 import viser

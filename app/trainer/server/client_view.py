@@ -60,7 +60,7 @@ class ClientView:
         state.plain = look == "plain"
         self._scene = DuctScene(client, session, "plain" if look == "plain" else "full")
         # Before the panel is sent: what is seen can be dragged.
-        self._scene.let_drag(self.state.grab, self.state.lead, self.state.let_go)
+        self._scene.let_drag(self.state.grab, self.state.move_hand, self.state.release_hand)
         self._annotations = Annotations(client)
         self._panel = Panel(self.state)
         if look != "plain":
@@ -99,7 +99,7 @@ class ClientView:
 
     def close(self) -> None:
         """Let go of the duct, and of what was sent: the client has gone."""
-        self.state.let_go()
+        self.state.release_hand()
         self._panel.close()
 
     def tick(self, seconds: float, *, draws: bool = True) -> None:

@@ -82,7 +82,7 @@ class Trainer:
     ----------
     timer
         Counts the ticks that ran and those that the machine had no time for.
-    warming
+    warm_up
         Prepares what no page waits for.
 
     Raises

@@ -1,9 +1,9 @@
-"""What is done ahead: nothing is compiled in a tick, and little while somebody waits.
+"""Warm-up: kernels are compiled and still meshes made before they are needed.
 
-What any session can do without another theory is compiled before the first page is served. What
-stands still in the pictures and the other theories follow in a thread of their own: the theories
-take half a minute on a first start, and who chooses one meanwhile is told to wait. Later starts
-load them from numba's cache.
+What a session does by the theory that it starts with is compiled before the first page is served,
+so that no tick of the clock compiles. A thread of its own then makes the meshes that do not move
+and compiles the other theories: these take half a minute on a first start, and a client that
+chooses one meanwhile is told to wait. Later starts load them from numba's cache.
 """
 
 import threading
@@ -47,7 +47,7 @@ ICONS = (
     viser.Icon.UPLOAD,
     viser.Icon.X,
 )
-"""Those of the panel."""
+"""The icons of the panel."""
 
 
 def warm_session(organ: Organ, preset: Preset | None = None) -> None:
