@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from organ_geometry.curves.fitted_organ import FittedOrgan as FittedOrgan
     from organ_geometry.curves.fitted_organ import fit_organ as fit_organ
     from organ_geometry.driving_points import DrivingPoints as DrivingPoints
-    from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall as ToleranceTooSmall
+    from organ_geometry.encoder.encode import ToleranceTooSmall as ToleranceTooSmall
     from organ_geometry.images.grey_image import GreyImage as GreyImage
     from organ_geometry.images.grey_image import ImageStackError as ImageStackError
     from organ_geometry.images.grey_image import list_text as list_text
@@ -65,7 +65,7 @@ else:
     _NAMES = {
         "atomic_file": ("check_target", "make_folder", "write_atomic"),
         "organ_file": ("FILE_VERSION", "code_from_bytes", "read_organ", "write_organ"),
-        "encoder.tolerance_floor": ("ToleranceTooSmall",),
+        "encoder.encode": ("ToleranceTooSmall",),
         "contours.trace_options": ("Seed", "TraceOptions"),
         "contours.organ_tracing": ("trace_organ",),
         "contours.traced_organ": ("TracedOrgan", "TracedSection"),

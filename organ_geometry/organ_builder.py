@@ -25,9 +25,8 @@ from organ_geometry.contours.contour import SectionContour
 from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.contours.trace_options import FoundPolarity, TraceOptions
 from organ_geometry.curves.fitted_organ import FittedOrgan, fit_organ
-from organ_geometry.encoder.encode import EncodedOrgan, Selection, encoded_organ
-from organ_geometry.encoder.search import Effort
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.encoder.encode import EncodedOrgan, Selection, ToleranceTooSmall, encoded_organ
+from organ_geometry.encoder.settings import Effort
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.organ import Organ
 from organ_geometry.organ_warnings import organ_warnings

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.curves.fitted_organ import FittedOrgan
-from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
+from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.curves.outline_distance import polygon_distances
 from organ_geometry.encoder.encode import EncodedOrgan
 from organ_geometry.surface_distance import root_mean_squares, section_distances
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.half_curves import closed_outlines
-from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
+from organ_geometry.curves.outline_distance import outline_feet
 from organ_geometry.organ import Organ, Wall
 
-_HALF_CORNERS = 48
+OUTLINE_CORNERS = 96
+"""Corners of the polygon that stands for an outline: finer ones change distances by 1e-4 of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +67,16 @@ class LocatedPoints:
         # An organ's arrays are read-only, for which numba would compile once more: copied.
         return cls(*_located(np.ascontiguousarray(points), near, np.array(axis), np.array(frames)))
 
+    @classmethod
+    def joined(cls, parts: "Sequence[LocatedPoints]") -> "LocatedPoints":
+        """Return the points of all parts."""
+        return cls(
+            np.concatenate([part.piece for part in parts]),
+            np.concatenate([part.share for part in parts]),
+            np.concatenate([part.place for part in parts]),
+            np.concatenate([part.beyond for part in parts]),
+        )
+
     def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the points are from a wall.
 
@@ -79,8 +90,14 @@ class LocatedPoints:
         NDArray[np.float64]
             (N,) distances, mm.
         """
-        outlines = closed_outlines(rows, 2 * _HALF_CORNERS)
-        return _outline_distances(self.piece, self.share, self.place, self.beyond, outlines)
+        squared, _, _ = self.feet(closed_outlines(rows, OUTLINE_CORNERS))
+        return np.sqrt(squared + self.beyond * self.beyond)
+
+    def feet(
+        self, outlines: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
+        """Return where the points' feet are on a wall's outlines, see `outline_feet`."""
+        return outline_feet(self.piece, self.share, self.place, outlines)
 
     def chosen(self, numbers: NDArray[np.intp]) -> "LocatedPoints":
         """Return some of the points.
@@ -183,65 +200,3 @@ def _located(
         pieces[i], shares[i], beyonds[i] = k, share, beyond
         places[i, 0], places[i, 1] = x, y
     return pieces, shares, places, beyonds
-
-
-@numba.njit(cache=True)
-def _outline_distances(
-    pieces: NDArray[np.intp],
-    shares: NDArray[np.float64],
-    places: NDArray[np.float64],
-    beyonds: NDArray[np.float64],
-    outlines: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return distances of points to outlines as `closed_outlines` makes them."""
-    last = outlines.shape[1] - 1
-    columns = outlines.shape[1] // 2 - 1
-    distances = np.empty(len(pieces))
-    for i in range(len(pieces)):
-        k, share, x, y = pieces[i], shares[i], places[i, 0], places[i, 1]
-        ends = _across(outlines, k, share, 0), _across(outlines, k, share, columns)
-        best = np.inf
-        # Both halves have corners at the same x: from the point's column, look to both sides until
-        # a column is further away than what was found.
-        start = nearest_column(x, ends[0], ends[1], columns)
-        for way in range(-1, 2, 2):
-            column = start if way > 0 else start - 1
-            while 0 <= column < columns:
-                side = column if way > 0 else column + 1
-                off = way * (x - _across(outlines, k, share, side))
-                if off > 0.0 and off * off > FURTHER * best:
-                    break
-                one = _squared_distance(outlines, k, share, column, column + 1, x, y)
-                top = last - column
-                other = _squared_distance(outlines, k, share, top - 1, top, x, y)
-                best = min(best, one, other)
-                column += way
-        if (x - ends[0]) ** 2 <= FURTHER * best:
-            best = min(best, _squared_distance(outlines, k, share, last, 0, x, y))
-        if (x - ends[1]) ** 2 <= FURTHER * best:
-            best = min(best, _squared_distance(outlines, k, share, columns, columns + 1, x, y))
-        distances[i] = np.sqrt(best + beyonds[i] * beyonds[i])
-    return distances
-
-
-@numba.njit(cache=True)
-def _across(outlines: NDArray[np.float64], k: int, share: float, corner: int) -> float:
-    """Return the x of a corner of the outline between two outlines."""
-    return outlines[k, corner, 0] * (1.0 - share) + outlines[k + 1, corner, 0] * share
-
-
-@numba.njit(cache=True)
-def _squared_distance(
-    outlines: NDArray[np.float64],
-    k: int,
-    share: float,
-    first: int,
-    second: int,
-    x: float,
-    y: float,
-) -> float:
-    """Return the squared distance of a point to a side of the outline between two outlines."""
-    x0, x1 = _across(outlines, k, share, first), _across(outlines, k, share, second)
-    y0 = outlines[k, first, 1] * (1.0 - share) + outlines[k + 1, first, 1] * share
-    y1 = outlines[k, second, 1] * (1.0 - share) + outlines[k + 1, second, 1] * share
-    return foot_on_side(x0, y0, x1, y1, x, y)[0]

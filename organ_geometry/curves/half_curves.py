@@ -13,18 +13,16 @@ of a section they grow beyond all bounds while the curve is near. The fit made h
 normal ones: a point weighs by the length of boundary around it and by how flat it is there.
 """
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import even_points
 from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
-from organ_geometry.curves.outline_distance import foot_on_side, outline_distances
+from organ_geometry.curves.outline_distance import outline_distances
 
 DEGREE = COEFFICIENTS - 1
 ROW_SIZE = 2 + 2 * COEFFICIENTS
@@ -189,39 +187,6 @@ def _corner_places(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]
     for array in (u, basis):
         array.setflags(write=False)
     return u, basis
-
-
-def polygon_distances(
-    points: NDArray[np.float64], corners: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the distance of each point to a closed polygon."""
-    return _polygon_distances(
-        np.ascontiguousarray(points, dtype=np.float64),
-        np.ascontiguousarray(corners, dtype=np.float64),
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def _polygon_distances(
-    points: NDArray[np.float64], corners: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    count = len(points)
-    squared = np.empty(count)
-    for i in range(count):
-        squared[i] = np.inf
-    last = len(corners) - 1
-    x0, y0 = corners[last, 0], corners[last, 1]
-    # Side by side, several points are measured at once.
-    for c in range(len(corners)):
-        x1, y1 = corners[c, 0], corners[c, 1]
-        for i in range(count):
-            squared[i] = min(
-                squared[i], foot_on_side(x0, y0, x1, y1, points[i, 0], points[i, 1])[0]
-            )
-        x0, y0 = x1, y1
-    for i in range(count):
-        squared[i] = math.sqrt(squared[i])
-    return squared
 
 
 def _check_overshoot(curves: HalfCurves, boundary: NDArray[np.float64]) -> None:

@@ -1,4 +1,11 @@
-"""How far points are from an outline whose two halves have corners at the same places in x."""
+"""Distances of points to outlines: the one place where they are measured.
+
+An outline is a closed polygon of 2 H corners as `half_curves.closed_outlines` makes it: its two
+halves have corners at the same x, the places u_c = cos(pi c / (H - 1)), so that corner c of the
+one lies above corner 2 H - 1 - c of the other. A point's nearest side is looked for from its own
+column to both ways, until a column is further away in x than what was found. The foot is the
+nearest place of a side.
+"""
 
 import math
 
@@ -6,68 +13,144 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-FURTHER = 1.0 + 1e-6
+_FURTHER = 1.0 + 1e-6
 """How much further away, squared, what is left out must be, for rounding."""
 
 
-@numba.njit(cache=True, nogil=True)
 def outline_distances(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the distance of each point to an outline."""
-    last = len(corners) - 1
-    columns = len(corners) // 2 - 1
-    right, left = corners[0, 0], corners[columns, 0]
-    distances = np.empty(len(points))
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        best = np.inf
-        # From the point's column to both sides, until one is further away than what was found.
-        start = nearest_column(x, right, left, columns)
+    """Return the (N,) distances of (N, 2) points to one outline (2 H, 2)."""
+    count = len(points)
+    squared, _, _ = outline_feet(
+        np.zeros(count, dtype=np.intp), np.zeros(count), points, corners[np.newaxis]
+    )
+    return np.sqrt(squared)
+
+
+@numba.njit(cache=True, nogil=True)
+def outline_feet(
+    pieces: NDArray[np.intp],
+    shares: NDArray[np.float64],
+    points: NDArray[np.float64],
+    outlines: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
+    """Return where points' feet are on outlines, each between two of (S, 2 H, 2)."""
+    # Point i belongs to the outline that lies the share shares[i] of the way from outline pieces[i]
+    # to the next. Returned are squared distances, the corners at which the feet's sides end, and
+    # the feet's shares of the way along them.
+    last = outlines.shape[1] - 1
+    columns = outlines.shape[1] // 2 - 1
+    squared = np.empty(len(pieces))
+    ends = np.empty(len(pieces), np.intp)
+    parts = np.empty(len(pieces))
+    for i in range(len(pieces)):
+        k, share, x, y = pieces[i], shares[i], points[i, 0], points[i, 1]
+        after = min(k + 1, len(outlines) - 1)
+        right = _between(outlines, k, after, share, 0, 0)
+        left = _between(outlines, k, after, share, columns, 0)
+        best, end, part = np.inf, 0, 0.0
+        # The column in which the point lies, or about that: u = cos(pi column / columns).
+        width = right - left
+        u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
+        start = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
+        start = min(max(start, 0), columns - 1)
+        # To both ways from there, the bottom and the top side of each column; then the two upright
+        # sides that close the outline at its right and left end.
         for way in range(-1, 2, 2):
             column = start if way > 0 else start - 1
             while 0 <= column < columns:
-                off = way * (x - corners[column if way > 0 else column + 1, 0])
-                if off > 0.0 and off * off > FURTHER * best:
+                near = column if way > 0 else column + 1
+                off = way * (x - _between(outlines, k, after, share, near, 0))
+                if off > 0.0 and off * off > _FURTHER * best:
                     break
-                one = _squared_distance(corners, column, column + 1, x, y)
-                other = _squared_distance(corners, last - column - 1, last - column, x, y)
-                best = min(best, one, other)
+                for half in range(2):
+                    corner = column + 1 if half == 0 else last - column
+                    away, along = _foot(outlines, k, after, share, corner, x, y)
+                    if away < best:
+                        best, end, part = away, corner, along
                 column += way
-        if (x - right) ** 2 <= FURTHER * best:
-            # Not `_squared_distance`: a constant corner would be one more compilation of it.
-            x1, y1 = corners[last, 0], corners[last, 1]
-            best = min(best, foot_on_side(x1, y1, corners[0, 0], corners[0, 1], x, y)[0])
-        if (x - left) ** 2 <= FURTHER * best:
-            best = min(best, _squared_distance(corners, columns, columns + 1, x, y))
-        distances[i] = math.sqrt(best)
-    return distances
+        for half in range(2):
+            corner = 0 if half == 0 else columns + 1
+            off = x - (right if half == 0 else left)
+            if off * off <= _FURTHER * best:
+                away, along = _foot(outlines, k, after, share, corner, x, y)
+                if away < best:
+                    best, end, part = away, corner, along
+        squared[i], ends[i], parts[i] = best, end, part
+    return squared, ends, parts
+
+
+def polygon_distances(
+    points: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of each point to any closed polygon."""
+    squared, _ = polygon_sides(
+        np.ascontiguousarray(points, dtype=np.float64),
+        np.ascontiguousarray(corners, dtype=np.float64),
+    )
+    return np.sqrt(squared)
 
 
 @numba.njit(cache=True, nogil=True)
-def nearest_column(x: float, right: float, left: float, columns: int) -> int:
-    """Return the column of an outline in which a place lies, or about that."""
-    width = right - left
-    u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
-    column = int(math.acos(min(max(u, -1.0), 1.0)) / math.pi * columns)
-    return min(max(column, 0), columns - 1)
+def polygon_sides(
+    points: NDArray[np.float64], corners: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return squared distances of points to any closed polygon, and which points lie inside it."""
+    # Plain loops: slices and array expressions take seconds to compile.
+    count, last = len(points), len(corners) - 1
+    squared, inside = np.empty(count), np.empty(count, np.bool_)
+    for i in range(count):
+        squared[i] = np.inf
+        inside[i] = False
+    x0, y0 = corners[last, 0], corners[last, 1]
+    for c in range(len(corners)):
+        x1, y1 = corners[c, 0], corners[c, 1]
+        for i in range(count):
+            x, y = points[i, 0], points[i, 1]
+            squared[i] = min(squared[i], foot_on_side(x0, y0, x1, y1, x, y)[0])
+            # A point is inside if a ray to its right crosses an odd number of sides.
+            if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+                inside[i] = not inside[i]
+        x0, y0 = x1, y1
+    return squared, inside
 
 
 @numba.njit(cache=True, nogil=True)
-def _squared_distance(
-    corners: NDArray[np.float64], first: int, second: int, x: float, y: float
+def _between(
+    outlines: NDArray[np.float64], k: int, after: int, share: float, corner: int, axis: int
 ) -> float:
-    """Return the squared distance of a point to the side between two corners."""
+    """Return a coordinate of a corner of the outline between two."""
+    return outlines[k, corner, axis] * (1.0 - share) + outlines[after, corner, axis] * share
+
+
+@numba.njit(cache=True, nogil=True)
+def _foot(
+    outlines: NDArray[np.float64],
+    k: int,
+    after: int,
+    share: float,
+    corner: int,
+    x: float,
+    y: float,
+) -> tuple[float, float]:
+    """Return a point's foot on the side that ends at a corner of the outline between two."""
+    before = corner - 1 if corner > 0 else outlines.shape[1] - 1
     return foot_on_side(
-        corners[first, 0], corners[first, 1], corners[second, 0], corners[second, 1], x, y
-    )[0]
+        _between(outlines, k, after, share, before, 0),
+        _between(outlines, k, after, share, before, 1),
+        _between(outlines, k, after, share, corner, 0),
+        _between(outlines, k, after, share, corner, 1),
+        x,
+        y,
+    )
 
 
 @numba.njit(cache=True, nogil=True)
 def foot_on_side(
     x0: float, y0: float, x1: float, y1: float, x: float, y: float
 ) -> tuple[float, float]:
-    """Return where a point's foot on a side is, the nearest place of the side to it."""
+    """Return a point's squared distance to a side, and its foot's share of the way along it."""
     sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
     squared = sx * sx + sy * sy
     share = 0.0

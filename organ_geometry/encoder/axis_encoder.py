@@ -1,4 +1,9 @@
-"""The axis in whole numbers: a few keys near the sections' centroids, in few bits."""
+"""The quantised axis: a few keys near the sections' centroids, in few bits.
+
+Least-squares keys of a natural cubic spline go through the centroids, and their ends are rounded.
+What is stored of the keys between is chosen by coordinate descent, coarse levels first: only the
+part of a centroid's distance across the axis counts, since along it places are free.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,7 +17,16 @@ from organ_geometry.curves.axis_curve import (
     natural_cubic_slopes,
     refinement,
 )
-from organ_geometry.encoder.key_lattice import descend
+from organ_geometry.encoder.coordinate_descent import (
+    UNBOUNDED,
+    Coordinates,
+    Residuals,
+    dense_bands,
+    descend,
+    penalty_row,
+)
+from organ_geometry.encoder.costs import first_axis_bits, total_bits
+from organ_geometry.encoder.settings import Penalty
 from organ_geometry.organ_file.organ_code import (
     LARGEST_AXIS_DEPTH,
     axis_keys,
@@ -21,17 +35,10 @@ from organ_geometry.organ_file.organ_code import (
     scale_of,
 )
 
-_LARGEST_SIZE = 12
-_SIZES = np.arange(1.0, _LARGEST_SIZE + 1)
-# A zero, or a sign and a size: what they take where little is known of them.
-_BITS = np.tile(np.concatenate([[0.7], 2.5 + 2.0 * np.log2(_SIZES)]), (2, 1))
-_FIT_ROUNDS = 5
-_CENTROIDS_A_KEY = 3
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CodedAxis:
-    """An axis in whole numbers.
+class QuantisedAxis:
+    """An axis in integers.
 
     Attributes
     ----------
@@ -44,7 +51,7 @@ class CodedAxis:
     keys
         (K, 3) the keys that they give, mm.
     cost
-        Its squared error and the price of its bits, mm^2.
+        Its squared error and the worth of its bits, mm^2.
     """
 
     ends: NDArray[np.int64]
@@ -54,37 +61,28 @@ class CodedAxis:
     keys: NDArray[np.float64]
     cost: float
 
-    def bent(self, bends: NDArray[np.int64]) -> "CodedAxis":
-        """Return the axis with other bends.
-
-        Parameters
-        ----------
-        bends
-            (K, 3) the bends.
-
-        Returns
-        -------
-        CodedAxis
-            The axis; its cost is not known.
-        """
+    def bent(self, bends: NDArray[np.int64]) -> "QuantisedAxis":
+        """Return the axis with other (K, 3) bends; its cost is not known."""
         keys = axis_keys(self.ends, bends, self.step)
         return replace(self, bends=bends, keys=keys, cost=math.nan)
 
 
-def coded_axis(
+def quantised_axis(
     centroids: NDArray[np.float64],
     depth: int,
     scale: int,
     tolerance: float,
-    price: float,
+    bit_worth: float,
     reach: tuple[float, float] = (0.0, 0.0),
-) -> CodedAxis:
-    """Return an axis of 2^depth + 1 keys."""
+) -> QuantisedAxis:
+    """Return an axis of 2^depth + 1 keys near (S, 3) centroids, carried on by its reach, mm."""
+    # Its step is the scale's in tolerances, mm; a bit is worth a squared error, in squared steps.
     count, step = 2**depth + 1, tolerance * scale_of(scale)
-    price *= step * step
+    bit_worth *= step * step
     keys, places = _fitted(centroids, count, reach)
     first = np.asarray(np.round(keys[0] / step), dtype=np.int64)
     chord = np.asarray(np.round(keys[-1] / step), dtype=np.int64) - first
+    # Steps longer than the organ may leave no chord: it has one step then, along its longest side.
     if not chord.any():
         chord[int(np.abs(keys[-1] - keys[0]).argmax())] = 1
     ends = np.stack([first, chord])
@@ -93,39 +91,52 @@ def coded_axis(
     weights = natural_cubic(places, count)
     tangents = (natural_cubic_slopes(places, count) @ keys) @ frame.T
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    # (S, 3, 3): what is left of a distance without its part along the axis.
     across = np.eye(3) - tangents[:, :, np.newaxis] * tangents[:, np.newaxis, :]
     straight = np.asarray(
         np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord * step + first * step, dtype=np.float64
     )
     wanted = np.einsum("sij,sj->si", across, (centroids - weights @ straight) @ frame.T).ravel()
+    # Bends in the order of their levels, so that those known at a level are the first so many.
     levels = key_levels(depth)
-    inner = np.flatnonzero(levels > 0)
+    inner = np.argsort(levels, kind="stable")[np.count_nonzero(levels == 0) :]
     columns = (weights @ refinement(depth))[:, inner]
     # One row for each section and direction, one column for each key and direction.
     design = columns[:, np.newaxis, :, np.newaxis] * (across * unit)[:, :, np.newaxis, :]
     design = design.reshape(3 * len(centroids), -1)
-    products, sums = 0.5 * design.T @ design, 0.5 * design.T @ wanted
-    numbers = np.zeros(design.shape[1], dtype=np.int64)
-    prices, rows = price * _BITS, np.zeros(len(numbers), dtype=np.intp)
+    integers = np.zeros(design.shape[1], dtype=np.int64)
+    size = len(integers)
+    coordinates = Coordinates(
+        row=np.arange(size),
+        change=np.zeros(size, dtype=np.intp),
+        step=np.ones(size),
+        lowest=np.full(size, -UNBOUNDED),
+        highest=np.full(size, UNBOUNDED),
+        bits=np.tile(first_axis_bits(), (size, 1)),
+    )
+    # Of three rows of a section only the two across say something: half a square each, as of the
+    # mean over a round boundary, on which a shift counts with its cosine.
+    shares = np.full(len(wanted), 0.5)
+    rest = -wanted
+    errors = np.array([shares @ (rest * rest)])
+    points = Residuals(np.zeros(len(wanted), dtype=np.intp), shares, rest, errors)
+    penalty = penalty_row(Penalty(1.0 / bit_worth, 0.0, 0.0))
+    bands, ones = dense_bands(design), np.ones((1, len(wanted)))
     for level in range(1, depth + 1):
-        known = np.flatnonzero(np.repeat(levels[inner] <= level, 3))
-        chosen = numbers[known]
+        known = 3 * np.count_nonzero(levels[inner] <= level)
+        ranges = np.array([[0, known]])
         descend(
-            np.ascontiguousarray(products[np.ix_(known, known)]),
-            sums[known], rows[known], prices, chosen, 20,
+            integers, coordinates, bands, ones, points, penalty, ranges, UNBOUNDED, 20
         )  # fmt: skip
-        numbers[known] = chosen
     bends = np.zeros((count, 3), dtype=np.int64)
-    bends[inner] = numbers.reshape(-1, 3)
-    away = wanted - design @ numbers
-    bits = _BITS[0, np.minimum(np.abs(numbers), _LARGEST_SIZE)].sum()
-    cost = 0.5 * float(away @ away) + price * float(bits)
-    return CodedAxis(ends, bends, scale, step, axis_keys(ends, bends, step), cost)
+    bends[inner] = integers.reshape(-1, 3)
+    cost = float(errors[0]) + bit_worth * total_bits(coordinates.bits, integers)
+    return QuantisedAxis(ends, bends, scale, step, axis_keys(ends, bends, step), cost)
 
 
 def most_levels(sections: int) -> int:
-    """Return the most levels of keys that sections can fix."""
-    return min(max(1, (sections // _CENTROIDS_A_KEY).bit_length() - 1), LARGEST_AXIS_DEPTH)
+    """Return the most levels of keys that sections can fix, three centroids a key."""
+    return min(max(1, (sections // 3).bit_length() - 1), LARGEST_AXIS_DEPTH)
 
 
 def _fitted(
@@ -138,7 +149,9 @@ def _fitted(
     whole = length + reach[0] + reach[1]
     places = (places + reach[0]) / whole
     keys = _least_squares(targets, places, count)
-    for _ in range(_FIT_ROUNDS):
+    # Places glide along the axis to where the targets are nearest; five rounds of Newton's step, of
+    # which 0.7 goes without overshoot, settle them to far less than a step.
+    for _ in range(5):
         slopes = natural_cubic_slopes(places, count) @ keys
         away = targets - natural_cubic(places, count) @ keys
         squared = np.maximum((slopes * slopes).sum(axis=1), np.finfo(np.float64).tiny)

@@ -1,8 +1,7 @@
-"""An organ's contours cut across its axis, in frames that lie as the images do."""
+"""An organ's contours sampled across its axis, in frames that lie as the images do."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,10 +9,18 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import ContourLoft, SectionContour
 from organ_geometry.curves.axis_curve import even_places, key_depth, natural_cubic, refinement
-from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines, polygon_distances
+from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines
 from organ_geometry.curves.key_blend import KeyBlend
-from organ_geometry.encoder.axis_encoder import CodedAxis
-from organ_geometry.encoder.section_encoder import Outlines, SectionEncoder, extents, fitted_signals
+from organ_geometry.curves.outline_distance import polygon_distances
+from organ_geometry.encoder.axis_encoder import QuantisedAxis
+from organ_geometry.encoder.jacobian import AxisMotion, EdgeJacobian
+from organ_geometry.encoder.section_encoder import (
+    Outlines,
+    SectionEncoder,
+    extents,
+    fitted_signals,
+)
+from organ_geometry.encoder.settings import EncoderSettings
 from organ_geometry.organ_file.coefficients import signals_to_rows
 from organ_geometry.organ_file.organ_code import (
     COARSEST_TILTS,
@@ -27,30 +34,9 @@ from organ_geometry.organ_file.organ_code import (
 )
 from organ_geometry.surface_distance import LocatedPoints
 
-_TURN_STEP, _TURNED_OUTLINES = 2, 32
-# An end section leans out of the axis by up to 1 in 1/4.
-_STEEPEST = 0.25
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BendMoves:
-    """How the sections of an axis move with its bends: each by its weight, in its way.
-
-    Attributes
-    ----------
-    weights
-        (N + 1, K) weights of the axis's K keys in the N + 1 sections.
-    across
-        (N + 1, 3, 2) how far a bend of one in each of its three ways moves a section in x and y
-        where its weight is one, mm.
-    """
-
-    weights: NDArray[np.float64]
-    across: NDArray[np.float64]
-
-
-class OrganCut:
-    """An organ's contours cut across one axis.
+class AxisSampling:
+    """An organ's contours sampled across one axis.
 
     Parameters
     ----------
@@ -68,13 +54,15 @@ class OrganCut:
         How far the lofts are carried on beyond both ends, mm.
     turn
         How far half-curves are turned in their sections, as in `OrganCode`.
+    settings
+        What the encoder is tuned by.
     left_handed
         Whether frames are left-handed.
     tilt_scale
         Step of the end sections' tilts, see `leans_of`.
-    like
-        A cut of some of the contours across this axis; its frames and candidates are taken, and
-        the depth says how many outlines there are.
+    frames_from
+        A sampling of some of the contours across this axis; its frames and candidates are taken,
+        and the depth says how many outlines there are.
 
     Attributes
     ----------
@@ -99,33 +87,39 @@ class OrganCut:
         contours: Sequence[SectionContour],
         lofts: Sequence[ContourLoft],
         centroids: NDArray[np.float64],
-        axis: CodedAxis,
+        axis: QuantisedAxis,
         depth: int,
         far: float,
         turn: int = 0,
         *,
+        settings: EncoderSettings,
         left_handed: bool,
         tilt_scale: int = 3,
-        like: "OrganCut | None" = None,
+        frames_from: "AxisSampling | None" = None,
     ) -> None:
         self.axis, keys = axis, axis.keys
-        self.turn = turn if like is None else like.turn
-        self.candidates = 2**depth if like is None else like.candidates
+        self._settings = settings
+        self.turn = turn if frames_from is None else frames_from.turn
+        self.candidates = 2**depth if frames_from is None else frames_from.candidates
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
         self.tilt_scale = tilt_scale
-        if like is None:
-            self._lay(contours, centroids, left_handed)
+        if frames_from is None:
+            self._fit_frames(contours, centroids, left_handed)
         else:
-            self.start_axis, self.roll, self.tilts = like.start_axis, like.roll, like.tilts
-            self.tilt_scale = like.tilt_scale
+            self.start_axis, self.roll, self.tilts = (
+                frames_from.start_axis,
+                frames_from.roll,
+                frames_from.tilts,
+            )
+            self.tilt_scale = frames_from.tilt_scale
         points, frames = axis_and_frames(
             keys, samples, self.start_axis, self.roll, self._leans, self.turn, left_handed=hand
         )
         self.places = _places(centroids, points, frames[:, :, 2])
         self._lofts, self._far = lofts, far
         self._points, self._frames = points, frames
-        self._locate(contours, keys, left_handed=hand, hollow=len(lofts) > 1)
+        self._locate_points(contours, keys, left_handed=hand, hollow=len(lofts) > 1)
 
     @property
     def depth(self) -> int:
@@ -150,9 +144,9 @@ class OrganCut:
     @cached_property
     def encoder(self) -> SectionEncoder:
         """What codes the outlines."""
-        return SectionEncoder(self.outlines, self.candidates)
+        return SectionEncoder(self.outlines, self.candidates, self._settings)
 
-    def _lay(
+    def _fit_frames(
         self,
         contours: Sequence[SectionContour],
         centroids: NDArray[np.float64],
@@ -174,13 +168,16 @@ class OrganCut:
         angle *= -1.0 if hand else 1.0
         self.roll = round(angle * ROLLS / (2.0 * math.pi)) % ROLLS
         points, frames = axis_and_frames(keys, samples, start, self.roll, upright, left_handed=hand)
+        if not self._settings.tilts:
+            return
         for end, contour in ((0, contours[0]), (-1, contours[-1])):
             lean_x, lean_y, onwards = contour.normal @ frames[end]
+            # An image that is nearly along the axis says little of how its section leans.
             self.tilts[end] = np.round(
-                np.array([lean_x, lean_y]) / max(float(onwards), _STEEPEST) * tilts
+                np.array([lean_x, lean_y]) / max(float(onwards), 0.25) * tilts
             ).astype(np.int64)
 
-    def _locate(
+    def _locate_points(
         self,
         contours: Sequence[SectionContour],
         keys: NDArray[np.float64],
@@ -207,7 +204,14 @@ class OrganCut:
     def _leans(self) -> NDArray[np.float64]:
         return leans_of(self.tilts, self.tilt_scale)
 
-    def bend_moves(self) -> BendMoves:
+    def jacobian(self) -> EdgeJacobian:
+        """Return how edge points' distances change with integers about this axis."""
+        return EdgeJacobian.of(
+            self.edges, len(self.places), self.pieces, self.candidates, self._motion(),
+            self._settings.points,
+        )  # fmt: skip
+
+    def _motion(self) -> AxisMotion:
         """Return how the sections of a reader's axis move with the axis's bends."""
         axis = self.axis
         count = len(axis.bends)
@@ -216,7 +220,7 @@ class OrganCut:
         ways = chord_frame(np.asarray(axis.ends[1] * axis.step, dtype=np.float64))
         ways *= bend_steps(axis.step)[:, np.newaxis]
         across = np.einsum("wc,ncx->nwx", ways, self._frames_read[:, :, :2])
-        return BendMoves(weights, across)
+        return AxisMotion(weights, across)
 
     def section_rms(
         self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]
@@ -248,11 +252,12 @@ class OrganCut:
 
 
 def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
-    """Return how far half-curves are best turned in their sections to lie near outlines."""
-    some = outlines[:: max(1, len(outlines) // _TURNED_OUTLINES)]
-    errors = np.empty(TURNS // _TURN_STEP)
+    """Return the rotation of half-curves nearest to outlines, and what it leaves of the error."""
+    # 32 outlines along an organ and every second rotation tell; the error has one minimum.
+    some = outlines[:: max(1, len(outlines) // 32)]
+    errors = np.empty(TURNS // 2)
     for number in range(len(errors)):
-        angle = number * _TURN_STEP * math.pi / TURNS
+        angle = number * 2 * math.pi / TURNS
         turned = some @ np.array(
             [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
         )
@@ -262,7 +267,7 @@ def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
             for ring, near in zip(turned, corners, strict=True)
         )
     best = int(errors.argmin())
-    return best * _TURN_STEP, float(errors[best] / max(errors[0], np.finfo(np.float64).tiny))
+    return best * 2, float(errors[best] / max(errors[0], np.finfo(np.float64).tiny))
 
 
 def _places(

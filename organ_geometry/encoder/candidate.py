@@ -1,4 +1,9 @@
-"""Attempts at an organ's numbers: an axis, steps, and what is stored in them."""
+"""Candidates: an organ in integers, for one axis and one step, with its bytes and errors.
+
+`CandidateEncoder` samples the contours across an axis, encodes them in steps of a size, refines the
+integers round by round (linearise, descend, evaluate, learn the penalty), and evaluates each
+candidate on all edge points as a reader of its file has it: what is promised is what was measured.
+"""
 
 import copy
 import math
@@ -10,19 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import ContourLoft, SectionContour, centroid_and_radius
-from organ_geometry.curves.half_curves import closed_outlines, polygon_distances
-from organ_geometry.encoder.axis_encoder import CodedAxis, coded_axis
-from organ_geometry.encoder.axis_sampling import OrganCut
-from organ_geometry.encoder.coordinate_descent import OrganNumbers, SliceDescent
-from organ_geometry.encoder.jacobian import EdgePoints
-from organ_geometry.encoder.penalties import EACH_SLICE, NEAR, Aiming
-from organ_geometry.encoder.section_encoder import CodedSections
-from organ_geometry.encoder.wall_thickness import thinnest_walls
-from organ_geometry.organ_file import code_bytes
+from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.curves.outline_distance import polygon_distances, polygon_sides
+from organ_geometry.encoder.axis_encoder import QuantisedAxis, quantised_axis
+from organ_geometry.encoder.axis_sampling import AxisSampling
+from organ_geometry.encoder.costs import PenaltyController
+from organ_geometry.encoder.refinement import OrganIntegers, Refinement
+from organ_geometry.encoder.section_encoder import KeySections
+from organ_geometry.encoder.settings import EncoderSettings
+from organ_geometry.organ import Wall
+from organ_geometry.organ_file import OrganCode, code_bytes
 from organ_geometry.organ_file.organ_code import (
     COARSEST_TILTS,
     LARGEST_KEY_DEPTH,
-    OrganCode,
     scale_number,
     scale_of,
     signal_steps,
@@ -30,47 +35,30 @@ from organ_geometry.organ_file.organ_code import (
     tolerance_of,
 )
 
-AXIS_PRICE = 0.2
-"""Squared error, summed over the sections, that a bit of the axis is worth, in squared steps."""
-OVERALL_SHARE = 0.4
-"""What all sections' errors cost, to begin with, as a share of an organ's bits, where all together
-are to be kept to an RMS distance: bits go with the logarithm of that."""
-
-_FINEST_SHARE, _COARSEST_SHARE, _LARGEST_SHARE = 1e-3, 0.2, 50.0
-# What no numbers keep, so that errors can be said in tolerances.
-_LEAST_SHARE = 1e-9
-# A reader's stations are at equal chords of the axis: it finds distances so much larger at most.
-_CHORDS = 1e-4
-_PATIENCE = 2
-# Where slices are off by so much more than was foreseen, the axis was bent too far.
-_ASTRAY = 1.2
-_STRAYS, _STRAY_CORNERS = 0.4, 32
-# Tilts are off by half a step: by so many of these a tolerance at the edge.
-_TILT_SHARE = 0.8
-# An axis is carried on at its ends until their planes enclose the end sections so nearly.
-_ENCLOSED, _CARRIES = 0.2, 4
+_WALLS: tuple[Wall, Wall] = ("outer", "lumen")
 
 
 @dataclass(frozen=True, eq=False)
-class KeptCode:
-    """Numbers of an organ, and how well they keep its sections.
+class Encoding:
+    """An organ in integers, and how well they keep its sections.
 
     Attributes
     ----------
     code
-        The numbers.
-    cut
-        The contours cut across their axis.
+        The integers.
+    sampling
+        The contours sampled across their axis.
     rms
         (S,) RMS distance of each section's edge points, mm.
     overall
         That of all edge points, mm.
     worst
-        The largest of `rms` in tolerances, or of `overall` in what that may be, if larger.
+        The larger of the worst section's RMS over its limit and the overall RMS over its own; up
+        to 1, the encoding keeps what was promised.
     """
 
     code: OrganCode
-    cut: OrganCut
+    sampling: AxisSampling
     rms: NDArray[np.float64]
     overall: float
     worst: float
@@ -81,14 +69,14 @@ class KeptCode:
         return code_bytes(self.code)
 
     @property
-    def numbers(self) -> OrganNumbers:
-        """Those of the numbers that are chosen together."""
+    def integers(self) -> OrganIntegers:
+        """Those of the integers that are chosen together."""
         walls = [self.code.outer] if self.code.lumen is None else [self.code.outer, self.code.lumen]
-        return OrganNumbers(CodedSections(self.code.keys, np.stack(walls)), self.code.bends)
+        return OrganIntegers(KeySections(self.code.keys, np.stack(walls)), self.code.bends)
 
 
-class OrganAttempts:
-    """Makes an organ's numbers in steps of any size, and measures how well they keep its sections.
+class CandidateEncoder:
+    """Encodes an organ in steps of any size, and evaluates how well that keeps its sections.
 
     Parameters
     ----------
@@ -98,6 +86,8 @@ class OrganAttempts:
         Largest RMS distance of a section's edge points to the organ, mm.
     overall
         Largest RMS distance of all of them, mm, or None.
+    settings
+        What the encoder is tuned by.
     hollow
         Whether all sections have a lumen that counts.
     left_handed
@@ -115,8 +105,8 @@ class OrganAttempts:
         The tolerance as the file says it, mm.
     limits
         (S,) RMS distance that each section may have, mm.
-    usual
-        What lengths go with, in tolerances: one, if no section is too small for it.
+    step_unit
+        What steps are multiples of, in tolerances; 1 unless a section is too narrow.
     depth
         With 2^depth pieces between them, candidates for key sections are about as far from one
         another as sections.
@@ -127,12 +117,14 @@ class OrganAttempts:
         contours: Sequence[SectionContour],
         tolerance: float,
         overall: float | None,
+        settings: EncoderSettings,
         *,
         hollow: bool,
         left_handed: bool,
         units: str,
     ) -> None:
         self.contours: Sequence[SectionContour] = contours
+        self.settings = settings
         self._units = units
         self._hollow = hollow
         self._left_handed = left_handed
@@ -143,20 +135,27 @@ class OrganAttempts:
         self._lofts: list[ContourLoft] = []
         counts = np.sum([[len(edge) for edge in edges] for edges in self._edges], axis=0)
         self._shares = counts / counts.sum()
-        within = max(tolerance, _FINEST_SHARE * self._radius)
-        self._number = tolerance_number(min(within, _LARGEST_SHARE * self._radius))
+        # Steps below a thousandth of the radius say nothing of images; tolerances above fifty radii
+        # nothing of an organ.
+        finest = 1e-3 * self._radius
+        self._number = tolerance_number(min(max(tolerance, finest), 50.0 * self._radius))
         stored = tolerance_of(self._number)
-        # What the file says is what is promised.
-        self._allowed = max(min(tolerance, stored), _LEAST_SHARE * self._radius)
-        self.limits = np.full(len(contours), (1.0 - _CHORDS) * self._allowed)
+        # What the file says is what is promised; no integers keep a billionth of the radius, which
+        # lets errors be said in tolerances all the same.
+        self._allowed = max(min(tolerance, stored), 1e-9 * self._radius)
+        # A reader's stations are at equal chords of the axis: it finds distances larger by 1e-4 at
+        # most.
+        self.limits = np.full(len(contours), (1.0 - 1e-4) * self._allowed)
         self._overall = self._allowed if overall is None else min(overall, self._allowed)
-        # Steps go with the tolerance, but none is so long that it would leave nothing of a section.
+        # Steps go with the tolerance, but none is so long that it would leave nothing of a section:
+        # a fifth of the narrowest half width.
         narrowest = min(float(np.ptp(contour.outer @ contour.x_dir)) for contour in contours)
-        longest = _COARSEST_SHARE * min(self._radius, 0.5 * narrowest)
-        self._unit = min(stored, max(1.25 * self._overall, _FINEST_SHARE * self._radius), longest)
-        self.usual = self._unit / stored
-        finest = _TILT_SHARE * self._radius / self._allowed
-        self._tilt_scale = min(max(0, math.ceil(math.log2(finest / COARSEST_TILTS))), 3)
+        longest = 0.2 * min(self._radius, 0.5 * narrowest)
+        self._unit = min(stored, max(1.25 * self._overall, finest), longest)
+        self.step_unit = self._unit / stored
+        # Tilts are rounded by half a step: at the edge that is 0.6 of a tolerance at most.
+        steps = 0.8 * self._radius / self._allowed
+        self._tilt_scale = min(max(0, math.ceil(math.log2(steps / COARSEST_TILTS))), 3)
         self.tolerance = stored
 
     @property
@@ -174,20 +173,10 @@ class OrganAttempts:
             self._lofts = [ContourLoft.through(edges, normals) for edges in self._edges]
         return self._lofts
 
-    def of_some(self, chosen: NDArray[np.intp]) -> "OrganAttempts":
-        """Return attempts at the organ of some of the sections, with the same steps and limits.
-
-        Parameters
-        ----------
-        chosen
-            (C,) numbers of the sections, growing.
-
-        Returns
-        -------
-        OrganAttempts
-            The attempts.
-        """
+    def subset(self, chosen: NDArray[np.intp], settings: EncoderSettings) -> "CandidateEncoder":
+        """Return an encoder of some of the sections, growing, with the same steps and limits."""
         some = copy.copy(self)
+        some.settings = settings
         some.contours = [self.contours[int(number)] for number in chosen]
         some.centroids = self.centroids[chosen]
         some.limits = self.limits[chosen]
@@ -196,194 +185,200 @@ class OrganAttempts:
         some._shares = self._shares[chosen] / self._shares[chosen].sum()
         return some
 
-    def of_all(self, one: KeptCode) -> KeptCode | None:
-        """Return how well numbers found by some of the sections keep all of them."""
+    def evaluate_on_all(self, one: Encoding) -> Encoding | None:
+        """Return an encoding of some of the sections, evaluated on all of them."""
         code = one.code
-        cut = OrganCut(
-            self.contours, self._loft(), self.centroids, one.cut.axis, self.depth,
-            4.0 * self._radius, left_handed=self._left_handed, like=one.cut,
+        sampling = AxisSampling(
+            self.contours, self._loft(), self.centroids, one.sampling.axis, self.depth,
+            4.0 * self._radius, settings=self.settings, left_handed=self._left_handed,
+            frames_from=one.sampling,
         )  # fmt: skip
-        return self.measured(cut, code.section_scale, one.numbers.sections)
+        return self.evaluate(sampling, code.section_scale, one.integers.sections)
 
-    def cut(self, levels: int, scale: int, depth: int, turn: int = 0) -> OrganCut:
-        """Return the contours cut by an axis whose ends' planes enclose the end sections."""
+    def axis(
+        self, levels: int, scale: int, reach: tuple[float, float] = (0.0, 0.0)
+    ) -> QuantisedAxis:
+        """Return the axis of 2^levels + 1 keys near the centroids, carried on by its reach, mm."""
+        worth = self.settings.axis_bit_worth
+        return quantised_axis(self.centroids, levels, scale, self.tolerance, worth, reach)
+
+    def sample(self, levels: int, scale: int, depth: int, turn: int = 0) -> AxisSampling:
+        """Return the contours sampled across an axis that ends beyond the end sections."""
+        # The axis has 2^levels + 1 keys in steps of a scale, 2^depth + 1 candidates for key
+        # sections and its half-curves a turn, as in `OrganCode`.
         reach = [0.0, 0.0]
-        found: list[tuple[float, OrganCut]] = []
-        for _ in range(_CARRIES):
-            axis = coded_axis(
-                self.centroids, levels, scale, self.tolerance, AXIS_PRICE, (reach[0], reach[1])
-            )
-            cut = self._cut_by(axis, depth, turn)
-            located, section = cut.edges[0]
+        found: list[tuple[float, AxisSampling]] = []
+        enclosed = 0.2 * self._unit
+        # An axis is carried on at its ends by how far edges are beyond its ends' planes. That turns
+        # the planes a little: four times are enough, or the best of them is taken.
+        for _ in range(4):
+            sampling = self._sample(self.axis(levels, scale, (reach[0], reach[1])), depth, turn)
+            located, section = sampling.edges[0]
             beyond = [located.beyond[section == end] for end in (0, len(self.contours) - 1)]
             rms = [float(np.sqrt(np.mean(away * away))) for away in beyond]
-            found.append((max(rms), cut))
-            if max(rms) <= _ENCLOSED * self._unit:
+            found.append((max(rms), sampling))
+            if max(rms) <= enclosed:
                 break
             for end in (0, 1):
-                if rms[end] > 0.5 * _ENCLOSED * self._unit:
+                if rms[end] > 0.5 * enclosed:
                     reach[end] += 1.05 * float(beyond[end].max())
         return min(found, key=lambda one: one[0])[1]
 
-    def _cut_by(self, axis: CodedAxis, depth: int, turn: int) -> OrganCut:
-        return OrganCut(
-            self.contours, self._loft(), self.centroids, axis, depth, 4.0 * self._radius,
-            turn, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
+    def _sample(self, axis: QuantisedAxis, depth: int, turn: int) -> AxisSampling:
+        return AxisSampling(
+            self.contours, self._loft(), self.centroids, axis, depth, 4.0 * self._radius, turn,
+            settings=self.settings, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
         )  # fmt: skip
 
-    def descended(
+    def encode(
         self,
-        cut: OrganCut,
+        sampling: AxisSampling,
         share: float,
-        start: float,
+        bit_worth: float,
         rounds: int,
         *,
         keys: NDArray[np.intp] | None = None,
-        near: bool = False,
-    ) -> list[KeptCode]:
-        """Return attempts in steps of a size, each of lower cost than the one before.
-
-        Parameters
-        ----------
-        cut
-            The contours cut across an axis.
-        share
-            Step of half-curves, as a share of what lengths go with.
-        start
-            What a bit is worth in the first attempt, in squared steps.
-        rounds
-            Most attempts after the first.
-        keys
-            (K,) the key sections of the first attempt, if they are chosen already.
-        near
-            Whether to come as near to the sections as the steps allow.
-
-        Returns
-        -------
-        list[KeptCode]
-            The attempts; none if the steps leave nothing of a section.
-        """
-        scale = scale_number(share * self.usual)
+        nearest: bool = False,
+    ) -> list[Encoding]:
+        """Return encodings in steps of a size, each refined from the one before."""
+        # The step of shape coefficients is a share of the step unit, and a bit is worth so many
+        # squared steps in the first encoding; there are none if the steps leave nothing of a
+        # section. (K,) keys are the key sections, if they are chosen already. The nearest come as
+        # near to the sections as the steps allow.
+        scale = scale_number(share * self.step_unit)
         step = self.tolerance * scale_of(scale)
-        weights = np.full(cut.samples + 1, len(self.contours) / (cut.samples + 1))
-        first = self.measured(cut, scale, cut.encoder.coded(step, start * step**2, weights, keys))
-        return [] if first is None else [first, *self.lowered(first, rounds, near=near)]
+        weights = np.full(sampling.samples + 1, len(self.contours) / (sampling.samples + 1))
+        sections = sampling.encoder.encode(step, bit_worth * step**2, weights, keys)
+        first = self.evaluate(sampling, scale, sections)
+        return [] if first is None else [first, *self.refine(first, rounds, nearest=nearest)]
 
-    def lowered(
-        self, one: KeptCode, rounds: int, *, near: bool = False, move_keys: bool = False
-    ) -> list[KeptCode]:
-        """Return attempts that go on from one, each of lower cost than the one before."""
+    def refine(
+        self, one: Encoding, rounds: int, *, nearest: bool = False, move_keys: bool = False
+    ) -> list[Encoding]:
+        """Return encodings that go on from one, in so many rounds at most."""
+        settings = self.settings
         scale, step = one.code.section_scale, one.code.section_step
-        together = not near and self._overall < self._allowed
-        aim = NEAR if near else EACH_SLICE
+        together = not nearest and self._overall < self._allowed
+        penalty = settings.nearest_penalty if nearest else settings.penalty
         if together:
+            # All sections' errors at their limit cost a share of the bits.
             errors = len(self.contours) * (self._overall / self._allowed) ** 2
-            aim = replace(aim, everywhere=OVERALL_SHARE * 8.0 * len(one.data) / errors)
-        aiming = Aiming(aim, together=together)
-        found: list[KeptCode] = []
-        cut, points = one.cut, EdgePoints.of(one.cut)
-        free_axis, still = not near, 0
+            slope = settings.overall_share * 8.0 * len(one.data) / errors
+            penalty = replace(penalty, slope=slope)
+        controller = PenaltyController(penalty, together=together)
+        found: list[Encoding] = []
+        sampling, jacobian = one.sampling, one.sampling.jacobian()
+        # Near the sections the axis is kept: bends are linear no more where distances are so small.
+        bend_axis, still = not nearest, 0
         for _ in range(rounds):
-            if (near and one.worst <= 1.0) or aiming.settled or still == _PATIENCE:
+            if (nearest and one.worst <= 1.0) or controller.settled or still == 2:
                 break
-            if one.cut is not cut:
-                cut, points = one.cut, EdgePoints.of(one.cut)
-            descent = SliceDescent(
-                points, one.numbers, signal_steps(step), self.limits, one.rms, aiming.aim,
-                free_axis=free_axis,
+            if one.sampling is not sampling:
+                sampling, jacobian = one.sampling, one.sampling.jacobian()
+            refinement = Refinement(
+                jacobian, one.integers, signal_steps(step), self.limits, one.rms,
+                controller.penalty, settings, bend_axis=bend_axis,
             )  # fmt: skip
-            numbers = descent.lowered(move_keys=move_keys)
-            bent = not np.array_equal(numbers.bends, one.code.bends)
-            new_cut = cut
+            integers = refinement.refined(move_keys=move_keys)
+            bent = not np.array_equal(integers.bends, one.code.bends)
+            new = sampling
             if bent:
-                new_cut = self._cut_by(cut.axis.bent(numbers.bends), cut.depth, cut.turn)
-            attempt = self.measured(new_cut, scale, numbers.sections)
-            excess = math.inf if attempt is None else float((attempt.rms / self.limits).max())
-            if bent and excess > _ASTRAY * max(1.0, descent.foreseen):
-                free_axis = False
+                new = self._sample(
+                    sampling.axis.bent(integers.bends), sampling.depth, sampling.turn
+                )
+            encoding = self.evaluate(new, scale, integers.sections)
+            excess = math.inf if encoding is None else float((encoding.rms / self.limits).max())
+            # Slices that are off by a fifth more than predicted: the axis was bent too far.
+            if bent and excess > 1.2 * max(1.0, refinement.predicted):
+                bend_axis = False
                 continue
-            if attempt is None:
+            if encoding is None:
                 break
-            found.append(attempt)
-            same = not bent and _same(attempt, one)
+            found.append(encoding)
+            same = not bent and _same(encoding, one)
             still = still + 1 if same else 0
-            if same and attempt.worst <= 1.0 and not together:
+            if same and encoding.worst <= 1.0 and not together:
                 break
-            aiming.learn(excess, attempt.overall / self._overall)
+            if settings.penalty_learned:
+                controller.learn(excess, encoding.overall / self._overall)
             # What is beyond what all together may be has lost keys that it does not find again.
-            if not together or attempt.worst <= 1.0 or one.worst > 1.0:
-                one = attempt
+            if not together or encoding.worst <= 1.0 or one.worst > 1.0:
+                one = encoding
         return found
 
-    def measured(self, cut: OrganCut, scale: int, sections: CodedSections) -> KeptCode | None:
-        """Return how well numbers keep the sections, or None if they make no organ."""
-        axis = cut.axis
+    def evaluate(
+        self, sampling: AxisSampling, scale: int, sections: KeySections
+    ) -> Encoding | None:
+        """Return how well integers keep the sections, or None if they make no organ."""
+        axis = sampling.axis
         code = OrganCode(
             units=self._units,
             left_handed=self._left_handed,
             tolerance=self._number,
             axis_scale=axis.scale,
-            start_axis=cut.start_axis,
-            roll=cut.roll,
-            turn=cut.turn,
-            tilt_scale=cut.tilt_scale,
-            tilts=cut.tilts,
+            start_axis=sampling.start_axis,
+            roll=sampling.roll,
+            turn=sampling.turn,
+            tilt_scale=sampling.tilt_scale,
+            tilts=sampling.tilts,
             ends=axis.ends,
             bends=axis.bends,
             section_scale=scale,
-            candidates=cut.candidates,
+            candidates=sampling.candidates,
             keys=sections.keys,
             outer=sections.stored[0],
             lumen=sections.stored[1] if len(sections.stored) > 1 else None,
         )
-        rms = cut.section_rms(code.keys, code.signals())
+        rms = sampling.section_rms(code.keys, code.signals())
         # Steps as long as a section is wide may leave none of it.
         if rms is None:
             return None
         overall = math.sqrt(float(self._shares @ (rms * rms)))
         worst = max(float((rms / self.limits).max()), overall / self._overall)
-        return KeptCode(code, cut, rms, overall, worst)
+        return Encoding(code, sampling, rms, overall, worst)
 
-    def thin(self, one: KeptCode) -> NDArray[np.intp]:
-        """Return the sections next to which the lumen is not inside the outer boundary.
-
-        Parameters
-        ----------
-        one
-            The numbers.
-
-        Returns
-        -------
-        NDArray[np.intp]
-            (T,) the sections, growing.
-        """
+    def crossed_walls(self, one: Encoding) -> NDArray[np.intp]:
+        """Return the sections next to which the lumen is not inside the outer boundary."""
         if not self._hollow:
             return np.zeros(0, dtype=np.intp)
-        at = np.linspace(0.0, 1.0, one.cut.pieces + 1)[thinnest_walls(one.code.organ()) <= 0.0]
-        nearest = np.abs(one.cut.places - at[:, np.newaxis]).argmin(axis=1)
+        organ = one.code.organ()
+        walls = (closed_outlines(organ.rows_at(organ.stations, wall), 96) for wall in _WALLS)
+        crossed = np.array(
+            [thinnest_wall(outer, lumen) <= 0.0 for outer, lumen in zip(*walls, strict=True)]
+        )
+        at = np.linspace(0.0, 1.0, one.sampling.pieces + 1)[crossed]
+        nearest = np.abs(one.sampling.places - at[:, np.newaxis]).argmin(axis=1)
         return np.unique(nearest)
 
-    def strays(self, one: KeptCode) -> bool:
+    def has_outliers(self, one: Encoding) -> bool:
         """Return whether an outline goes where no edge is, which no edge point's distance says."""
-        organ, edges = one.code.organ(), one.cut.outlines
+        # That is, by more than 0.4 of the mean radius: a half-curve that has run away between
+        # points.
+        organ, edges = one.code.organ(), one.sampling.outlines
         stations = np.linspace(0.0, organ.length, len(edges.outer))
-        corners = [closed_outlines(organ.rows_at(stations), _STRAY_CORNERS)]
-        walls = [edges.outer]
-        if edges.lumen is not None:
-            corners.append(closed_outlines(organ.rows_at(stations, "lumen"), _STRAY_CORNERS))
-            walls.append(edges.lumen)
+        rings = [edges.outer] if edges.lumen is None else [edges.outer, edges.lumen]
         return any(
-            float(polygon_distances(outline, edge).max()) > _STRAYS * self._radius
-            for outlines, rings in zip(corners, walls, strict=True)
-            for outline, edge in zip(outlines, rings, strict=True)
+            float(polygon_distances(outline, edge).max()) > 0.4 * self._radius
+            for wall, edges_of_wall in zip(_WALLS, rings, strict=False)
+            for outline, edge in zip(
+                closed_outlines(organ.rows_at(stations, wall), 32), edges_of_wall, strict=True
+            )
         )
 
 
-def _same(one: KeptCode, other: KeptCode) -> bool:
-    here, there = one.numbers.sections, other.numbers.sections
+def thinnest_wall(outer: NDArray[np.float64], lumen: NDArray[np.float64]) -> float:
+    """Return the thinnest wall between two outlines, below 0 where the lumen is not inside."""
+    squared, inside = polygon_sides(lumen, outer)
+    away = np.sqrt(squared)
+    return float(np.where(inside, away, -away).min())
+
+
+def _same(one: Encoding, other: Encoding) -> bool:
+    here, there = one.integers.sections, other.integers.sections
     return np.array_equal(here.keys, there.keys) and np.array_equal(here.stored, there.stored)
 
 
 def _depth(sections: int) -> int:
     """Return how often the axis is halved for the candidates for key sections."""
+    # Up to 2^0.4 sections a candidate: the next power of two would double the keys' answers.
     return min(max(1, math.ceil(math.log2(max(2, sections - 1)) - 0.4)), LARGEST_KEY_DEPTH)

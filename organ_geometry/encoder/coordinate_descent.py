@@ -1,254 +1,131 @@
-"""Whole numbers of an organ chosen point by point: few bits, every slice within its limit.
+"""Coordinate descent on integers: fewest bits, every section within its limit.
 
-An edge point's distance to a decoded organ changes, to first order, with the signals of the section
-it lies in and with where the axis is there, and those with the stored numbers. So every slice's
-mean squared distance is a sum of squares in the numbers, and the numbers can be changed one after
-the other for the fewest bits that leave no slice beyond its limit.
+Minimised, over integers q_i, is the rate plus what errors cost, both in bits,
+
+    J(q) = sum_i r_i(|q_i|) + sum_s phi(D_s),   phi(D) = slope D + wall max(0, D - margin)^2
+
+    e_p   residual of point p, linear in q: de_p/dq_i = A_pi = b_rp C_cp step_i
+    D_s   sum of w_p e_p^2 over the points of section s; 1 is its limit
+    r_i   bits of a size, from a table of 13 (`costs`)
+    b_r   row r of `Bands`, C_c row c of `changes`, one of each for an integer
+
+A change of q_i by d takes e_p to e_p + d A_pi and every D_s that it touches to D_s + d (2 l_s +
+d k_s), with l_s = sum w A e and k_s = sum w A^2: the errors of any number of choices cost one pass
+over the points. So each integer is compared at a few values, with the optimum of the quadratic
+through the current slopes among them, and set to the cheapest; e and D follow. Passes are repeated
+until nothing changes. It is the same for all that is quantised here: an axis's bends to its
+centroids, coefficients to one boundary's fit, and all of an organ's integers to its edges.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.curves.key_blend import KeyBlend
-from organ_geometry.encoder.bit_costs import bend_prices, first_prices, learned_prices
-from organ_geometry.encoder.jacobian import EdgePoints, PointShares
-from organ_geometry.encoder.key_lattice import nearest_differences
-from organ_geometry.encoder.penalties import Aim
-from organ_geometry.encoder.section_encoder import CodedSections
-from organ_geometry.organ_file.key_order import differences_to_values
+from organ_geometry.encoder.settings import Penalty
 
-KEY_PRICE = 6.0
-"""Bits of a key section, its numbers apart."""
-_ROUNDS, _SWEEPS, _TRIAL_SWEEPS = 3, 4, 2
-_FARTHEST, _FARTHEST_BEND = 8, 2
-_OPTIONS = 6
-_MOVES = (-1, 1, -2, 2, -4, 4)
-# How many keys to both sides of a move are changed with it, on trial.
-_NEAR = 2
-_PASSES, _SILENCINGS = 2, 3
-_PAYS = 0.5
-_DEAD_ZONE = 0.6
-_NOWHERE = np.zeros(0, dtype=np.intp)
-_NO_BENDS = PointShares(_NOWHERE, _NOWHERE, _NOWHERE, np.zeros(0))
+UNBOUNDED = 2**40
+"""A bound on integers that bounds none: the file holds sizes below 2^48."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OrganNumbers:
-    """Numbers of an organ that are chosen together.
+class Bands(NamedTuple):
+    """Rows of weights b, each of a range of points.
+
+    Attributes
+    ----------
+    first, last
+        (R,) first point of each row, and the one after its last.
+    start
+        (R,) where its weights begin.
+    weights
+        Weights of all rows, one after the other.
+    """
+
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
+    start: NDArray[np.intp]
+    weights: NDArray[np.float64]
+
+
+class Residuals(NamedTuple):
+    """Points and their sections; what a descent changes are the last two.
 
     Attributes
     ----------
     sections
-        What is stored of the sections.
-    bends
-        (B, 3) stored differences of the axis's keys.
-    """
-
-    sections: CodedSections
-    bends: NDArray[np.int64]
-
-
-@dataclass(slots=True, eq=False)
-class _State:
-    """Numbers, and what they are foreseen to give.
-
-    Attributes
-    ----------
-    keys, stored
-        (K,) and (W, K, 16), as in `CodedSections`.
-    bends
-        (3 B,) stored differences of the axis's keys.
-    away
-        (N,) distances of the points, mm.
+        (N,) section of each point, growing.
+    weights
+        (N,) w, weight of its square in its section's D.
+    residuals
+        (N,) e.
     errors
-        (S,) mean square distance of each slice in squared limits.
+        (S,) D.
     """
 
-    keys: NDArray[np.intp]
-    stored: NDArray[np.int64]
-    bends: NDArray[np.int64]
-    away: NDArray[np.float64]
+    sections: NDArray[np.intp]
+    weights: NDArray[np.float64]
+    residuals: NDArray[np.float64]
     errors: NDArray[np.float64]
 
 
-class SliceDescent:
-    """Lowers what an organ's numbers cost.
-
-    Parameters
-    ----------
-    points
-        Edge points of all slices.
-    numbers
-        The numbers to begin with.
-    steps
-        (16,) steps of the signals, mm.
-    limits
-        (S,) RMS distance that each slice may have, mm.
-    measured
-        (S,) RMS distance that each slice has now, by all its points, mm.
-    aim
-        What errors cost.
-    free_axis
-        Whether the axis may be bent.
+class Coordinates(NamedTuple):
+    """What each of M integers does, and what it costs.
 
     Attributes
     ----------
-    foreseen
-        The largest RMS distance of a slice, in limits, that the numbers last returned will have.
+    row, change
+        (M,) its row of the bands, and of the changes.
+    step
+        (M,) its step.
+    lowest, highest
+        (M,) its bounds.
+    bits
+        (M, 13) its table of bits.
     """
 
-    def __init__(
-        self,
-        points: EdgePoints,
-        numbers: OrganNumbers,
-        steps: NDArray[np.float64],
-        limits: NDArray[np.float64],
-        measured: NDArray[np.float64],
-        aim: Aim,
-        *,
-        free_axis: bool,
-    ) -> None:
-        sections = numbers.sections
-        self._points, self._steps = points, steps
-        away, self._changes = points.distances(sections.keys, sections.stored, steps)
-        self._bent = points.bent(self._changes[0]) if free_axis else _NO_BENDS
-        self._weights = points.weights / limits[points.slices] ** 2
-        self._aim = np.array([aim.everywhere, aim.beyond, aim.margin])
-        self._prices = np.stack([
-            np.stack([first_prices(), learned_prices(wall)]) for wall in sections.stored
-        ])  # fmt: skip
-        self._bend_prices = bend_prices(numbers.bends)
-        bends = numbers.bends.ravel()
-        self._range = bends - _FARTHEST_BEND, bends + _FARTHEST_BEND
-        self._shape = numbers.bends.shape
-        self._state = _State(
-            sections.keys, sections.stored.copy(), bends.copy(), away, (measured / limits) ** 2
-        )
-        self.foreseen = math.sqrt(float(self._state.errors.max()))
-
-    def lowered(self, *, move_keys: bool = False) -> OrganNumbers:
-        """Return numbers of lower cost."""
-        self._descend(self._state)
-        if move_keys:
-            for _ in range(_PASSES):
-                if not self._move_keys():
-                    break
-            self._descend(self._state)
-        state = self._state = self._without_silent_keys(self._state)
-        self.foreseen = math.sqrt(max(0.0, float(state.errors.max())))
-        return OrganNumbers(
-            CodedSections(state.keys, np.ascontiguousarray(state.stored)),
-            state.bends.reshape(self._shape),
-        )
-
-    def _descend(self, state: _State, trial: int | None = None) -> None:
-        """Change a state's numbers, not its keys, for less cost; on trial those of some keys."""
-        shares = self._points.shares(state.keys)
-        slices, weights = self._points.slices, self._weights
-        lowest, highest = self._range
-        start, stop, bends = 0, len(state.keys), len(self._bent.first)
-        if trial is not None:
-            start, stop, bends = max(0, trial - _NEAR), min(stop, trial + _NEAR + 1), 0
-        for _ in range(_ROUNDS if trial is None else 1):
-            moved = _descend(
-                shares.weights, shares.start, shares.first, shares.last, self._changes,
-                self._steps, slices, weights, state.away, state.errors, state.stored,
-                self._prices, start, stop, self._bent.weights, self._bent.start,
-                self._bent.first, self._bent.last, state.bends[:bends], self._bend_prices,
-                lowest, highest, self._aim, _SWEEPS if trial is None else _TRIAL_SWEEPS,
-            )  # fmt: skip
-            moved += _drop_keys(
-                shares.weights, shares.start, shares.first, shares.last, self._changes,
-                self._steps, slices, weights, state.away, state.errors, state.stored,
-                self._prices, KEY_PRICE, self._aim,
-            )  # fmt: skip
-            if not moved:
-                break
-
-    def _move_keys(self) -> bool:
-        """Leave out, move and add key sections, one after the other, where that lowers the cost."""
-        self._state = self._without_silent_keys(self._state)
-        cost = self._cost(self._state)
-        moved = False
-        place = 1
-        while place < len(self._state.keys):
-            for keys in _neighbours(self._state.keys, place):
-                trial = self._with_keys(self._state, keys)
-                self._descend(trial, place)
-                trial_cost = self._cost(trial)
-                if trial_cost < cost - _PAYS:
-                    self._state, moved = self._without_silent_keys(trial), True
-                    cost = self._cost(self._state)
-                    break
-            place += 1
-        return moved
-
-    def _with_keys(self, state: _State, keys: NDArray[np.intp]) -> _State:
-        """Return a state of other keys, at which the signals are nearly the same."""
-        here, there = differences_to_values(state.keys), differences_to_values(keys)
-        stored: list[NDArray[np.int64]] = []
-        away = state.away.copy()
-        for wall, changes in zip(state.stored, self._changes, strict=True):
-            values = here @ wall
-            moved = KeyBlend.at(keys, state.keys).of(values)
-            numbers = nearest_differences(moved, keys, _DEAD_ZONE)
-            stored.append(numbers)
-            before = self._points.signals(state.keys, values * self._steps)
-            after = self._points.signals(keys, (there @ numbers) * self._steps)
-            away += np.einsum("jn,nj->n", changes, after - before)
-        points = self._points
-        errors = state.errors + np.bincount(
-            points.slices, self._weights * (away**2 - state.away**2), len(state.errors)
-        )
-        return _State(keys, np.stack(stored), state.bends.copy(), away, errors)
-
-    def _without_silent_keys(self, state: _State) -> _State:
-        """Return a state without the keys of which all numbers are zero, where it costs less."""
-        # They do say something: that signals go through the line between other keys there.
-        for _ in range(_SILENCINGS):
-            used = np.asarray((state.stored != 0).any(axis=(0, 2)))
-            used[[0, -1]] = True
-            if used.all():
-                break
-            trial = self._with_keys(state, state.keys[used])
-            self._descend(trial)
-            if self._cost(trial) > self._cost(state):
-                break
-            state = trial
-        return state
-
-    def _cost(self, state: _State) -> float:
-        """Return what a state costs, bits."""
-        return _total_cost(
-            state.stored, self._prices, KEY_PRICE, state.bends, self._bend_prices, state.errors,
-            self._aim,
-        )  # fmt: skip
+    row: NDArray[np.intp]
+    change: NDArray[np.intp]
+    step: NDArray[np.float64]
+    lowest: NDArray[np.int64]
+    highest: NDArray[np.int64]
+    bits: NDArray[np.float64]
 
 
-def _neighbours(keys: NDArray[np.intp], place: int) -> list[NDArray[np.intp]]:
-    """Return keys that differ from given ones at a place: one less, one moved, one more before."""
-    found: list[NDArray[np.intp]] = []
-    here, before = int(keys[place]), int(keys[place - 1])
-    if place < len(keys) - 1:
-        found.append(np.delete(keys, place))
-        for move in _MOVES:
-            if before < here + move < keys[place + 1]:
-                other = keys.copy()
-                other[place] += move
-                found.append(other)
-    if here - before > 1:
-        found.append(np.insert(keys, place, (before + here) // 2))
-    return found
+def dense_bands(columns: NDArray[np.float64], least: float = 0.0) -> Bands:
+    """Return a dense (N, R) matrix's columns as rows, cut where below a share of their largest."""
+    sizes = np.abs(columns)
+    used = sizes > least * sizes.max(axis=0, initial=0.0)
+    there = used.any(axis=0)
+    first = np.where(there, used.argmax(axis=0), 0)
+    last = np.where(there, len(columns) - used[::-1].argmax(axis=0), 0)
+    rows = [
+        columns[begin:end, row] for row, (begin, end) in enumerate(zip(first, last, strict=True))
+    ]
+    start = np.cumsum(last - first) - (last - first)
+    return Bands(first, last, start, np.concatenate(rows))
+
+
+def joined_bands(one: Bands, other: Bands) -> Bands:
+    """Return the rows of one and then of another."""
+    return Bands(
+        np.concatenate([one.first, other.first]),
+        np.concatenate([one.last, other.last]),
+        np.concatenate([one.start, other.start + len(one.weights)]),
+        np.concatenate([one.weights, other.weights]),
+    )
+
+
+def penalty_row(penalty: Penalty) -> NDArray[np.float64]:
+    """Return a penalty as kernels take it: slope, wall, margin."""
+    return np.array([penalty.slope, penalty.wall, penalty.margin])
 
 
 @numba.njit(cache=True)
-def _cost(error: float, aim: NDArray[np.float64]) -> float:
-    over = error - aim[2]
-    return aim[0] * error + (aim[1] * over * over if over > 0.0 else 0.0)
+def _phi(error: float, penalty: NDArray[np.float64]) -> float:
+    over = error - penalty[2]
+    return penalty[0] * error + (penalty[1] * over * over if over > 0.0 else 0.0)
 
 
 @numba.njit(cache=True)
@@ -258,167 +135,94 @@ def _bits(table: NDArray[np.float64], size: int) -> float:
 
 
 @numba.njit(cache=True)
-def _total_cost(
-    numbers: NDArray[np.int64],
-    prices: NDArray[np.float64],
-    key_price: float,
-    bends: NDArray[np.int64],
-    of_bends: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    aim: NDArray[np.float64],
-) -> float:
-    """Return the bits of all numbers, and what the slices' errors cost."""
-    walls, keys, kinds = numbers.shape
-    total = 0.0
-    for k in range(keys):
-        for w in range(walls):
-            for j in range(kinds):
-                total += _bits(prices[w, 0 if k == 0 else 1, j], abs(numbers[w, k, j]))
-        total += key_price if 0 < k < keys - 1 else 0.0
-    for i in range(len(bends)):
-        total += _bits(of_bends[i], abs(bends[i]))
-    for s in range(len(errors)):
-        total += _cost(errors[s], aim)
-    return total
-
-
-@numba.njit(cache=True)
-def _chosen(
-    now: int,
-    lowest: int,
-    highest: int,
-    effect: NDArray[np.float64],
-    p0: int,
-    p1: int,
-    slices: NDArray[np.intp],
-    weights: NDArray[np.float64],
-    away: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    table: NDArray[np.float64],
-    aim: NDArray[np.float64],
-    lin: NDArray[np.float64],
-    quad: NDArray[np.float64],
-    options: NDArray[np.int64],
-) -> int:
-    """Return the best choice of one number, and change errors and distances accordingly."""
-    s0, s1 = slices[p0], slices[p1 - 1] + 1
-    for s in range(s0, s1):
-        lin[s] = quad[s] = 0.0
-    for p in range(p0, p1):
-        a = effect[p]
-        weighted = weights[p] * a
-        lin[slices[p]] += weighted * away[p]
-        quad[slices[p]] += weighted * a
-    force, stiff, cost0 = 0.0, 1e-12, 0.0
-    for s in range(s0, s1):
-        over = errors[s] - aim[2]
-        slope = aim[0] + (2.0 * aim[1] * over if over > 0.0 else 0.0)
-        force += slope * lin[s]
-        stiff += (slope + 1e-3) * quad[s]
-        cost0 += _cost(errors[s], aim)
-    wanted = now - force / stiff
-    wanted = min(max(wanted, float(lowest)), float(highest))
-    floor = int(np.floor(wanted))
-    options[0] = 0
-    options[1] = now - 1
-    options[2] = now + 1
-    options[3] = floor
-    options[4] = floor + 1
-    options[5] = (floor + now) // 2
-    best, choice = cost0 + _bits(table, abs(now)), now
-    for o in range(len(options)):
-        number = options[o]
-        if number == now or (o > 2 and abs(number - now) <= 1):
-            continue
-        if number < lowest or number > highest:
-            continue
-        delta = number - now
-        cost = _bits(table, abs(number))
-        if cost >= best:
-            continue
-        for s in range(s0, s1):
-            cost += _cost(errors[s] + delta * (2.0 * lin[s] + delta * quad[s]), aim)
-        if cost < best - 1e-9:
-            best, choice = cost, number
-    if choice != now:
-        delta = choice - now
-        for s in range(s0, s1):
-            errors[s] += delta * (2.0 * lin[s] + delta * quad[s])
-        for p in range(p0, p1):
-            away[p] += delta * effect[p]
-    return choice
-
-
-@numba.njit(cache=True)
-def _descend(
-    shares: NDArray[np.float64],
-    begins: NDArray[np.intp],
-    first: NDArray[np.intp],
-    last: NDArray[np.intp],
+def descend(
+    integers: NDArray[np.int64],
+    coordinates: Coordinates,
+    bands: Bands,
     changes: NDArray[np.float64],
-    steps: NDArray[np.float64],
-    slices: NDArray[np.intp],
-    weights: NDArray[np.float64],
-    away: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    numbers: NDArray[np.int64],
-    prices: NDArray[np.float64],
-    start: int,
-    stop: int,
-    bent: NDArray[np.float64],
-    bent_begins: NDArray[np.intp],
-    bent_first: NDArray[np.intp],
-    bent_last: NDArray[np.intp],
-    bends: NDArray[np.int64],
-    of_bends: NDArray[np.float64],
-    lowest: NDArray[np.int64],
-    highest: NDArray[np.int64],
-    aim: NDArray[np.float64],
-    sweeps: int,
+    points: Residuals,
+    penalty: NDArray[np.float64],
+    ranges: NDArray[np.intp],
+    reach: int,
+    passes: int,
 ) -> int:
-    """Change numbers one after the other for the least cost, and return how many changed."""
-    walls, _, kinds = numbers.shape
-    lin = np.zeros(len(errors))
-    quad = np.zeros(len(errors))
-    effect = np.empty(len(away))
-    options = np.empty(_OPTIONS, np.int64)
+    """Change integers one after the other for the least J, and return how many changed."""
+    # Those of each range [begin, end) of (G, 2) ranges are changed, and the points' residuals and
+    # errors with them.
+    row, change, step, lowest, highest, bits = coordinates
+    first, last, start, weights = bands
+    sections, shares, residuals, errors = points
+    effect = np.empty(len(residuals))  # A_pi of one integer
+    linear = np.zeros(len(errors))  # l_s
+    quadratic = np.zeros(len(errors))  # k_s
+    options = np.empty(6, np.int64)
     total = 0
-    for _ in range(sweeps):
+    for _ in range(passes):
         changed = 0
-        for i in range(len(bends)):
-            p0, p1 = bent_first[i], bent_last[i]
-            if p1 <= p0:
-                continue
-            at = bent_begins[i] - p0
-            for p in range(p0, p1):
-                effect[p] = bent[at + p]
-            now = bends[i]
-            choice = _chosen(
-                now, lowest[i], highest[i], effect, p0, p1, slices, weights, away, errors,
-                of_bends[i], aim, lin, quad, options,
-            )  # fmt: skip
-            if choice != now:
-                changed += 1
-                bends[i] = choice
-        for k in range(start, stop):
-            row = 0 if k == 0 else 1
-            p0, p1 = first[k], last[k]
-            if p1 <= p0:
-                continue
-            at = begins[k] - p0
-            for w in range(walls):
-                for j in range(kinds):
-                    step = steps[j]
+        for g in range(len(ranges)):
+            for i in range(ranges[g, 0], ranges[g, 1]):
+                r = row[i]
+                p0, p1 = first[r], last[r]
+                if p1 <= p0:
+                    continue
+                # Points are sorted by section, so that the integer touches sections s0 to s1 - 1.
+                s0, s1 = sections[p0], sections[p1 - 1] + 1
+                for s in range(s0, s1):
+                    linear[s] = quadratic[s] = 0.0
+                at = start[r] - p0
+                for p in range(p0, p1):
+                    a = weights[at + p] * changes[change[i], p] * step[i]
+                    effect[p] = a
+                    weighted = shares[p] * a
+                    linear[sections[p]] += weighted * residuals[p]
+                    quadratic[sections[p]] += weighted * a
+                # Newton's step of sum phi, of which the wall's own curvature is left out: the sum's
+                # slope along q is 2 force, its curvature about 2 stiff. A little of every section's
+                # k keeps it apart from zero where phi is flat.
+                force, stiff, cost = 0.0, 1e-12, 0.0
+                for s in range(s0, s1):
+                    over = errors[s] - penalty[2]
+                    slope = penalty[0] + (2.0 * penalty[1] * over if over > 0.0 else 0.0)
+                    force += slope * linear[s]
+                    stiff += (slope + 1e-3) * quadratic[s]
+                    cost += _phi(errors[s], penalty)
+                now = integers[i]
+                low, high = max(lowest[i], now - reach), min(highest[i], now + reach + 1)
+                wanted = min(max(now - force / stiff, float(low)), float(high))
+                floor = int(np.floor(wanted))
+                options[0] = 0
+                options[1] = now - 1
+                options[2] = now + 1
+                options[3] = floor
+                options[4] = floor + 1
+                # Half way there, because a wall in between may stand against the whole.
+                options[5] = (floor + now) // 2
+                best, choice = cost + _bits(bits[i], abs(now)), now
+                for o in range(len(options)):
+                    integer = options[o]
+                    if integer == now or (o > 2 and abs(integer - now) <= 1):
+                        continue
+                    if integer < low or integer > high:
+                        continue
+                    delta = integer - now
+                    cost = _bits(bits[i], abs(integer))
+                    if cost >= best:
+                        continue
+                    for s in range(s0, s1):
+                        cost += _phi(
+                            errors[s] + delta * (2.0 * linear[s] + delta * quadratic[s]), penalty
+                        )
+                    # What gains less than rounding is no gain: passes must come to an end.
+                    if cost < best - 1e-9:
+                        best, choice = cost, integer
+                if choice != now:
+                    changed += 1
+                    delta = choice - now
+                    integers[i] = choice
+                    for s in range(s0, s1):
+                        errors[s] += delta * (2.0 * linear[s] + delta * quadratic[s])
                     for p in range(p0, p1):
-                        effect[p] = shares[at + p] * changes[w, j, p] * step
-                    now = numbers[w, k, j]
-                    choice = _chosen(
-                        now, now - _FARTHEST, now + _FARTHEST + 1, effect, p0, p1, slices, weights,
-                        away, errors, prices[w, row, j], aim, lin, quad, options,
-                    )  # fmt: skip
-                    if choice != now:
-                        changed += 1
-                        numbers[w, k, j] = choice
+                        residuals[p] += delta * effect[p]
         total += changed
         if changed == 0:
             break
@@ -426,60 +230,58 @@ def _descend(
 
 
 @numba.njit(cache=True)
-def _drop_keys(
-    shares: NDArray[np.float64],
-    begins: NDArray[np.intp],
-    first: NDArray[np.intp],
-    last: NDArray[np.intp],
+def zero_groups(
+    integers: NDArray[np.int64],
+    coordinates: Coordinates,
+    bands: Bands,
     changes: NDArray[np.float64],
-    steps: NDArray[np.float64],
-    slices: NDArray[np.intp],
-    weights: NDArray[np.float64],
-    away: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    numbers: NDArray[np.int64],
-    prices: NDArray[np.float64],
-    key_price: float,
-    aim: NDArray[np.float64],
+    points: Residuals,
+    penalty: NDArray[np.float64],
+    groups: NDArray[np.intp],
+    own_bits: float,
 ) -> int:
-    """Set all numbers of keys to zero where that pays, the keys left out; return of how many."""
-    walls, keys, kinds = numbers.shape
-    dropped = 0
-    trial = np.empty(len(away))
-    for k in range(1, keys - 1):
-        p0, p1 = first[k], last[k]
+    """Set all integers of a group to zero where that lowers J, and return of how many groups."""
+    # A group is a range [begin, end) of integers of one row; its own bits are saved with it. One by
+    # one they would not go: each alone costs more error than it saves bits.
+    row, change, step, _, _, bits = coordinates
+    first, last, start, weights = bands
+    sections, shares, residuals, errors = points
+    trial = np.empty(len(residuals))
+    after = np.zeros(len(errors))
+    zeroed = 0
+    for g in range(len(groups)):
+        begin, end = groups[g, 0], groups[g, 1]
+        r = row[begin]
+        p0, p1 = first[r], last[r]
         if p1 <= p0:
             continue
-        s0, s1 = slices[p0], slices[p1 - 1] + 1
-        at = begins[k] - p0
-        saved, used = key_price, 0
+        s0, s1 = sections[p0], sections[p1 - 1] + 1
+        at = start[r] - p0
+        saved, used = own_bits, 0
         for p in range(p0, p1):
-            trial[p] = away[p]
-        for w in range(walls):
-            for j in range(kinds):
-                number = numbers[w, k, j]
-                if number != 0:
-                    used += 1
-                    table = prices[w, 1, j]
-                    saved += _bits(table, abs(number)) - table[0]
-                    for p in range(p0, p1):
-                        trial[p] -= number * shares[at + p] * changes[w, j, p] * steps[j]
+            trial[p] = residuals[p]
+        for i in range(begin, end):
+            integer = integers[i]
+            if integer != 0:
+                used += 1
+                saved += _bits(bits[i], abs(integer)) - bits[i, 0]
+                for p in range(p0, p1):
+                    trial[p] -= integer * weights[at + p] * changes[change[i], p] * step[i]
         if used == 0:
             continue
-        cost = 0.0
-        after = np.zeros(s1 - s0)
-        for p in range(p0, p1):
-            after[slices[p] - s0] += weights[p] * (trial[p] * trial[p] - away[p] * away[p])
         for s in range(s0, s1):
-            cost += _cost(errors[s] + after[s - s0], aim)
-            cost -= _cost(errors[s], aim)
+            after[s] = 0.0
+        for p in range(p0, p1):
+            after[sections[p]] += shares[p] * (trial[p] * trial[p] - residuals[p] * residuals[p])
+        cost = 0.0
+        for s in range(s0, s1):
+            cost += _phi(errors[s] + after[s], penalty) - _phi(errors[s], penalty)
         if cost < saved:
-            dropped += 1
+            zeroed += 1
             for s in range(s0, s1):
-                errors[s] += after[s - s0]
+                errors[s] += after[s]
             for p in range(p0, p1):
-                away[p] = trial[p]
-            for w in range(walls):
-                for j in range(kinds):
-                    numbers[w, k, j] = 0
-    return dropped
+                residuals[p] = trial[p]
+            for i in range(begin, end):
+                integers[i] = 0
+    return zeroed

@@ -1,6 +1,10 @@
-"""From section contours to the organ in fewest bytes that keeps every section to a tolerance."""
+"""From section contours to the organ in fewest bytes that keeps every section to a tolerance.
 
-from collections.abc import Sequence
+docs/encoder.md explains the method and its symbols.
+"""
+
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -8,15 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import SectionContour
-from organ_geometry.encoder.candidate import KeptCode, OrganAttempts
-from organ_geometry.encoder.sampled_search import MANY_SECTIONS, SampledSearch
-from organ_geometry.encoder.search import Effort, EncoderSearch, NotKept
+from organ_geometry.encoder.candidate import CandidateEncoder
+from organ_geometry.encoder.search import SampledSearch, Search, ToleranceNotMet
 from organ_geometry.encoder.section_encoder import Outlines
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall, smallest_kept
+from organ_geometry.encoder.settings import SETTINGS, Effort, EncoderSettings
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
 
 Selection: TypeAlias = Literal["fewest", "thesis"]
+
+
+class ToleranceTooSmall(ValueError):  # noqa: N818
+    """A tolerance below what half-curves and pixels allow.
+
+    Attributes
+    ----------
+    smallest_mm
+        A tolerance near the smallest that was kept, mm.
+    """
+
+    def __init__(self, message: str, smallest_mm: float) -> None:
+        super().__init__(message)
+        self.smallest_mm = smallest_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,28 +64,67 @@ def encoded_organ(
     left_handed: bool = False,
     select: Selection = "fewest",
     effort: Effort = "quick",
+    settings: EncoderSettings | None = None,
     units: str = "mm",
     name: str = "",
 ) -> EncodedOrgan:
-    """Return the organ that keeps every section to a tolerance in few bytes."""
+    """Return the organ that keeps every section to a tolerance in few bytes.
+
+    Parameters
+    ----------
+    contours
+        Two or more sections in order.
+    tolerance
+        Largest RMS distance of a section's edge points to the organ, mm.
+    overall
+        Largest RMS distance of the edge points of all sections, mm, if that is promised too.
+    hollow
+        Whether all sections have a lumen that counts.
+    left_handed
+        Whether right, down and along the stack are left-handed in the images.
+    select
+        The fewest key sections that keep the promise, or those of the thesis's rule.
+    effort, settings
+        How widely the search goes; settings, if given, instead of the effort's own.
+    units, name
+        What the lengths are called, and the organ.
+
+    Returns
+    -------
+    EncodedOrgan
+        The organ.
+
+    Raises
+    ------
+    ToleranceTooSmall
+        If the promise cannot be kept, with one that can.
+    ValueError
+        If there are fewer than two sections, or they make no organ.
+    """
     if len(contours) < 2:
         raise ValueError(f"an organ needs two or more sections, not {len(contours)}")
+    chosen = SETTINGS[effort] if settings is None else settings
 
-    def attempts(limit: float, whole: float | None) -> OrganAttempts:
-        return OrganAttempts(
-            contours, limit, whole, hollow=hollow, left_handed=left_handed, units=units
+    def candidates(limit: float, together: float | None) -> CandidateEncoder:
+        return CandidateEncoder(
+            contours, limit, together, chosen, hollow=hollow, left_handed=left_handed, units=units
         )
 
-    own = attempts(tolerance, overall)
-    by_sections = overall is None or overall >= tolerance
+    own = candidates(tolerance, overall)
+    # A sample of the sections says nothing of all of them together, and full effort spares nothing.
+    sampled = (
+        effort == "quick"
+        and (overall is None or overall >= tolerance)
+        and len(contours) >= chosen.many_sections
+    )
     try:
         if select == "thesis":
-            kept = EncoderSearch(own).by_the_thesis()
-        elif effort == "quick" and by_sections and len(contours) >= MANY_SECTIONS:
-            kept = SampledSearch(own).in_few_bytes()
+            kept = Search(own).by_the_thesis()
+        elif sampled:
+            kept = SampledSearch(own).fewest_bytes()
         else:
-            kept = EncoderSearch(own).in_fewest_bytes(effort)
-    except NotKept as error:
+            kept = Search(own).fewest_bytes()
+    except ToleranceNotMet as error:
         missed = error
         if missed.nearest_mm <= tolerance:
             raise ToleranceTooSmall(
@@ -77,22 +133,43 @@ def encoded_organ(
                 missed.overall_mm,
             ) from None
 
-        def can(limit: float) -> bool:
+        def keeps(limit: float) -> bool:
             try:
-                EncoderSearch(attempts(limit, None)).nearest(missed.way)
-            except NotKept:
+                Search(candidates(limit, None)).nearest(missed.way)
+            except ToleranceNotMet:
                 return False
             return True
 
-        smallest = smallest_kept(can, tolerance, missed.nearest_mm)
+        smallest = smallest_kept(keeps, tolerance, missed.nearest_mm)
         raise ToleranceTooSmall(
             f"a tolerance of {tolerance:.4g} mm cannot be kept by two degree-6 curves a "
             f"boundary: section {missed.section} needs {smallest:.4g} mm",
             smallest,
         ) from None
-    return _decoded(kept, name)
-
-
-def _decoded(kept: KeptCode, name: str) -> EncodedOrgan:
     organ = organ_from_bytes(kept.data, name)
-    return EncodedOrgan(organ, kept.cut.places, kept.cut.outlines)
+    return EncodedOrgan(organ, kept.sampling.places, kept.sampling.outlines)
+
+
+def smallest_kept(keeps: Callable[[float], bool], refused: float, nearest: float) -> float:
+    """Return a tolerance that is kept, near the smallest, in four digits, by bisection."""
+    # What came out nearest is kept or nearly: upwards from it in growing steps of 5 % first.
+    largest, more = _four_digits(nearest), 1.05
+    while not keeps(largest):
+        refused, largest = largest, _four_digits(largest * more)
+        more **= 1.5
+    # Each trial takes a second: what is named may be 4 % above the smallest.
+    for _ in range(5):
+        if largest <= refused * 1.04:
+            break
+        middle = _four_digits(math.sqrt(max(refused, 0.5 * largest) * largest))
+        if keeps(middle):
+            largest = middle
+        else:
+            refused = middle
+    return largest
+
+
+def _four_digits(length: float) -> float:
+    """Return a length rounded up to four digits, as a message prints it."""
+    digit = 10.0 ** (math.floor(math.log10(length)) - 3)
+    return float(f"{math.ceil(length / digit) * digit:.4g}")

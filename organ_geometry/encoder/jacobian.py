@@ -1,51 +1,70 @@
-"""Edge points of slices, and how their distances to an organ change with its sections' signals.
+"""How edge points' distances change with an organ's integers, to first order.
 
-To first order a point's distance changes by what moves its foot on the outline along the normal
-there: the half-curves at the foot's u, the half width and the middle. The foot's own way along the
-outline does not count.
+    e_p   distance of edge point p to the decoded outline of its section, mm
+    f_p   its foot on the outline, at u = cos t of the half-curves; n_p the unit normal there,
+          from the foot to the point
+    c_j   shape coefficients of that section: half width a, middle e, s_0 .. s_6, d_0 .. d_6, mm
+    C_jp  de_p / dc_j
+    b_rp  weight of the stored difference r of a coefficient in the section of point p
+    A_pi  de_p / dq_i = b_rp C_jp step_j for the integer i, difference r of coefficient j
+
+The distance changes by what moves the foot along the normal; how the foot glides along the outline
+does not count, to first order. The foot of coefficients is (e + a u, sum of (d_k +- h_k) U_k(u))
+with h_k = s_k + a g_k (g the half-circle), so that, on the half of sign h = +-1,
+
+    C_a = -(n_x u + h n_y sum g_k U_k(u)),  C_e = -n_x,  C_sk = -h n_y U_k(u),  C_dk = -n_y U_k(u)
+
+Between the two halves, on the upright sides, h goes from one to the other. A bend of the axis moves
+a section as a whole: along x as C_e does and along y as C_d0, so that bends are of the same form,
+with the weights of the axis's spline for b and three rows C, one a direction.
+
+b is banded, because a key section has to do with few pieces around it: `Bands` keeps, for each row,
+the first point that it has to do with, the one after the last, and the weights between.
 """
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.curves.key_blend import KeyBlend
-from organ_geometry.curves.outline_distance import FURTHER, foot_on_side, nearest_column
-from organ_geometry.encoder.axis_sampling import BendMoves, OrganCut
-from organ_geometry.organ_file.coefficients import ASIDE, CIRCLE, SKEW
+from organ_geometry.encoder.coordinate_descent import Bands, dense_bands
+from organ_geometry.organ_file.coefficients import (
+    ASIDE,
+    CIRCLE,
+    SIGNALS,
+    SKEW,
+    SYMMETRIC,
+    WIDTH,
+    second_kind,
+    signals_to_rows,
+)
 from organ_geometry.organ_file.key_order import differences_to_values
-
-_HALF_CORNERS = 48
-_U = np.cos(np.linspace(0.0, np.pi, _HALF_CORNERS))
-_POINTS = 36
-_DIED_AWAY = 1e-3
+from organ_geometry.surface_distance import OUTLINE_CORNERS, LocatedPoints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PointShares:
-    """What stored numbers have to do with points, where it is anything.
+class AxisMotion:
+    """How the sections of an axis move with its bends.
 
     Attributes
     ----------
-    first, last
-        (K,) the first point that a number has to do with, and the one after the last.
-    start
-        (K,) where its weights begin.
     weights
-        Weights of all points from the first to the last, number by number.
+        (N + 1, K) weights of the axis's K keys in the N + 1 sections.
+    directions
+        (N + 1, 3, 2) how far a bend of one in each of its three directions moves a section in x
+        and y where its weight is one, mm.
     """
 
-    first: NDArray[np.intp]
-    last: NDArray[np.intp]
-    start: NDArray[np.intp]
     weights: NDArray[np.float64]
+    directions: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EdgePoints:
+class EdgeJacobian:
     """Some edge points of every slice, in the sections of one axis that they lie in.
 
     Attributes
@@ -54,174 +73,171 @@ class EdgePoints:
         (N,) slice of each point, growing.
     lumen
         (N,) whether it lies on the lumen's edge.
-    place
-        (N, 2) where it is in its section, mm.
+    points
+        Where they lie along the axis and across it.
     at
-        (N,) where its section is, in pieces between candidates for key sections.
+        (N,) where their sections are, in pieces between candidates for key sections.
     weights
-        (N,) weight of its squared distance in its slice's mean.
-    piece, share
-        (N,) the piece of a reader's axis that it lies in, and how far along it.
-    bends
-        How the axis there moves with its bends.
+        (N,) weight of each point's squared distance in its slice's mean.
+    pieces, candidates
+        Number of pieces of a reader's axis, and of those between candidates for key sections.
+    motion
+        How the axis moves with its bends.
     """
 
     slices: NDArray[np.intp]
     lumen: NDArray[np.bool_]
-    place: NDArray[np.float64]
+    points: LocatedPoints
     at: NDArray[np.float64]
     weights: NDArray[np.float64]
-    piece: NDArray[np.intp]
-    share: NDArray[np.float64]
-    bends: BendMoves
+    pieces: int
+    candidates: int
+    motion: AxisMotion
 
     @classmethod
-    def of(cls, cut: OrganCut, most: int = _POINTS) -> "EdgePoints":
-        """Return points of a cut's slices."""
-        count = len(cut.places)
-        parts: list[tuple[NDArray[np.float64], ...]] = []
-        for wall, (located, section) in enumerate(cut.edges):
+    def of(
+        cls,
+        walls: Sequence[tuple[LocatedPoints, NDArray[np.intp]]],
+        count: int,
+        pieces: int,
+        candidates: int,
+        motion: AxisMotion,
+        most: int,
+    ) -> "EdgeJacobian":
+        """Return the Jacobian at about `most` edge points a wall of each of `count` slices."""
+        # Each wall comes with the slice of each of its points.
+        parts: list[LocatedPoints] = []
+        tables: list[NDArray[np.float64]] = []
+        for wall, (located, section) in enumerate(walls):
             points = np.bincount(section, minlength=count)
             starts = np.cumsum(points) - points
             number = np.arange(len(section)) - starts[section]
+            # Every so many-th point of an edge; each stands for as many as were left out.
             some = np.flatnonzero(number % np.maximum(1, points // most)[section] == 0)
             taken = np.bincount(section[some], minlength=count)
-            at = (located.piece[some] + located.share[some]) * (cut.candidates / cut.pieces)
             stands_for = (points / np.maximum(taken, 1))[section[some]]
-            parts.append((
-                section[some].astype(np.float64), np.full(len(some), float(wall)), at, stands_for,
-                located.place[some, 0], located.place[some, 1],
-            ))  # fmt: skip
-        table = np.concatenate([np.stack(part) for part in parts], axis=1)
-        table = table[:, np.argsort(table[0], kind="stable")]
-        slices = table[0].astype(np.intp)
-        weights = table[3] / np.bincount(slices, table[3], count)[slices]
-        finer = table[2] * (cut.pieces / cut.candidates)
-        piece = np.minimum(finer.astype(np.intp), cut.pieces - 1)
+            parts.append(located.chosen(some))
+            tables.append(np.stack([section[some], np.full(len(some), wall), stands_for]))
+        table = np.concatenate(tables, axis=1)
+        order = np.argsort(table[0], kind="stable")
+        slices = table[0, order].astype(np.intp)
+        stands_for = table[2, order]
+        points = LocatedPoints.joined(parts).chosen(order)
         return cls(
             slices=slices,
-            lumen=table[1] > 0.0,
-            place=np.ascontiguousarray(table[4:].T),
-            at=table[2],
-            weights=weights,
-            piece=piece,
-            share=finer - piece,
-            bends=cut.bend_moves(),
+            lumen=table[1, order] > 0.0,
+            points=points,
+            at=(points.piece + points.share) * (candidates / pieces),
+            weights=stands_for / np.bincount(slices, stands_for, count)[slices],
+            pieces=pieces,
+            candidates=candidates,
+            motion=motion,
         )
 
-    def of_slices(self, slices: NDArray[np.intp]) -> "EdgePoints":
-        """Return the points of some slices, which are numbered anew.
-
-        Parameters
-        ----------
-        slices
-            (C,) the slices, growing.
-
-        Returns
-        -------
-        EdgePoints
-            Their points.
-        """
+    def of_slices(self, slices: NDArray[np.intp]) -> "EdgeJacobian":
+        """Return the Jacobian of some slices, growing, which are numbered anew."""
         number = np.full(int(self.slices[-1]) + 1, -1, dtype=np.intp)
         number[slices] = np.arange(len(slices))
-        some = number[self.slices] >= 0
-        return EdgePoints(
+        some = np.flatnonzero(number[self.slices] >= 0)
+        return EdgeJacobian(
             slices=number[self.slices[some]],
             lumen=self.lumen[some],
-            place=self.place[some],
+            points=self.points.chosen(some),
             at=self.at[some],
             weights=self.weights[some],
-            piece=self.piece[some],
-            share=self.share[some],
-            bends=self.bends,
+            pieces=self.pieces,
+            candidates=self.candidates,
+            motion=self.motion,
         )
 
-    def shares(self, keys: NDArray[np.intp]) -> PointShares:
-        """Return the weights of stored differences in the points' signals.
-
-        Parameters
-        ----------
-        keys
-            (K,) key sections.
-
-        Returns
-        -------
-        PointShares
-            The weights.
-        """
+    def key_bands(self, keys: NDArray[np.intp]) -> Bands:
+        """Return the weights b of the (K,) key sections' stored differences in the points."""
         values = np.ascontiguousarray(differences_to_values(keys).T)
         blend = KeyBlend.at(self.at, keys)
-        return PointShares(*_key_shares(values, blend.before, blend.weights))
+        return Bands(*_key_bands(values, blend.before, blend.weights))
 
-    def distances(
+    def linearised(
         self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the points' distances, and how they change with the walls' signals.
-
-        Parameters
-        ----------
-        keys
-            (K,) key sections.
-        stored
-            (W, K, 16) stored differences, of the outer boundary and then of the lumen.
-        steps
-            (16,) steps of the signals, mm.
-
-        Returns
-        -------
-        tuple[NDArray[np.float64], NDArray[np.float64]]
-            (N,) distances, mm, and (W, 16, N) their changes with the signals of each wall.
-        """
+        """Return (N,) distances e, mm, and their (W, 16, N) changes C by walls' coefficients."""
+        # (W, K, 16) integers are stored, of the outer boundary and then of the lumen, whose own are
+        # what it differs by; (16,) steps are in mm.
         values = differences_to_values(keys)
-        lumen = self.lumen
-        signals = self.signals(keys, (values @ stored[0]) * steps)
-        if len(stored) > 1:
-            own = self.signals(keys, (values @ stored[1]) * steps)
-            signals += own * lumen[:, np.newaxis]
-        away, changes = _linearised(self.place, signals, CIRCLE, _U)
-        walls = [changes] if len(stored) == 1 else [changes, changes * lumen]
-        return away, np.stack(walls)
+        finer = self.pieces // self.candidates
+        blend = KeyBlend.at(np.arange(self.pieces + 1), keys * finer)
+        signals = np.zeros((len(keys), SIGNALS))
+        distances = np.empty(len(self.slices))
+        changes = np.empty((SIGNALS, len(self.slices)))
+        for wall, own in enumerate(stored):
+            signals = signals + (values @ own) * steps
+            some = np.flatnonzero(self.lumen == (wall > 0))
+            # The outlines that a reader has, so that distances are those that will be evaluated.
+            outlines = closed_outlines(blend.of(signals_to_rows(signals)), OUTLINE_CORNERS)
+            distances[some], changes[:, some] = _changes(self.points.chosen(some), outlines)
+        walls = [changes] if len(stored) == 1 else [changes, changes * self.lumen]
+        return distances, np.stack(walls)
 
     def signals(self, keys: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a wall's signals in the points' sections.
-
-        Parameters
-        ----------
-        keys
-            (K,) key sections.
-        values
-            (K, 16) the signals there, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 16) signals, mm.
-        """
+        """Return (N, 16) coefficients in the points' sections, from those at the key sections."""
         return KeyBlend.at(self.at, keys).of(values)
 
-    def bent(self, changes: NDArray[np.float64]) -> PointShares:
-        """Return how the points' distances change with the axis's bends.
+    def axis_bands(self, changes: NDArray[np.float64]) -> tuple[Bands, NDArray[np.float64]]:
+        """Return the weights b of the axis's keys in the points, and (3, N) their rows of C."""
+        # (16, N) changes are those by the outer boundary's coefficients, as `linearised` has them.
+        piece, share = self.points.piece, self.points.share[:, np.newaxis]
+        weights, moves = self.motion.weights, self.motion.directions
+        weights = weights[piece] * (1.0 - share) + weights[piece + 1] * share
+        # The axis's two ends are kept: no bend is theirs.
+        weights[:, [0, -1]] = 0.0
+        share = share[:, np.newaxis]
+        moves = moves[piece] * (1.0 - share) + moves[piece + 1] * share
+        ways = np.einsum("pwx,xp->wp", moves, np.stack([changes[ASIDE], changes[SKEW][0]]))
+        # A cubic's bends die away along it: a thousandth of the largest is let go.
+        return dense_bands(weights, 1e-3), ways
 
-        Parameters
-        ----------
-        changes
-            (16, N) how they change with the signals of the outer boundary, as `distances` has it.
 
-        Returns
-        -------
-        PointShares
-            The changes, mm, for each key of the axis and each of its three ways in turn.
-        """
-        aside, up = changes[ASIDE], changes[SKEW][0]
-        moves = self.bends
-        return PointShares(*_bent(moves.weights, moves.across, self.piece, self.share, aside, up))
+def _changes(
+    points: LocatedPoints, outlines: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (N,) distances e of points to their outlines and (16, N) their changes C."""
+    squared, ends, parts = points.feet(outlines)
+    half = OUTLINE_CORNERS // 2
+    corners = np.cos(np.linspace(0.0, np.pi, half))
+    # u and the sign h at each corner: along the bottom half (+) and back along the top one (-).
+    at_corner = np.concatenate([corners, corners[::-1]])
+    sign = np.repeat([1.0, -1.0], half)
+    before = ends - 1
+    u = at_corner[before] + parts * (at_corner[ends] - at_corner[before])
+    h = sign[before] + parts * (sign[ends] - sign[before])
+    share = points.share[:, np.newaxis]
+    first, last = (
+        outlines[points.piece, corner] * (1.0 - share) + outlines[points.piece + 1, corner] * share
+        for corner in (before, ends)
+    )
+    side = last - first
+    normal = points.place - (first + parts[:, np.newaxis] * side)
+    distances = np.sqrt(squared)
+    # A point on the outline has no way to its foot: there the side's own normal is as good.
+    on = distances <= 1e-9 * np.abs(outlines).max()
+    normal[on] = np.stack([side[on, 1], -side[on, 0]], axis=1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    x, y = normal.T
+    basis = second_kind(u).T
+    changes = np.empty((SIGNALS, len(u)))
+    changes[WIDTH] = -(x * u + y * h * (CIRCLE @ basis))
+    changes[ASIDE] = -x
+    changes[SYMMETRIC] = -y * h * basis
+    changes[SKEW] = -y * basis
+    return distances, changes
 
 
 @numba.njit(cache=True)
-def _key_shares(
+def _key_bands(
     values: NDArray[np.float64], before: NDArray[np.intp], blend: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Return what `PointShares` holds, from the (K, K) values that each difference gives."""
+    """Return what `Bands` holds of key sections."""
+    # values[k, j] is what a difference of one at key k gives at key j; a point between the keys
+    # before[p] and before[p] + 1 has the weights blend[p] of four keys from before[p] - 1 on.
     keys, points = len(values), len(before)
     # The first and the last point between two keys, and from there the range of every key.
     low, high = np.full(keys, points, np.intp), np.zeros(keys, np.intp)
@@ -234,6 +250,7 @@ def _key_shares(
     for k in range(keys):
         p0, p1 = points, 0
         for i in range(keys - 1):
+            # Points between keys i and i + 1 blend the values of keys i - 1 to i + 2.
             for j in range(max(i - 1, 0), min(i + 3, keys)):
                 if values[k, j] != 0.0:
                     p0, p1 = min(p0, low[i]), max(p1, high[i])
@@ -249,164 +266,3 @@ def _key_shares(
                     weight += values[k, j] * blend[p, column]
             weights[start[k] + p - first[k]] = weight
     return first, last, start, weights
-
-
-@numba.njit(cache=True)
-def _bent(
-    weights: NDArray[np.float64],
-    across: NDArray[np.float64],
-    piece: NDArray[np.intp],
-    share: NDArray[np.float64],
-    aside: NDArray[np.float64],
-    up: NDArray[np.float64],
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Return what `PointShares` holds of all bends; those of the two ends have to do with none."""
-    sections, keys = weights.shape
-    points = len(piece)
-    first, last = np.zeros(3 * keys, np.intp), np.zeros(3 * keys, np.intp)
-    start = np.zeros(3 * keys, np.intp)
-    total = 0
-    for k in range(1, keys - 1):
-        largest = 0.0
-        for i in range(sections):
-            largest = max(largest, abs(weights[i, k]))
-        low, high = sections, 0
-        for i in range(sections):
-            # A cubic's bends die away along it.
-            if abs(weights[i, k]) > _DIED_AWAY * largest:
-                low, high = min(low, i), i
-        p0, p1 = points, 0
-        for p in range(points):
-            if low - 1 <= piece[p] <= high:
-                p0, p1 = min(p0, p), p + 1
-        for way in range(3):
-            row = 3 * k + way
-            first[row], last[row], start[row] = p0, max(p0, p1), total
-            total += last[row] - p0
-    changes = np.empty(total)
-    for k in range(1, keys - 1):
-        for p in range(first[3 * k], last[3 * k]):
-            i, part = piece[p], share[p]
-            weight = weights[i, k] * (1.0 - part) + weights[i + 1, k] * part
-            for way in range(3):
-                x = across[i, way, 0] * (1.0 - part) + across[i + 1, way, 0] * part
-                y = across[i, way, 1] * (1.0 - part) + across[i + 1, way, 1] * part
-                row = 3 * k + way
-                changes[start[row] + p - first[row]] = weight * (x * aside[p] + y * up[p])
-    return first, last, start, changes
-
-
-@numba.njit(cache=True)
-def _linearised(
-    places: NDArray[np.float64],
-    signals: NDArray[np.float64],
-    circle: NDArray[np.float64],
-    corners: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return distances of points to outlines, and how they change with the outlines' signals."""
-    count, half = len(places), len(corners)
-    total = 2 * half
-    away = np.empty(count)
-    changes = np.empty((16, count))
-    basis = np.empty((half, 7))
-    round_half = np.zeros(half)
-    for c in range(half):
-        u = corners[c]
-        basis[c, 0] = 1.0
-        basis[c, 1] = 2.0 * u
-        for k in range(2, 7):
-            basis[c, k] = 2.0 * u * basis[c, k - 1] - basis[c, k - 2]
-        for k in range(7):
-            round_half[c] += circle[k] * basis[c, k]
-    xs, ys = np.empty(total), np.empty(total)
-    known = np.empty(half, np.bool_)
-    unit = np.empty(7)
-    for p in range(count):
-        a, e = signals[p, 0], signals[p, 1]
-        for c in range(half):
-            xs[c] = xs[total - 1 - c] = e + a * corners[c]
-        known[:] = False
-        px, py = places[p, 0], places[p, 1]
-        best, at, part = np.inf, total, 0.0
-        # From the point's column to both sides, until one is further away than what was found.
-        start = nearest_column(px, xs[0], xs[half - 1], half - 1)
-        for way in range(-1, 2, 2):
-            column = start if way > 0 else start - 1
-            while 0 <= column < half - 1:
-                off = way * (px - xs[column if way > 0 else column + 1])
-                if off > 0.0 and off * off > FURTHER * best:
-                    break
-                for c in range(column, column + 2):
-                    if not known[c]:
-                        _set_corner(signals[p], round_half, basis, c, ys)
-                        known[c] = True
-                for c in (column + 1, total - 1 - column):
-                    near, share = _side(xs, ys, c, px, py)
-                    if near < best or (near == best and c < at):
-                        best, at, part = near, c, share
-                column += way
-        for c in (0, half):
-            if (px - xs[c]) ** 2 <= FURTHER * best:
-                corner = c if c == 0 else half - 1
-                if not known[corner]:
-                    _set_corner(signals[p], round_half, basis, corner, ys)
-                    known[corner] = True
-                near, share = _side(xs, ys, c, px, py)
-                if near < best or (near == best and c < at):
-                    best, at, part = near, c, share
-        before = at - 1 if at > 0 else total - 1
-        u0 = corners[before] if before < half else corners[total - 1 - before]
-        u1 = corners[at] if at < half else corners[total - 1 - at]
-        side0 = 1.0 if before < half else -1.0
-        side1 = 1.0 if at < half else -1.0
-        u = u0 + part * (u1 - u0)
-        side = side0 + part * (side1 - side0)
-        nx = px - (xs[before] + part * (xs[at] - xs[before]))
-        ny = py - (ys[before] + part * (ys[at] - ys[before]))
-        size = math.sqrt(best)
-        if size > 1e-9 * abs(a):
-            nx, ny = nx / size, ny / size
-        else:
-            nx, ny = ys[at] - ys[before], xs[before] - xs[at]
-            length = max(math.hypot(nx, ny), 1e-300)
-            nx, ny = nx / length, ny / length
-        away[p] = size
-        unit[0] = 1.0
-        unit[1] = 2.0 * u
-        for k in range(2, 7):
-            unit[k] = 2.0 * u * unit[k - 1] - unit[k - 2]
-        bulge = 0.0
-        for k in range(7):
-            bulge += circle[k] * unit[k]
-            changes[2 + k, p] = -ny * side * unit[k]
-            changes[9 + k, p] = -ny * unit[k]
-        changes[0, p] = -(nx * u + ny * side * bulge)
-        changes[1, p] = -nx
-    return away, changes
-
-
-@numba.njit(cache=True)
-def _set_corner(
-    signals: NDArray[np.float64],
-    round_half: NDArray[np.float64],
-    basis: NDArray[np.float64],
-    corner: int,
-    ys: NDArray[np.float64],
-) -> None:
-    """Set the y of an outline's two corners at one x."""
-    up = signals[0] * round_half[corner]
-    middle = 0.0
-    for k in range(7):
-        up += signals[2 + k] * basis[corner, k]
-        middle += signals[9 + k] * basis[corner, k]
-    ys[corner] = middle + up
-    ys[len(ys) - 1 - corner] = middle - up
-
-
-@numba.njit(cache=True)
-def _side(
-    xs: NDArray[np.float64], ys: NDArray[np.float64], corner: int, x: float, y: float
-) -> tuple[float, float]:
-    """Return a point's squared distance to the side that ends at a corner, and its foot's share."""
-    before = corner - 1 if corner > 0 else len(xs) - 1
-    return foot_on_side(xs[before], ys[before], xs[corner], ys[corner], x, y)

@@ -1,79 +1,40 @@
-"""The search for the fewest bytes: which axis, which steps, and which numbers in them."""
+"""The search for the fewest bytes: which axis, which steps, and which integers in them.
+
+Axes of a few refinement levels and steps are each encoded in the first section step, with few
+rounds; the one of most promise is encoded in the other steps. What keeps the promise is sorted by
+bytes, and the first without crossed walls and outlines where no edge is comes out. A long stack is
+searched by a sample of its sections first, which those join that the sample's encoding misses.
+"""
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from organ_geometry.curves.key_sections import key_sections
-from organ_geometry.encoder.axis_encoder import coded_axis, most_levels
-from organ_geometry.encoder.axis_sampling import OrganCut, best_turn
-from organ_geometry.encoder.candidate import AXIS_PRICE, KeptCode, OrganAttempts
+from organ_geometry.encoder.axis_encoder import most_levels
+from organ_geometry.encoder.axis_sampling import AxisSampling, best_turn
+from organ_geometry.encoder.candidate import CandidateEncoder, Encoding
+from organ_geometry.encoder.costs import PenaltyController
+from organ_geometry.encoder.refinement import Refinement
+from organ_geometry.encoder.settings import sample_settings
 from organ_geometry.organ_file.coefficients import signals_to_rows
-from organ_geometry.organ_file.organ_code import LARGEST_KEY_DEPTH, scale_number, scale_of
-
-Effort: TypeAlias = Literal["quick", "full"]
-Search: TypeAlias = Literal["quick", "full", "sample"]
-
-
-@dataclass(frozen=True, slots=True)
-class _Tries:
-    """What is tried.
-
-    Attributes
-    ----------
-    levels
-        Levels of the axis, beyond those that its centroids are kept by in fewest bits.
-    axis_steps, steps
-        Steps of the axis and of half-curves, in tolerances.
-    prices
-        What a bit is worth in the sections that the search for fewer bits begins with.
-    axes
-        How many axes are tried in all steps or some of them.
-    rounds
-        Most attempts with each.
-    refined, fine_rounds
-        How many of the smallest have their key sections moved, and most attempts with each.
-    """
-
-    levels: tuple[int, ...]
-    axis_steps: tuple[float, ...]
-    steps: tuple[float, ...]
-    prices: tuple[float, ...]
-    axes: int
-    rounds: int
-    refined: int = 0
-    fine_rounds: int = 0
+from organ_geometry.organ_file.organ_code import (
+    LARGEST_KEY_DEPTH,
+    scale_number,
+    scale_of,
+    signal_steps,
+)
 
 
-_TRIES = {
-    "quick": _Tries((0, -1), (1.0, 2.0), (0.75, 0.5, 1.0), (0.1,), 2, 6),
-    "full": _Tries((0, -1, -2), (1.0, 1.5, 2.0, 3.0), (0.75, 0.5, 1.0), (0.1, 0.3), 3, 10, 5, 6),
-    "sample": _Tries((0, -1), (1.5,), (0.75, 1.0), (0.1,), 1, 5),
-}
-_FEW_ROUNDS = 3
-# Steps of half-curves where none of those will do, and the finest.
-_FINER_STEPS, _FINEST_STEP = (0.35, 0.25, 0.15), 1.0 / 16.0
-_NEAREST_LEVELS = (1, 0)
-# A turn that leaves so little of the error is taken; of one that leaves less than all but a little,
-# it shows only in the end.
-_TURN_PAYS, _TURN_MAY_PAY = 0.7, 0.95
-_THESIS_PRICE = 0.1
-_TIGHTENINGS, _TIGHTER = 3, 0.6
-_NEAREST_ROUNDS, _FINER_CANDIDATES = 1, 1
-# Where first attempts are so far off, in tolerances, and finest steps so far, more are of no use.
-_FAR, _OUT_OF_REACH = 1.3, 1.15
-
-
-class NotKept(Exception):  # noqa: N818
-    """No attempt kept the tolerance.
+class ToleranceNotMet(Exception):  # noqa: N818
+    """No encoding kept the tolerance.
 
     Attributes
     ----------
     section
-        The section that was off furthest in the nearest attempt.
+        The section that was off furthest in the nearest encoding.
     nearest_mm, overall_mm
         Its RMS distance there, and that of all sections, mm.
     way
@@ -90,218 +51,328 @@ class NotKept(Exception):  # noqa: N818
         self.overall_mm = overall_mm
 
 
-class EncoderSearch:
-    """Searches for an organ's numbers.
+class Search:
+    """Searches for an organ's integers.
 
     Parameters
     ----------
-    attempts
-        Makes and measures numbers. The search sets its limits: it needs its own.
+    candidates
+        Makes and evaluates encodings. The search sets its limits: it needs its own.
+    sampled
+        Whether the sections are only a sample, so that what comes out is only a start.
     """
 
-    def __init__(self, attempts: OrganAttempts) -> None:
-        self._attempts = attempts
+    def __init__(self, candidates: CandidateEncoder, *, sampled: bool = False) -> None:
+        self._candidates = candidates
+        self._settings = candidates.settings
+        self._sampled = sampled
         self._middle: int | None = None
         self._turn, self._turned = 0, 1.0
 
-    def in_fewest_bytes(self, effort: Search = "quick") -> KeptCode:
-        """Return the numbers of fewest bytes that keep the tolerance."""
-        thin = np.zeros(0, dtype=np.intp)
-        for _ in range(1 + _TIGHTENINGS):
-            kept = self._kept_soonest(effort)
-            whole: list[KeptCode] = []
+    def fewest_bytes(self) -> Encoding:
+        """Return the encoding of fewest bytes that keeps the tolerance."""
+        crossed = np.zeros(0, dtype=np.intp)
+        # Where the walls cross, sections must be kept more nearly; after three times, to a fifth of
+        # what was promised, there is no wall to keep.
+        for _ in range(4):
+            kept = self._kept_soonest()
+            whole: list[Encoding] = []
             for one in sorted(kept, key=lambda one: len(one.data)):
-                thin = self._attempts.thin(one)
-                if not thin.size and not self._attempts.strays(one):
+                crossed = self._candidates.crossed_walls(one)
+                if not crossed.size and not self._candidates.has_outliers(one):
                     return one
-                if not thin.size:
+                if not crossed.size:
                     whole.append(one)
             if whole:
-                return self._steadier(effort) or whole[0]
-            # Where the walls cross, sections must be kept more nearly.
-            self._attempts.limits[thin] *= _TIGHTER
-        index = self._attempts.contours[int(thin[0])].index
+                return self._without_outliers() or whole[0]
+            self._candidates.limits[crossed] *= 0.6
+        index = self._candidates.contours[int(crossed[0])].index
         raise ValueError(
             f"the lumen of section {index} is not inside its outer boundary: images with a wall "
             f"between them are needed, or a smaller tolerance"
         )
 
-    def _steadier(self, effort: Search) -> KeptCode | None:
-        """Return numbers of which no outline goes where no edge is, of any axis, or None."""
-        attempts = self._attempts
-        kept = self._searched(effort, (attempts.depth,), every=True)
-        with suppress(NotKept):
+    def _without_outliers(self) -> Encoding | None:
+        """Return the smallest encoding without outlier outlines, of any axis, or None."""
+        candidates = self._candidates
+        kept = self._searched((candidates.depth,), every=True)
+        with suppress(ToleranceNotMet):
             kept.append(self.nearest())
-        fitting = (one for one in kept if not attempts.thin(one).size and not attempts.strays(one))
+        fitting = (
+            one
+            for one in kept
+            if not candidates.crossed_walls(one).size and not candidates.has_outliers(one)
+        )
         return min(fitting, key=lambda one: len(one.data), default=None)
 
-    def _kept_soonest(self, effort: Search) -> list[KeptCode]:
-        """Return numbers that keep the tolerance, with candidates for keys as few as will do."""
-        *coarser, depth = range(max(1, self._attempts.depth - 1), self._attempts.depth + 1)
-        if effort != "sample":
-            kept = self._searched(effort, (*coarser, depth), last=True)
+    def _kept_soonest(self) -> list[Encoding]:
+        """Return encodings that keep the tolerance, with candidates for keys as few as will do."""
+        *coarser, depth = range(max(1, self._candidates.depth - 1), self._candidates.depth + 1)
+        if not self._sampled:
+            kept = self._searched((*coarser, depth), last=True)
         else:
-            kept = self._searched(effort, tuple(coarser))
+            kept = self._searched(tuple(coarser))
             if not kept:
-                kept = self._searched(effort, (depth,), last=True)
+                kept = self._searched((depth,), last=True)
         if not kept:
             # What changes between two sections may need keys at less than their distance.
             exact = self.nearest()
-            kept = [exact, *self._searched(effort, (exact.cut.depth,))]
+            kept = [exact, *self._searched((exact.sampling.depth,))]
         return kept
 
     def _searched(
-        self, effort: Search, depths: tuple[int, ...], *, last: bool = False, every: bool = False
-    ) -> list[KeptCode]:
-        """Return numbers that keep the tolerance, of several axes and in steps of several sizes."""
-        tries, attempts = _TRIES[effort], self._attempts
-        kept: list[KeptCode] = []
-        tried: list[tuple[float, OrganCut]] = []
+        self, depths: tuple[int, ...], *, last: bool = False, every: bool = False
+    ) -> list[Encoding]:
+        """Return encodings that keep the tolerance, of several axes and in several steps."""
+        settings, candidates = self._settings, self._candidates
+        first_step, worth = settings.section_steps[0], settings.bit_worths[0]
+        kept: list[Encoding] = []
+        tried: list[tuple[float, AxisSampling]] = []
         nearest = np.inf
-        for cut in self._cuts(effort, depths):
-            found = attempts.descended(cut, tries.steps[0], tries.prices[0], _FEW_ROUNDS)
+        for sampling in self._samplings(depths):
+            found = candidates.encode(sampling, first_step, worth, settings.choice_rounds)
             kept += _keeping(found)
             nearest = min([nearest, *(one.worst for one in found)])
             if found:
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
-                tried.append((size, cut))
+                tried.append((size, sampling))
         tried = _best_of_each_depth(tried)
-        if effort != "full" and nearest > _FAR:
+        full = settings.rounds > settings.choice_rounds
+        # Where first encodings are a third off, more are of no use: unless finest steps tell
+        # otherwise, no step will do.
+        if not full and nearest > 1.3:
             if not last:
                 return []
             self._check_within_reach()
-        # The axis of most promise is tried with all steps, the next with some.
-        for number, (_, cut) in enumerate(tried if every else tried[: tries.axes]):
-            steps = tries.steps if number == 0 or effort == "full" else tries.steps[:2]
-            # A few rounds were enough to choose an axis by, and are for a sample.
-            for step in steps[1:] if effort == "sample" else steps:
-                for price in tries.prices:
-                    kept += _keeping(attempts.descended(cut, step, price, tries.rounds))
-        for step in _FINER_STEPS:
+        # The axis of most promise is encoded in all steps. With no more rounds than it was chosen
+        # by, in the first step and worth it has been.
+        for _, sampling in tried if every else tried[: settings.axes]:
+            for step in settings.section_steps:
+                for bit_worth in settings.bit_worths:
+                    if full or every or (step, bit_worth) != (first_step, worth):
+                        kept += _keeping(
+                            candidates.encode(sampling, step, bit_worth, settings.rounds)
+                        )
+        for step in settings.finer_steps:
             if kept:
                 break
-            for _, cut in tried[:2]:
-                kept += _keeping(attempts.descended(cut, step, tries.prices[0], tries.rounds))
+            for _, sampling in tried[:2]:
+                kept += _keeping(candidates.encode(sampling, step, worth, settings.rounds))
         kept.sort(key=lambda one: len(one.data))
-        for one in kept[: tries.refined]:
-            kept += _keeping(attempts.lowered(one, tries.fine_rounds, move_keys=True))
+        for one in kept[: settings.moved]:
+            kept += _keeping(candidates.refine(one, settings.moved_rounds, move_keys=True))
         return kept
 
     def _check_within_reach(self) -> None:
         """Check that finest steps come near to what is to be kept; coarser ones will not either."""
         try:
             self.nearest()
-        except NotKept as error:
-            if error.nearest_mm > _OUT_OF_REACH * float(self._attempts.limits.max()):
+        except ToleranceNotMet as error:
+            if error.nearest_mm > 1.15 * float(self._candidates.limits.max()):
                 raise
 
-    def nearest(self, way: tuple[int, int, int] | None = None) -> KeptCode:
-        """Return the numbers in finest steps that come nearest to the sections."""
-        attempts = self._attempts
-        first = attempts.depth
+    def nearest(self, way: tuple[int, int, int] | None = None) -> Encoding:
+        """Return the encoding in finest steps that comes nearest to the sections."""
+        candidates = self._candidates
+        first = candidates.depth
         ways = (
             [way]
             if way is not None
-            else [
-                (levels, first, turn)
-                for levels in self._levels(_NEAREST_LEVELS)
-                for turn in self._turns("quick")
-            ]
+            else [(levels, first, self._turns()[-1]) for levels in self._levels((1, 0))]
         )
-        found: list[tuple[float, tuple[int, int, int], KeptCode]] = []
+        found: list[tuple[float, tuple[int, int, int], Encoding]] = []
         while ways:
             levels, depth, turn = ways.pop(0)
-            cut = attempts.cut(levels, scale_number(attempts.usual), depth, turn)
-            keys = np.arange(cut.candidates + 1, dtype=np.intp)
-            tried = attempts.descended(
-                cut, _FINEST_STEP, 0.0, _NEAREST_ROUNDS, keys=keys, near=True
-            )
+            sampling = candidates.sample(levels, scale_number(candidates.step_unit), depth, turn)
+            keys = np.arange(sampling.candidates + 1, dtype=np.intp)
+            # A sixteenth of the tolerance, at every candidate: finer ones come no nearer.
+            tried = candidates.encode(sampling, 1.0 / 16.0, 0.0, 1, keys=keys, nearest=True)
             found += [(one.worst, (levels, depth, turn), one) for one in tried]
             found = sorted(found, key=lambda one: one[0])[:1]
             if found and found[0][0] <= 1.0:
                 return found[0][2]
+            # The best of these is tried with twice the candidates too.
             deeper = depth + 1
-            if (
-                not ways
-                and way is None
-                and found
-                and deeper <= min(first + _FINER_CANDIDATES, LARGEST_KEY_DEPTH)
-            ):
+            if not ways and way is None and found and deeper <= min(first + 1, LARGEST_KEY_DEPTH):
                 levels, _, turn = found[0][1]
                 ways = [(levels, deeper, turn)]
         if not found:
             raise ValueError("the sections make no organ: their widths vanish")
         _, nearest, best = found[0]
         worst = int(best.rms.argmax())
-        index = attempts.contours[worst].index
-        raise NotKept(index, float(best.rms[worst]), best.overall, nearest)
+        index = candidates.contours[worst].index
+        raise ToleranceNotMet(index, float(best.rms[worst]), best.overall, nearest)
 
-    def by_the_thesis(self) -> KeptCode:
-        """Return the numbers of the key sections that the thesis's rule keeps."""
+    def by_the_thesis(self) -> Encoding:
+        """Return the encoding of the key sections that the thesis's rule keeps."""
         exact = self.nearest()
-        cut = exact.cut
-        finer = cut.samples // cut.candidates
-        rows = [signals_to_rows(fit[::finer]) for fit in cut.encoder.fits]
+        candidates, sampling = self._candidates, exact.sampling
+        finer = sampling.samples // sampling.candidates
+        rows = [signals_to_rows(fit[::finer]) for fit in sampling.encoder.fits]
         lumen = rows[1] if len(rows) > 1 else None
-        threshold = self._attempts.tolerance
-        scale = scale_number(0.25 * self._attempts.usual)
-        step = self._attempts.tolerance * scale_of(scale)
-        weights = np.full(cut.samples + 1, len(self._attempts.contours) / (cut.samples + 1))
+        threshold = candidates.tolerance
+        # Quarter steps, so that it is the sections left out that make the error.
+        scale = scale_number(0.25 * candidates.step_unit)
+        step = candidates.tolerance * scale_of(scale)
+        weights = np.full(sampling.samples + 1, len(candidates.contours) / (sampling.samples + 1))
+        worth = self._settings.bit_worths[0] * step * step
+        # The rule's threshold is lowered until the promise is kept, 24 times to a 200th.
         for _ in range(24):
             keys = key_sections(rows[0], lumen, threshold)
-            sections = cut.encoder.coded(step, _THESIS_PRICE * step * step, weights, keys)
-            attempt = self._attempts.measured(cut, scale, sections)
-            if attempt is not None and attempt.worst <= 1.0:
-                return attempt
+            sections = sampling.encoder.encode(step, worth, weights, keys)
+            encoding = candidates.evaluate(sampling, scale, sections)
+            if encoding is not None and encoding.worst <= 1.0:
+                return encoding
             threshold *= 0.8
         return exact
 
     def _levels(self, beyond: tuple[int, ...]) -> Iterator[int]:
         """Yield levels of the axis, so many beyond those that keep its centroids in fewest bits."""
-        attempts = self._attempts
-        most = most_levels(len(attempts.centroids))
+        candidates = self._candidates
+        most = most_levels(len(candidates.centroids))
         if self._middle is None:
-            scale = scale_number(attempts.usual)
-            costs = [
-                coded_axis(attempts.centroids, levels, scale, attempts.tolerance, AXIS_PRICE).cost
-                for levels in range(1, most + 1)
-            ]
+            scale = scale_number(candidates.step_unit)
+            costs = [candidates.axis(levels, scale).cost for levels in range(1, most + 1)]
             self._middle = 1 + int(np.argmin(costs))
-            cut = attempts.cut(self._middle, scale, attempts.depth)
-            self._turn, self._turned = best_turn(cut.outlines.outer)
+            sampling = candidates.sample(self._middle, scale, candidates.depth)
+            self._turn, self._turned = best_turn(sampling.outlines.outer)
         for more in beyond:
             if 1 <= self._middle + more <= most:
                 yield self._middle + more
 
-    def _turns(self, effort: Search) -> list[int]:
-        """Return how far half-curves are turned in their sections, once axes' levels are known."""
-        if self._turned < _TURN_PAYS:
+    def _turns(self) -> list[int]:
+        """Return the half-curves' rotations that are tried, once axes' levels are known."""
+        if self._turned < self._settings.rotation_used:
             return [self._turn]
-        may_pay = effort == "full" and self._turned < _TURN_MAY_PAY
-        return [0, self._turn] if may_pay else [0]
+        return [self._turn, 0] if self._turned < self._settings.rotation_tried else [0]
 
-    def _cuts(self, effort: Search, depths: tuple[int, ...]) -> Iterator[OrganCut]:
-        """Yield the contours cut across axes of several steps and numbers of keys, and turned."""
-        tries, attempts = _TRIES[effort], self._attempts
-        for levels in self._levels(tries.levels):
-            for share in tries.axis_steps:
-                scale = scale_number(share * attempts.usual)
+    def _samplings(self, depths: tuple[int, ...]) -> Iterator[AxisSampling]:
+        """Yield the contours sampled across axes of several levels and steps, and rotated."""
+        settings, candidates = self._settings, self._candidates
+        for levels in self._levels(settings.axis_levels):
+            for share in settings.axis_steps:
+                scale = scale_number(share * candidates.step_unit)
                 for depth in depths:
-                    for turn in self._turns(effort):
-                        yield attempts.cut(levels, scale, depth, turn)
+                    for turn in self._turns():
+                        yield candidates.sample(levels, scale, depth, turn)
 
 
-def _best_of_each_depth(tried: list[tuple[float, OrganCut]]) -> list[tuple[float, OrganCut]]:
-    """Return cuts by what they promise, the best of each depth before the second best of any."""
+class SampledSearch:
+    """Searches for a long organ's integers by some of its sections.
+
+    Sections of one organ are much alike. Integers that keep every sixth to the tolerance keep
+    nearly all of them; those that they do not keep join the search, until all are kept.
+
+    Parameters
+    ----------
+    candidates
+        Makes and evaluates encodings of all sections.
+    """
+
+    def __init__(self, candidates: CandidateEncoder) -> None:
+        self._candidates = candidates
+
+    def fewest_bytes(self) -> Encoding:
+        """Return an encoding of few bytes that keeps the tolerance in every section."""
+        whole = Search(self._candidates)
+        try:
+            found = self._by_samples()
+        except ToleranceNotMet:
+            # What some sections do not let be kept, all do not, and this is the quicker to say.
+            whole.nearest()
+            found = None
+        except ValueError:
+            found = None
+        return whole.fewest_bytes() if found is None else found
+
+    def _by_samples(self) -> Encoding | None:
+        """Return an encoding found by samples that keeps all sections, or None."""
+        candidates = self._candidates
+        settings = sample_settings(candidates.settings)
+        count = len(candidates.contours)
+        joined = np.zeros(count, dtype=np.bool_)
+        # Each size is tried twice, the second time with those that joined; then twice the size,
+        # until that is most of all or enough for an axis of most keys, 3 x 2^7.
+        size, tries = settings.sample, 2
+        while True:
+            joined[_spread(count, size)] = True
+            sample = candidates.subset(np.flatnonzero(joined), settings)
+            larger = size < 384 and 2 * size <= 0.5 * count
+            tries -= 1
+            try:
+                found = Search(sample, sampled=True).fewest_bytes()
+            except ToleranceNotMet:
+                # The axis of so few sections may not have keys enough.
+                if not larger:
+                    raise
+                size, tries = 2 * size, 2
+                continue
+            kept = self._kept_by_all(found, joined)
+            if kept is not None:
+                wrong = candidates.crossed_walls(kept).size or candidates.has_outliers(kept)
+                return None if wrong else kept
+            if tries == 0:
+                if not larger:
+                    return None
+                size, tries = 2 * size, 2
+
+    def _kept_by_all(self, found: Encoding, joined: NDArray[np.bool_]) -> Encoding | None:
+        """Return an encoding like the one found that keeps all sections; they join where not."""
+        candidates, limits = self._candidates, self._candidates.limits
+        settings = candidates.settings
+        kept = candidates.evaluate_on_all(found)
+        if kept is None or kept.worst <= 1.0:
+            return kept
+        jacobian, code = kept.sampling.jacobian(), found.code
+        controller = PenaltyController(settings.penalty)
+        worst = np.inf
+        # Rounds go on while each gains half a per cent.
+        for _ in range(6):
+            if kept.worst > 0.995 * worst:
+                break
+            worst = kept.worst
+            joined[_worst_of_runs(kept.rms / limits)] = True
+            slices = np.flatnonzero(joined)
+            refinement = Refinement(
+                jacobian.of_slices(slices), kept.integers, signal_steps(code.section_step),
+                limits[slices], kept.rms[slices], controller.penalty, settings, bend_axis=False,
+            )  # fmt: skip
+            sections = refinement.refined().sections
+            again = candidates.evaluate(kept.sampling, code.section_scale, sections)
+            if again is None or again.worst <= 1.0:
+                return again
+            kept = again
+            controller.learn(float((kept.rms / limits).max()), 1.0)
+        return None
+
+
+def _spread(count: int, size: int) -> NDArray[np.intp]:
+    """Return about so many numbers of sections at equal distances, the first and last included."""
+    pieces = -(-(count - 1) // max(1, round((count - 1) / size)))
+    return np.linspace(0, count - 1, pieces + 1).round().astype(np.intp)
+
+
+def _worst_of_runs(excess: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the worst of each run of sections that are beyond their limits, or nearly."""
+    # Sections from 97 % of their limit on: keeping the others would push them over it.
+    beyond = np.flatnonzero(excess > 0.97)
+    runs = np.split(beyond, np.flatnonzero(np.diff(beyond) > 1) + 1)
+    return np.array([run[excess[run].argmax()] for run in runs if len(run)], dtype=np.intp)
+
+
+def _best_of_each_depth(
+    tried: list[tuple[float, AxisSampling]],
+) -> list[tuple[float, AxisSampling]]:
+    """Return samplings by what they promise, the best of each depth before the second of any."""
     ranked: list[tuple[int, float, int]] = []
     of_depth: dict[int, int] = {}
     for number in sorted(range(len(tried)), key=lambda number: tried[number][0]):
-        size, cut = tried[number]
-        before = of_depth.setdefault(cut.depth, 0)
-        of_depth[cut.depth] += 1
+        size, sampling = tried[number]
+        before = of_depth.setdefault(sampling.depth, 0)
+        of_depth[sampling.depth] += 1
         ranked.append((before, size, number))
     return [tried[number] for _, _, number in sorted(ranked)]
 
 
-def _keeping(attempts: list[KeptCode]) -> list[KeptCode]:
-    return [one for one in attempts if one.worst <= 1.0]
+def _keeping(encodings: list[Encoding]) -> list[Encoding]:
+    return [one for one in encodings if one.worst <= 1.0]

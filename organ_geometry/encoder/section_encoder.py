@@ -1,4 +1,12 @@
-"""Sections in whole numbers: key sections and what is stored of them, for the fewest bits."""
+"""First integers of the key sections: where they are, and their shape coefficients quantised.
+
+Along the axis the contours are outlines at even places, and each outline's half-curves sixteen
+shape coefficients. Breakpoints of the coefficients' best piecewise straight fit become the key
+sections (`optimal_breakpoints`); what is stored of them, differences from what is foretold by other
+keys, comes of coordinate descent on squared error and bits, one coefficient after the other. The
+middle and width of the half-curves come first and the curves are fitted again over them, because a
+change of width moves everything between. Refinement then goes on from these integers.
+"""
 
 import math
 from dataclasses import dataclass
@@ -9,24 +17,27 @@ from numpy.typing import NDArray
 
 from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_SHARE
 from organ_geometry.curves.key_blend import KeyBlend
-from organ_geometry.encoder.bit_costs import LARGEST_SIZE, first_prices, learned_prices
-from organ_geometry.encoder.key_lattice import best_breaks, descend, nearest_differences
-from organ_geometry.organ_file.coefficients import ASIDE, CIRCLE, SIGNALS, SKEW, SYMMETRIC, WIDTH
-from organ_geometry.organ_file.key_order import differences_to_values
+from organ_geometry.encoder.coordinate_descent import (
+    UNBOUNDED,
+    Coordinates,
+    Residuals,
+    dense_bands,
+    descend,
+    penalty_row,
+)
+from organ_geometry.encoder.costs import first_bits, learned_bits, total_bits
+from organ_geometry.encoder.settings import EncoderSettings, Penalty
+from organ_geometry.organ_file.coefficients import (
+    ASIDE,
+    CIRCLE,
+    SIGNALS,
+    SKEW,
+    SYMMETRIC,
+    WIDTH,
+    second_kind,
+)
+from organ_geometry.organ_file.key_order import differences_to_values, known_order
 from organ_geometry.organ_file.organ_code import signal_steps
-
-KEY_BITS = 16.0
-"""What a key section takes where little is known of it."""
-
-_LONGEST_GAP = 256
-_ROUNDS = 3
-_SWEEPS = 20
-_DEAD_ZONE = 0.6
-_SPAN = slice(WIDTH, ASIDE + 1)
-_CURVES = slice(ASIDE + 1, SIGNALS)
-# Of a round boundary's mean squared distance; half-curves take up most of a change of width.
-_WEIGHTS = np.full(SIGNALS, 0.5)
-_WEIGHTS[WIDTH] = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,15 +57,15 @@ class Outlines:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CodedSections:
-    """Key sections in whole numbers, as in `OrganCode`.
+class KeySections:
+    """Key sections in integers, as in `OrganCode`.
 
     Attributes
     ----------
     keys
         (K,) key sections.
     stored
-        (W, K, 16) stored numbers, of the outer boundary and then of the lumen if it counts.
+        (W, K, 16) stored differences, of the outer boundary and then of the lumen if it counts.
     """
 
     keys: NDArray[np.intp]
@@ -62,7 +73,7 @@ class CodedSections:
 
 
 class SectionEncoder:
-    """Codes an organ's outlines in steps of any size.
+    """Quantises an organ's outlines in steps of any size.
 
     Parameters
     ----------
@@ -70,98 +81,92 @@ class SectionEncoder:
         The outlines, at the candidates for key sections and as often between as is wanted.
     candidates
         Number of pieces between candidates.
+    settings
+        What the encoder is tuned by.
     """
 
-    def __init__(self, outlines: Outlines, candidates: int) -> None:
+    def __init__(self, outlines: Outlines, candidates: int, settings: EncoderSettings) -> None:
         self._walls = [outlines.outer]
         if outlines.lumen is not None:
             self._walls.append(outlines.lumen)
-        self._fits = [fitted_signals(wall, extents(wall)) for wall in self._walls]
-        self._candidates = candidates
+        self._settings = settings
+        self.fits = [fitted_signals(wall, extents(wall)) for wall in self._walls]
+        """(M, 16) coefficients of each boundary's own half-curves."""
         self._finer = (len(outlines.outer) - 1) // candidates
         self._places = np.arange(len(outlines.outer)) / self._finer
 
-    @property
-    def fits(self) -> list[NDArray[np.float64]]:
-        """(M, 16) signals of each boundary's own half-curves."""
-        return self._fits
-
-    def coded(
+    def encode(
         self,
         step: float,
-        price: float,
+        bit_worth: float,
         weights: NDArray[np.float64],
         keys: NDArray[np.intp] | None = None,
-    ) -> CodedSections:
-        """Return the key sections of least error and price.
-
-        Parameters
-        ----------
-        step
-            Step of half-curves' coefficients, mm.
-        price
-            Squared error, mm^2, that a bit is worth; 0 to come as near as the steps allow.
-        weights
-            (M,) weight of each outline's squared error.
-        keys
-            (K,) the key sections, if they are chosen already.
-
-        Returns
-        -------
-        CodedSections
-            The key sections.
-        """
-        chosen = self._breaks(price, weights) if keys is None else keys
+    ) -> KeySections:
+        """Return key sections of little error and few bits."""
+        # A bit is worth a squared error, mm^2; with 0 the nearest integers are taken. (M,) weights
+        # are those of the outlines' squared errors. (K,) keys are taken if given, else chosen.
+        chosen = self._breakpoints(bit_worth, weights) if keys is None else keys
         steps = signal_steps(step)
-        prices = [first_prices() for _ in self._walls]
+        bits = [first_bits() for _ in self._walls]
         stored: list[NDArray[np.int64]] = []
-        for round_ in range(_ROUNDS):
-            solver = _Solver(self._places, chosen, weights, price)
-            stored, base = [], np.zeros_like(self._fits[0])
-            for wall, fit, bits in zip(self._walls, self._fits, prices, strict=True):
-                numbers, base = _stored(wall, fit, base, solver, steps, bits)
-                stored.append(numbers)
-            if round_ == _ROUNDS - 1 or price == 0.0:
+        # Integers teach what they cost, and that other integers: three times are enough.
+        for last in (False, False, True):
+            quantiser = _Quantiser(self._places, chosen, weights, bit_worth, self._settings)
+            stored, base = [], np.zeros_like(self.fits[0])
+            for wall, fit, table in zip(self._walls, self.fits, bits, strict=True):
+                integers, base = _stored(wall, fit, base, quantiser, steps, table)
+                stored.append(integers)
+            if last or bit_worth == 0.0:
                 break
-            prices = [learned_prices(numbers) for numbers in stored]
+            bits = [learned_bits(integers) for integers in stored]
             if keys is None:
-                used = np.any([(numbers != 0).any(axis=1) for numbers in stored], axis=0)
+                # Keys of zeros are no keys.
+                used = np.any([(integers != 0).any(axis=1) for integers in stored], axis=0)
                 used[[0, -1]] = True
                 chosen = chosen[used]
-        return CodedSections(chosen, np.stack(stored))
+        return KeySections(chosen, np.stack(stored))
 
-    def _breaks(self, price: float, weights: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Return the candidates between which the signals are nearly straight."""
-        signals = np.concatenate(self._fits, axis=1)[:: self._finer]
-        importance = np.tile(_WEIGHTS, len(self._fits)) * weights[:: self._finer, np.newaxis]
-        return best_breaks(
+    def _breakpoints(self, bit_worth: float, weights: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the candidates between which the coefficients are nearly straight."""
+        signals = np.concatenate(self.fits, axis=1)[:: self._finer]
+        # Of places between candidates, one stands for all of them.
+        importance = np.tile(_importance(), len(self.fits)) * weights[:: self._finer, np.newaxis]
+        return optimal_breakpoints(
             np.arange(len(signals), dtype=np.float64),
             np.ascontiguousarray(signals),
             np.ascontiguousarray(importance * self._finer),
-            price * KEY_BITS * len(self._fits),
-            _LONGEST_GAP,
+            bit_worth * self._settings.key_bits * len(self.fits),
+            256,
         )
 
 
-class _Solver:
-    """Chooses the stored numbers of one signal after the other."""
+def _importance() -> NDArray[np.float64]:
+    """Return (16,) mean squared distances that coefficients of one make on a round boundary."""
+    # Half, the mean of a squared sine; half of that for the width, as half-curves fitted again take
+    # up most of what it changes.
+    importance = np.full(SIGNALS, 0.5)
+    importance[WIDTH] = 0.25
+    return importance
+
+
+class _Quantiser:
+    """Chooses the stored integers of one coefficient after the other."""
 
     def __init__(
         self,
         places: NDArray[np.float64],
         keys: NDArray[np.intp],
         weights: NDArray[np.float64],
-        price: float,
+        bit_worth: float,
+        settings: EncoderSettings,
     ) -> None:
         nodes = KeyBlend.at(places, keys).matrix(len(keys))
+        # (M, K): what a stored difference of one gives along the axis.
         self.design = nodes @ differences_to_values(keys)
-        self._weighted = self.design.T * weights
-        self._products = self._weighted @ self.design
-        self._price = price
-        # The first key comes without a price: it is never left out.
-        self._rows = np.ones(len(keys), dtype=np.intp)
-        self._rows[0] = 0
+        self._bands = dense_bands(self.design)
+        self._weights, self._bit_worth, self._settings = weights, bit_worth, settings
         self._keys = keys
+        # Normal equations of the values at the keys, held a little where no outline fixes them.
         self._node_sums = nodes.T * weights
         self._node_products = self._node_sums @ nodes
         trace = float(np.trace(self._node_products))
@@ -171,35 +176,56 @@ class _Solver:
         self,
         wanted: NDArray[np.float64],
         steps: NDArray[np.float64],
-        weights: NDArray[np.float64],
+        importance: NDArray[np.float64],
         bits: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Return the (K, J) numbers of J signals (M, J)."""
+        """Return the (K, J) integers of J coefficients (M, J), each with its table of bits."""
         starts = self._rounded(wanted / steps)
-        if self._price == 0.0:
+        if self._bit_worth == 0.0:
             return starts
         chosen = np.empty_like(starts)
-        for signal, (step, weight) in enumerate(zip(steps, weights, strict=True)):
-            prices = np.stack([np.zeros_like(bits[signal]), bits[signal] * self._price])
-            products = self._products * (weight * step * step)
-            sums = (self._weighted @ wanted[:, signal]) * (weight * step)
+        count = len(starts)
+        section = np.zeros(len(wanted), dtype=np.intp)
+        ones = np.ones((1, len(wanted)))
+        # All outlines are one section, and an error of a bit's worth costs a bit.
+        penalty = Penalty(1.0 / self._bit_worth, 0.0, 0.0)
+        row = penalty_row(penalty)
+        everything = np.array([[0, count]])
+        for signal, (step, weight) in enumerate(zip(steps, importance, strict=True)):
+            tables = np.tile(bits[signal], (count, 1))
+            # The first key comes without a price: it is never left out.
+            tables[0] = 0.0
+            coordinates = Coordinates(
+                row=np.arange(count),
+                change=np.zeros(count, dtype=np.intp),
+                step=np.full(count, step),
+                lowest=np.full(count, -UNBOUNDED),
+                highest=np.full(count, UNBOUNDED),
+                bits=tables,
+            )
             best = math.inf
-            for numbers in (starts[:, signal].copy(), np.zeros(len(starts), dtype=np.int64)):
-                descend(products, sums, self._rows, prices, numbers, _SWEEPS)
-                sizes = np.minimum(np.abs(numbers), LARGEST_SIZE)
-                cost = float(numbers @ products @ numbers - 2.0 * numbers @ sums)
-                cost += float(prices[self._rows, sizes].sum())
+            # Descent ends where no single change pays: from rounded integers that is often another
+            # place than from zeros, and the cheaper of both is taken.
+            for integers in (starts[:, signal].copy(), np.zeros(count, dtype=np.int64)):
+                rest = self.design @ integers * step - wanted[:, signal]
+                weights = self._weights * weight
+                errors = np.array([weights @ (rest * rest)])
+                points = Residuals(section, weights, rest, errors)
+                descend(
+                    integers, coordinates, self._bands, ones, points, row, everything, UNBOUNDED, 20
+                )  # fmt: skip
+                cost = penalty.slope * float(errors[0]) + total_bits(tables, integers)
                 if cost < best:
                     best = cost
-                    chosen[:, signal] = numbers
+                    chosen[:, signal] = integers
         return chosen
 
     def _rounded(self, wanted: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the numbers nearest to the least-squares values at the keys."""
+        """Return the integers nearest to the least-squares values at the keys."""
         values = np.asarray(
             np.linalg.solve(self._node_products, self._node_sums @ wanted), dtype=np.float64
         )
-        dead = _DEAD_ZONE if self._price > 0.0 else 0.5
+        dead = self._settings.dead_zone if self._bit_worth > 0.0 else 0.5
         return nearest_differences(values, self._keys, dead)
 
 
@@ -207,34 +233,52 @@ def _stored(
     outlines: NDArray[np.float64],
     fit: NDArray[np.float64],
     base: NDArray[np.float64],
-    solver: _Solver,
+    quantiser: _Quantiser,
     steps: NDArray[np.float64],
     bits: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the stored numbers of a boundary, and the signals that they and a base give."""
-    stored = np.zeros((solver.design.shape[1], SIGNALS), dtype=np.int64)
-    decoded = base.copy()
+    """Return the stored integers of a boundary, and the coefficients that they and a base give."""
+    stored = np.zeros((quantiser.design.shape[1], SIGNALS), dtype=np.int64)
+    decoded, importance = base.copy(), _importance()
 
     def store(signals: slice, wanted: NDArray[np.float64]) -> None:
         rest = wanted - base[:, signals]
-        numbers = solver(rest, steps[signals], _WEIGHTS[signals], bits[signals])
-        stored[:, signals] = numbers
-        decoded[:, signals] += solver.design @ numbers * steps[signals]
+        integers = quantiser(rest, steps[signals], importance[signals], bits[signals])
+        stored[:, signals] = integers
+        decoded[:, signals] += quantiser.design @ integers * steps[signals]
 
-    store(_SPAN, fit[:, _SPAN])
+    span, curves = slice(WIDTH, ASIDE + 1), slice(ASIDE + 1, SIGNALS)
+    store(span, fit[:, span])
     # The half-curves are fitted again over the spans that a reader will know.
-    spans = decoded[:, _SPAN].copy()
+    spans = decoded[:, span].copy()
     spans[:, WIDTH] = np.maximum(spans[:, WIDTH], np.finfo(np.float64).tiny)
-    store(_CURVES, fitted_signals(outlines, spans)[:, _CURVES])
+    store(curves, fitted_signals(outlines, spans)[:, curves])
     return stored, decoded
 
 
-_TINY = float(np.finfo(np.float64).tiny)
-_LEVEL = np.eye(COEFFICIENTS)[0]
-_ROUNDNESS = (1e-4, 1e-2, 1.0)
-"""Share of an outline's weight with which a half is held to be round: more where that leaves it."""
-_LEAVES = 1.5
-"""How far from its middle a half-curve may go, in half the outline's height."""
+def nearest_differences(
+    values: NDArray[np.float64], keys: NDArray[np.intp], dead: float = 0.5
+) -> NDArray[np.int64]:
+    """Return the (K, J) stored differences nearest to J coefficients at keys, in steps."""
+    # One key after the other, so that each makes good what those before it were rounded by. But for
+    # the first key's, differences below the dead zone are left out.
+    integers = np.zeros(values.shape, dtype=np.int64)
+    decoded = np.zeros(values.shape)
+    integers[0] = np.round(values[0])
+    decoded[0] = integers[0]
+    integers[-1] = _rounded(values[-1] - decoded[0], dead)
+    decoded[-1] = decoded[0] + integers[-1]
+    for key, low, high, _ in known_order(keys):
+        share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
+        line = (1.0 - share) * decoded[low] + share * decoded[high]
+        integers[key] = _rounded(values[key] - line, dead)
+        decoded[key] = line + integers[key]
+    return integers
+
+
+def _rounded(values: NDArray[np.float64], dead: float) -> NDArray[np.int64]:
+    """Return the integers nearest to values, but zero for one below the dead zone."""
+    return np.where(np.abs(values) < dead, 0.0, np.round(values)).astype(np.int64)
 
 
 def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,27 +290,31 @@ def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
 def fitted_signals(
     outlines: NDArray[np.float64], spans: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the signals of the half-curves over given spans that lie nearest to outlines."""
+    """Return the coefficients of the half-curves over given spans that lie nearest to outlines."""
     x, y = outlines[:, :, 0], outlines[:, :, 1]
-    # A span far from its outline would make numbers of no meaning.
+    # A span far from its outline would make coefficients of no meaning.
     spans = np.maximum(spans, [1e-6 * float(np.ptp(x)), -np.inf])
-    systems, all_sums = _normal_equations(np.ascontiguousarray(outlines), spans)
+    systems, all_sums = _normal_equations(outlines, spans)
     fits: list[NDArray[np.float64]] = []
     low, high = y.min(axis=1), y.max(axis=1)
-    middles, reach = 0.5 * (low + high), _LEAVES * 0.5 * (high - low)
+    # A half-curve that goes farther from the middle than 1.5 times the outline has run away.
+    middles, reach = 0.5 * (low + high), 1.5 * 0.5 * (high - low)
+    everywhere = second_kind(np.linspace(-1.0, 1.0, 33))
+    level = np.eye(COEFFICIENTS)[0]
     for system, sums, sign in zip(systems, all_sums, (1.0, -1.0), strict=True):
         trace = np.einsum("sii->s", system)[:, np.newaxis] + np.finfo(np.float64).tiny
         # Where an outline has no points, as of sections that cross, the half is round.
-        round_half = sign * spans[:, :1] * CIRCLE + middles[:, np.newaxis] * _LEVEL
+        round_half = sign * spans[:, :1] * CIRCLE + middles[:, np.newaxis] * level
         fit = np.zeros((len(outlines), COEFFICIENTS))
         left = np.arange(len(outlines), dtype=np.intp)
-        for share in _ROUNDNESS:
+        # Held to the round half with this share of its weight: more where it runs away with less.
+        for share in (1e-4, 1e-2, 1.0):
             held = share * trace[left]
             fit[left] = np.linalg.solve(
                 system[left] + held[:, :, np.newaxis] * np.eye(COEFFICIENTS),
                 (sums[left] + held * round_half[left])[:, :, np.newaxis],
             )[:, :, 0]
-            away = np.abs(fit[left] @ _SPREAD.T - middles[left, np.newaxis]).max(axis=1)
+            away = np.abs(fit[left] @ everywhere.T - middles[left, np.newaxis]).max(axis=1)
             left = left[away > reach[left]]
             if not left.size:
                 break
@@ -278,60 +326,90 @@ def fitted_signals(
     return signals
 
 
-def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6."""
-    values = np.empty((*u.shape, COEFFICIENTS))
-    values[..., 0] = 1.0
-    values[..., 1] = 2.0 * u
-    for order in range(2, COEFFICIENTS):
-        values[..., order] = 2.0 * u * values[..., order - 1] - values[..., order - 2]
-    return values
-
-
-_SPREAD = second_kind(np.linspace(-1.0, 1.0, 33))
-
-
-@numba.njit(cache=True)
 def _normal_equations(
     outlines: NDArray[np.float64], spans: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (2, S, 7, 7) and (2, S, 7) normal equations of the bottom and the top half-curves."""
-    sections, count = outlines.shape[0], outlines.shape[1]
-    systems = np.zeros((2, sections, COEFFICIENTS, COEFFICIENTS))
-    sums = np.zeros((2, sections, COEFFICIENTS))
-    basis = np.empty(COEFFICIENTS)
-    for s in range(sections):
-        area = 0.0
-        left = right = 0
-        for p in range(count):
-            after = p + 1 if p + 1 < count else 0
-            area += outlines[s, p, 0] * outlines[s, after, 1]
-            area -= outlines[s, p, 1] * outlines[s, after, 0]
-            if outlines[s, p, 0] < outlines[s, left, 0]:
-                left = p
-            if outlines[s, p, 0] > outlines[s, right, 0]:
-                right = p
-        way = (right - left) % count
-        for p in range(count):
-            after = p + 1 if p + 1 < count else 0
-            before = p - 1 if p > 0 else count - 1
-            chord_x = outlines[s, after, 0] - outlines[s, before, 0]
-            chord_y = outlines[s, after, 1] - outlines[s, before, 1]
-            weight = chord_x * chord_x / max(math.hypot(chord_x, chord_y), _TINY)
-            # The sense of positive area goes from left to right on the side of smaller y.
-            half = 1 if ((p - left) % count <= way) == (area >= 0.0) else 0
-            u = min(max((outlines[s, p, 0] - spans[s, 1]) / spans[s, 0], -1.02), 1.02)
-            basis[0] = 1.0
-            basis[1] = 2.0 * u
-            for k in range(2, COEFFICIENTS):
-                basis[k] = 2.0 * u * basis[k - 1] - basis[k - 2]
-            for i in range(COEFFICIENTS):
-                weighted = weight * basis[i]
-                sums[half, s, i] += weighted * outlines[s, p, 1]
-                for j in range(i + 1):
-                    systems[half, s, i, j] += weighted * basis[j]
-        for half in range(2):
-            for i in range(COEFFICIENTS):
-                for j in range(i):
-                    systems[half, s, j, i] = systems[half, s, i, j]
-    return systems, sums
+    count = outlines.shape[1]
+    x, y = outlines[:, :, 0], outlines[:, :, 1]
+    after, before = np.roll(outlines, -1, axis=1), np.roll(outlines, 1, axis=1)
+    area = (x * after[:, :, 1] - y * after[:, :, 0]).sum(axis=1, keepdims=True)
+    left = np.asarray(x.argmin(axis=1), dtype=np.intp)[:, np.newaxis]
+    right = np.asarray(x.argmax(axis=1), dtype=np.intp)[:, np.newaxis]
+    # Errors in y, weighted by how level the boundary is there, are errors along its normal.
+    chord_x, chord_y = np.moveaxis(after - before, 2, 0)
+    weights = chord_x * chord_x / np.maximum(np.hypot(chord_x, chord_y), np.finfo(np.float64).tiny)
+    # The sense of positive area goes from left to right on the side of smaller y.
+    onwards = (np.arange(count, dtype=np.intp) - left) % count <= (right - left) % count
+    top = onwards == (area >= 0.0)
+    # A little beyond the span the half-curves may still be fitted; farther out they are of no use.
+    u = np.clip((x - spans[:, 1:]) / spans[:, :1], -1.02, 1.02)
+    basis = second_kind(u)
+    weighted = np.stack([weights * ~top, weights * top])[:, :, :, np.newaxis] * basis
+    return np.swapaxes(weighted, 2, 3) @ basis, np.einsum("hspk,sp->hsk", weighted, y)
+
+
+@numba.njit(cache=True)
+def optimal_breakpoints(
+    places: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    price: float,
+    longest: int,
+) -> NDArray[np.intp]:
+    """Return the breakpoints of least squared error and price."""
+    # (M, J) signals, with as many weights, are fitted by a straight line of their own between each
+    # two breakpoints, at most `longest` apart. Dynamic programming: best[i] = min over k of best[k]
+    # + price + error of the lines from k to i, which six running sums give in a few operations.
+    count, kinds = signals.shape
+    sums = np.zeros((count + 1, kinds, 6))
+    for i in range(count):
+        x = places[i]
+        for j in range(kinds):
+            y, w = signals[i, j], weights[i, j]
+            sums[i + 1, j, 0] = sums[i, j, 0] + w
+            sums[i + 1, j, 1] = sums[i, j, 1] + w * x
+            sums[i + 1, j, 2] = sums[i, j, 2] + w * x * x
+            sums[i + 1, j, 3] = sums[i, j, 3] + w * y
+            sums[i + 1, j, 4] = sums[i, j, 4] + w * x * y
+            sums[i + 1, j, 5] = sums[i, j, 5] + w * y * y
+    best = np.full(count, np.inf)  # least cost of everything up to a place
+    come = np.zeros(count, np.intp)  # the breakpoint before it
+    best[0] = 0.0
+    for last in range(1, count):
+        for first in range(max(0, last - longest), last):
+            total = best[first] + price
+            # Errors only add: most pieces are given up after a few signals.
+            if total >= best[last]:
+                continue
+            for j in range(kinds):
+                n = sums[last + 1, j, 0] - sums[first, j, 0]
+                x = sums[last + 1, j, 1] - sums[first, j, 1]
+                xx = sums[last + 1, j, 2] - sums[first, j, 2]
+                y = sums[last + 1, j, 3] - sums[first, j, 3]
+                xy = sums[last + 1, j, 4] - sums[first, j, 4]
+                yy = sums[last + 1, j, 5] - sums[first, j, 5]
+                if n <= 0.0:
+                    continue
+                # Squares about the means; what the line does not explain is the error.
+                spread = xx - x * x / n
+                both = xy - x * y / n
+                rest = yy - y * y / n
+                if spread > 1e-12:
+                    rest -= both * both / spread
+                total += max(rest, 0.0)
+                if total >= best[last]:
+                    break
+            if total < best[last]:
+                best[last] = total
+                come[last] = first
+    number, place = 1, count - 1
+    while place > 0:
+        place = come[place]
+        number += 1
+    breaks = np.empty(number, np.intp)
+    place = count - 1
+    for k in range(number - 1, -1, -1):
+        breaks[k] = place
+        place = come[place]
+    return breaks

@@ -50,3 +50,13 @@ def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     rows[:, TOP] = (signals[:, SKEW] - half) @ _TO_FIRST
     rows[:, BOTTOM] = (signals[:, SKEW] + half) @ _TO_FIRST
     return rows
+
+
+def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6."""
+    values = np.empty((*u.shape, COEFFICIENTS))
+    values[..., 0] = 1.0
+    values[..., 1] = 2.0 * u
+    for order in range(2, COEFFICIENTS):
+        values[..., order] = 2.0 * u * values[..., order - 1] - values[..., order - 2]
+    return values

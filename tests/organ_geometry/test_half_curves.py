@@ -14,8 +14,8 @@ from organ_geometry.curves.half_curves import (
     closed_outlines,
     fit_half_curves,
     outline_points,
-    polygon_distances,
 )
+from organ_geometry.curves.outline_distance import polygon_distances
 
 # Sums of a few hundred products of numbers around one.
 ROUNDING = 1e-10

@@ -22,10 +22,10 @@ from organ_geometry.curves.fitted_organ import fit_organ
 from organ_geometry.curves.half_curves import (
     closed_outlines,
     fit_half_curves,
-    polygon_distances,
 )
-from organ_geometry.encoder.search import Effort
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.curves.outline_distance import polygon_distances
+from organ_geometry.encoder.encode import ToleranceTooSmall
+from organ_geometry.encoder.settings import Effort
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_fitted, build_organ

@@ -13,10 +13,9 @@ from organ_geometry.curves.axis_curve import (
     refinement,
 )
 from organ_geometry.curves.half_curves import closed_outlines
-from organ_geometry.encoder.encode import EncodedOrgan, encoded_organ
-from organ_geometry.encoder.search import Effort
+from organ_geometry.encoder.encode import EncodedOrgan, ToleranceTooSmall, encoded_organ
 from organ_geometry.encoder.section_encoder import extents, fitted_signals
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.encoder.settings import Effort
 from organ_geometry.organ_file import code_from_bytes
 from organ_geometry.organ_file.coefficients import signals_to_rows
 from organ_geometry.surface_distance import root_mean_squares, section_distances

@@ -9,9 +9,8 @@ from organ_geometry.contours.contour import even_points
 from organ_geometry.curves.half_curves import (
     closed_outlines,
     fit_half_curves,
-    polygon_distances,
 )
-from organ_geometry.curves.outline_distance import outline_distances
+from organ_geometry.curves.outline_distance import outline_distances, polygon_distances
 from organ_geometry.surface_distance import LocatedPoints
 
 

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from organ_geometry.contours.contour import SectionContour
-from organ_geometry.encoder.encode import encoded_organ
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
-from organ_geometry.encoder.wall_thickness import thinnest_walls
+from organ_geometry.curves.half_curves import closed_outlines
+from organ_geometry.encoder.candidate import thinnest_wall
+from organ_geometry.encoder.encode import ToleranceTooSmall, encoded_organ
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
@@ -77,7 +77,9 @@ def test_more_effort_takes_no_more_bytes() -> None:
 def test_a_thin_wall_stays_a_wall() -> None:
     # The wall is thinner than the tolerance, which alone would let its sides cross.
     organ = encoded_organ(cylinder(lumen=0.97), 0.06 * RADIUS, hollow=True).organ
-    assert thinnest_walls(organ).min() > 0.0
+    outer = closed_outlines(organ.rows_at(organ.stations), 96)
+    lumen = closed_outlines(organ.rows_at(organ.stations, "lumen"), 96)
+    assert min(thinnest_wall(*walls) for walls in zip(outer, lumen, strict=True)) > 0.0
 
 
 def test_a_lumen_outside_is_refused_by_its_section() -> None:

@@ -7,12 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from organ_geometry.contours.contour import SectionContour
-from organ_geometry.encoder.candidate import OrganAttempts
-from organ_geometry.encoder.encode import EncodedOrgan, encoded_organ
-from organ_geometry.encoder.jacobian import EdgePoints
-from organ_geometry.encoder.sampled_search import MANY_SECTIONS, SAMPLE, SampledSearch
-from organ_geometry.encoder.search import EncoderSearch
-from organ_geometry.encoder.tolerance_floor import ToleranceTooSmall
+from organ_geometry.encoder.candidate import CandidateEncoder
+from organ_geometry.encoder.encode import EncodedOrgan, ToleranceTooSmall, encoded_organ
+from organ_geometry.encoder.search import SampledSearch, Search
+from organ_geometry.encoder.settings import QUICK, sample_settings
 from organ_geometry.organ_file import organ_from_bytes
 from organ_geometry.surface_distance import root_mean_squares, section_distances
 
@@ -43,8 +41,10 @@ def swollen(
     return SectionContour(contour.index, rings[0], rings[1], contour.normal, contour.x_dir)
 
 
-def attempts_at(contours: list[SectionContour], hollow: bool = False) -> OrganAttempts:
-    return OrganAttempts(contours, TOLERANCE, None, hollow=hollow, left_handed=False, units="mm")
+def candidates_at(contours: list[SectionContour], hollow: bool = False) -> CandidateEncoder:
+    return CandidateEncoder(
+        contours, TOLERANCE, None, QUICK, hollow=hollow, left_handed=False, units="mm"
+    )
 
 
 def largest_rms(encoded: EncodedOrgan, contours: list[SectionContour]) -> float:
@@ -55,13 +55,13 @@ def largest_rms(encoded: EncodedOrgan, contours: list[SectionContour]) -> float:
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_section_that_the_sample_misses_is_kept_too(hollow: bool) -> None:
     contours = wavy_tube(lumen=hollow)
-    attempts = attempts_at(contours, hollow)
-    chosen = np.linspace(0, LONG - 1, SAMPLE + 1).round().astype(np.intp)
-    by_some = EncoderSearch(attempts.of_some(chosen)).in_fewest_bytes("sample")
+    candidates = candidates_at(contours, hollow)
+    chosen = np.linspace(0, LONG - 1, QUICK.sample + 1).round().astype(np.intp)
+    by_some = Search(candidates.subset(chosen, sample_settings(QUICK)), sampled=True).fewest_bytes()
     odd = 121
     assert odd not in chosen
     contours[odd] = swollen(contours[odd], 1.03)
-    one = attempts_at(contours, hollow).of_all(by_some)
+    one = candidates_at(contours, hollow).evaluate_on_all(by_some)
     assert one is not None
     # What was found by the sample does not keep it: keeping it is the search's own doing.
     assert one.rms[odd] > 1.2 * TOLERANCE
@@ -91,8 +91,8 @@ def test_sections_unlike_their_neighbours_are_kept_or_refused(
 
 def test_samples_take_few_bytes_more_than_a_search_by_all_sections() -> None:
     contours = wavy_tube()
-    by_samples = SampledSearch(attempts_at(contours)).in_few_bytes()
-    by_all = EncoderSearch(attempts_at(contours)).in_fewest_bytes()
+    by_samples = SampledSearch(candidates_at(contours)).fewest_bytes()
+    by_all = Search(candidates_at(contours)).fewest_bytes()
     assert by_samples.worst <= 1.0
     assert len(by_samples.data) <= 1.1 * len(by_all.data)
     # Sections of noise taken as shape would take many more keys.
@@ -106,21 +106,21 @@ def test_a_sampled_search_gives_the_same_bytes_again() -> None:
 
 def test_numbers_of_some_sections_are_measured_by_all_as_a_reader_finds_them() -> None:
     contours = wavy_tube()
-    attempts = attempts_at(contours)
+    candidates = candidates_at(contours)
     some = np.arange(0, LONG, 6, dtype=np.intp)
     some[-1] = LONG - 1
-    one = attempts.of_all(EncoderSearch(attempts.of_some(some)).in_fewest_bytes())
+    one = candidates.evaluate_on_all(Search(candidates.subset(some, QUICK)).fewest_bytes())
     assert one is not None
     organ = organ_from_bytes(one.data)
-    away = root_mean_squares(section_distances(organ, contours, one.cut.places))
+    away = root_mean_squares(section_distances(organ, contours, one.sampling.places))
     # A reader's stations are chords of the axis, which differ by a hundred-thousandth of a piece.
     np.testing.assert_allclose(one.rms, away, rtol=1e-4)
-    assert len(one.cut.outlines.outer) > LONG
+    assert len(one.sampling.outlines.outer) > LONG
 
 
 @pytest.mark.parametrize("share", [0.0005, 0.001])
 def test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too(share: float) -> None:
-    contours = cylinder(sections=MANY_SECTIONS)
+    contours = cylinder(sections=QUICK.many_sections)
     with pytest.raises(ToleranceTooSmall, match="cannot be kept by two degree-6 curves") as raised:
         encoded_organ(contours, share * RADIUS)
     smallest = raised.value.smallest_mm
@@ -138,15 +138,15 @@ def test_all_sections_together_are_kept_to_what_they_may_in_a_long_stack() -> No
 
 def test_points_of_some_slices_are_those_that_they_have_among_all() -> None:
     contours = wavy_tube(sections=24, lumen=True)
-    cut = attempts_at(contours, True).cut(2, 56, 4)
-    points = EdgePoints.of(cut)
+    points = candidates_at(contours, True).sample(2, 56, 4).jacobian()
     chosen = np.array([0, 3, 4, 23], dtype=np.intp)
     some = points.of_slices(chosen)
     for place, number in enumerate(chosen):
         here, there = some.slices == place, points.slices == number
-        np.testing.assert_array_equal(some.place[here], points.place[there])
-        np.testing.assert_array_equal(some.weights[here], points.weights[there])
-        np.testing.assert_array_equal(some.lumen[here], points.lumen[there])
-        np.testing.assert_array_equal(some.piece[here], points.piece[there])
-        np.testing.assert_array_equal(some.share[here], points.share[there])
+        for one, other in ((some, points), (some.points, points.points)):
+            for field in ("weights", "lumen", "at", "place", "piece", "share"):
+                if hasattr(one, field):
+                    np.testing.assert_array_equal(
+                        getattr(one, field)[here], getattr(other, field)[there]
+                    )
     assert (np.diff(some.slices) >= 0).all()

@@ -1,0 +1,294 @@
+"""Refinement of an organ's integers: fewer bits, every slice within its limit.
+
+All integers of an encoding, the axis's bends and what is stored of the key sections, are chosen
+together by coordinate descent on the distances linearised about the encoding (`jacobian`,
+`coordinate_descent`). Key sections go where all their integers are zero and where that costs less,
+and with full effort they are also moved, left out and put between others one by one.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from organ_geometry.curves.key_blend import KeyBlend
+from organ_geometry.encoder.coordinate_descent import (
+    UNBOUNDED,
+    Coordinates,
+    Residuals,
+    descend,
+    joined_bands,
+    penalty_row,
+    zero_groups,
+)
+from organ_geometry.encoder.costs import (
+    first_bits,
+    learned_axis_bits,
+    learned_bits,
+    total_bits,
+    total_penalty,
+)
+from organ_geometry.encoder.jacobian import EdgeJacobian
+from organ_geometry.encoder.section_encoder import KeySections, nearest_differences
+from organ_geometry.encoder.settings import EncoderSettings, Penalty
+from organ_geometry.organ_file.coefficients import SIGNALS
+from organ_geometry.organ_file.key_order import differences_to_values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrganIntegers:
+    """The integers of an organ that are chosen together.
+
+    Attributes
+    ----------
+    sections
+        What is stored of the key sections.
+    bends
+        (B, 3) stored differences of the axis's keys.
+    """
+
+    sections: KeySections
+    bends: NDArray[np.int64]
+
+
+@dataclass(slots=True, eq=False)
+class _State:
+    """Integers, and what they are predicted to give.
+
+    Attributes
+    ----------
+    keys
+        (K,) key sections.
+    integers
+        (3 B + 16 W K,) bends, then those of each key section: of the outer boundary, of the lumen.
+    residuals
+        (N,) distances of the points, mm.
+    errors
+        (S,) D of each slice.
+    """
+
+    keys: NDArray[np.intp]
+    integers: NDArray[np.int64]
+    residuals: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
+class Refinement:
+    """Lowers the cost of an encoding's integers.
+
+    Parameters
+    ----------
+    jacobian
+        Edge points of all slices.
+    integers
+        The integers to begin with.
+    steps
+        (16,) steps of the coefficients, mm.
+    limits
+        (S,) RMS distance that each slice may have, mm.
+    measured
+        (S,) RMS distance that each slice has now, by all its points, mm.
+    penalty
+        What errors cost.
+    settings
+        What the encoder is tuned by.
+    bend_axis
+        Whether the axis's bends may change too.
+
+    Attributes
+    ----------
+    predicted
+        The largest RMS distance of a slice, in limits, that the integers returned are to have.
+    """
+
+    def __init__(
+        self,
+        jacobian: EdgeJacobian,
+        integers: OrganIntegers,
+        steps: NDArray[np.float64],
+        limits: NDArray[np.float64],
+        measured: NDArray[np.float64],
+        penalty: Penalty,
+        settings: EncoderSettings,
+        *,
+        bend_axis: bool,
+    ) -> None:
+        sections, bends = integers.sections, integers.bends
+        self._jacobian, self._steps, self._settings = jacobian, steps, settings
+        self._penalty, self._row = penalty, penalty_row(penalty)
+        residuals, changes = jacobian.linearised(sections.keys, sections.stored, steps)
+        self._axis, ways = jacobian.axis_bands(changes[0])
+        # Rows of C: those of the walls' coefficients, then the axis's three directions.
+        self._walls = len(sections.stored)
+        self._changes = np.concatenate([*changes, ways])
+        self._weights = jacobian.weights / limits[jacobian.slices] ** 2
+        # The first key section's integers have bits of their own.
+        self._bits = np.stack([
+            np.concatenate([first_bits() for _ in sections.stored]),
+            np.concatenate([learned_bits(wall) for wall in sections.stored]),
+        ])  # fmt: skip
+        self._axis_bits = learned_axis_bits(bends)
+        self._bends, self._bend_axis = bends, bend_axis and settings.farthest_bend > 0
+        stored = sections.stored.transpose(1, 0, 2).ravel()
+        self._state = _State(
+            sections.keys,
+            np.concatenate([bends.ravel(), stored]),
+            residuals,
+            # Each slice begins with what was measured by all its points.
+            (measured / limits) ** 2,
+        )
+        self.predicted = math.sqrt(float(self._state.errors.max()))
+
+    def refined(self, *, move_keys: bool = False) -> OrganIntegers:
+        """Return integers of lower cost, without key sections that are not worth their bits."""
+        self._descend(self._state)
+        if move_keys:
+            # A second pass finds what the first one's moves have made worth while.
+            for _ in range(2):
+                if not self._move_keys():
+                    break
+            self._descend(self._state)
+        state = self._state = self._without_zero_keys(self._state)
+        self.predicted = math.sqrt(max(0.0, float(state.errors.max())))
+        return OrganIntegers(
+            KeySections(state.keys, np.ascontiguousarray(self._stored(state))),
+            state.integers[: self._bends.size].reshape(self._bends.shape).copy(),
+        )
+
+    def _stored(self, state: _State) -> NDArray[np.int64]:
+        """Return a state's (W, K, 16) integers of key sections, as a view."""
+        stored = state.integers[self._bends.size :]
+        return stored.reshape(len(state.keys), self._walls, SIGNALS).transpose(1, 0, 2)
+
+    def _coordinates(self, keys: int) -> Coordinates:
+        """Return what each integer does and costs, with so many key sections."""
+        bends, block = self._bends.ravel(), self._walls * SIGNALS
+        reach = self._settings.farthest_bend
+        unbounded = np.full(keys * block, UNBOUNDED)
+        return Coordinates(
+            row=np.concatenate([
+                np.arange(bends.size) // 3, len(self._bends) + np.arange(keys * block) // block,
+            ]),
+            change=np.concatenate([
+                block + np.arange(bends.size) % 3, np.tile(np.arange(block), keys),
+            ]),
+            step=np.concatenate([np.ones(bends.size), np.tile(self._steps, keys * self._walls)]),
+            lowest=np.concatenate([bends - reach, -unbounded]),
+            highest=np.concatenate([bends + reach, unbounded]),
+            bits=self._tables(keys),
+        )  # fmt: skip
+
+    def _tables(self, keys: int) -> NDArray[np.float64]:
+        first, others = self._bits
+        return np.concatenate([self._axis_bits, first, np.tile(others, (keys - 1, 1))])
+
+    def _descend(self, state: _State, trial: int | None = None) -> None:
+        """Lower a state's cost, its key sections kept; on trial by those around one alone."""
+        count, bends = len(state.keys), self._bends.size
+        coordinates = self._coordinates(count)
+        bands = joined_bands(self._axis, self._jacobian.key_bands(state.keys))
+        points = Residuals(self._jacobian.slices, self._weights, state.residuals, state.errors)
+        starts = bends + self._walls * SIGNALS * np.arange(count + 1)
+        begin, end = 0, count
+        if trial is not None:
+            # What a move changes is taken up by the two key sections to both its sides.
+            begin, end = max(0, trial - 2), min(count, trial + 3)
+        free = self._bend_axis and trial is None
+        ranges = np.array([[0, bends if free else 0], [starts[begin], starts[end]]])
+        groups = np.stack([starts[1:-2], starts[2:-1]], axis=1)
+        # Zeroed key sections let others change, and the other way round.
+        for _ in range(3 if trial is None else 1):
+            moved = descend(
+                state.integers, coordinates, bands, self._changes, points, self._row, ranges,
+                # Distances are linear nearby only: no integer goes farther than this at once.
+                8, 4 if trial is None else 2,
+            )  # fmt: skip
+            moved += zero_groups(
+                state.integers, coordinates, bands, self._changes, points, self._row, groups,
+                self._settings.key_own_bits,
+            )  # fmt: skip
+            if not moved:
+                break
+
+    def _move_keys(self) -> bool:
+        """Leave out, move and add key sections, one after the other, where that lowers the cost."""
+        self._state = self._without_zero_keys(self._state)
+        cost = self._cost(self._state)
+        moved = False
+        place = 1
+        while place < len(self._state.keys):
+            for keys in _neighbours(self._state.keys, place):
+                trial = self._with_keys(self._state, keys)
+                self._descend(trial, place)
+                if self._cost(trial) < cost - self._settings.moved_bits:
+                    self._state, moved = self._without_zero_keys(trial), True
+                    cost = self._cost(self._state)
+                    break
+            place += 1
+        return moved
+
+    def _with_keys(self, state: _State, keys: NDArray[np.intp]) -> _State:
+        """Return a state of other key sections, with nearly the same coefficients between them."""
+        here, there = differences_to_values(state.keys), differences_to_values(keys)
+        bends = self._bends.size
+        stored: list[NDArray[np.int64]] = []
+        residuals = state.residuals.copy()
+        for wall, own in enumerate(self._stored(state)):
+            values = here @ own
+            moved = KeyBlend.at(keys, state.keys).of(values)
+            integers = nearest_differences(moved, keys, self._settings.dead_zone)
+            stored.append(integers)
+            before = self._jacobian.signals(state.keys, values * self._steps)
+            after = self._jacobian.signals(keys, (there @ integers) * self._steps)
+            changes = self._changes[wall * SIGNALS : (wall + 1) * SIGNALS]
+            residuals += np.einsum("jn,nj->n", changes, after - before)
+        errors = state.errors + np.bincount(
+            self._jacobian.slices,
+            self._weights * (residuals**2 - state.residuals**2),
+            len(state.errors),
+        )
+        flat = np.stack(stored, axis=1).ravel()
+        integers = np.concatenate([state.integers[:bends], flat])
+        return _State(keys, integers, residuals, errors)
+
+    def _without_zero_keys(self, state: _State) -> _State:
+        """Return a state without the keys of which all integers are zero, where it costs less."""
+        # They do say something: that the coefficients lie on the line between other keys there.
+        # Fewer keys have other neighbours, and integers that become zero in turn.
+        for _ in range(3):
+            used = np.asarray((self._stored(state) != 0).any(axis=(0, 2)))
+            used[[0, -1]] = True
+            if used.all():
+                break
+            trial = self._with_keys(state, state.keys[used])
+            self._descend(trial)
+            if self._cost(trial) > self._cost(state):
+                break
+            state = trial
+        return state
+
+    def _cost(self, state: _State) -> float:
+        """Return J of a state, bits."""
+        keys = len(state.keys)
+        return (
+            total_bits(self._tables(keys), state.integers)
+            + self._settings.key_own_bits * (keys - 2)
+            + total_penalty(self._penalty, state.errors)
+        )
+
+
+def _neighbours(keys: NDArray[np.intp], place: int) -> list[NDArray[np.intp]]:
+    """Return keys that differ from given ones at a place: one less, one moved, one more before."""
+    found: list[NDArray[np.intp]] = []
+    here, before = int(keys[place]), int(keys[place - 1])
+    if place < len(keys) - 1:
+        found.append(np.delete(keys, place))
+        for move in (-1, 1, -2, 2, -4, 4):
+            if before < here + move < keys[place + 1]:
+                other = keys.copy()
+                other[place] += move
+                found.append(other)
+    if here - before > 1:
+        found.append(np.insert(keys, place, (before + here) // 2))
+    return found

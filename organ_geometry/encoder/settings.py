@@ -1,0 +1,107 @@
+"""What the encoder is tuned by: one value an idea, with what justifies it.
+
+Lengths are in steps or tolerances, rates in bits. "Table" is the ablation table in docs/encoder.md,
+made by `python -m benchmarks.encoder_ablation`: a row for each idea, switched off by a value.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+Effort: TypeAlias = Literal["quick", "full"]
+
+
+@dataclass(frozen=True, slots=True)
+class Penalty:
+    """Bits that an error costs: phi(D) = slope D + wall max(0, D - margin)^2.
+
+    D is a section's mean squared distance in squared limits, so that D = 1 is just kept.
+    """
+
+    slope: float
+    wall: float
+    margin: float
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderSettings:
+    """How widely the encoder searches, and what it weighs."""
+
+    # Axes: refinement levels tried, beyond those of the centroids' own fewest bits. A coarser axis
+    # often saves more bits than sections then need (table: levels).
+    axis_levels: tuple[int, ...] = (0, -1)
+    # Steps of the axis, in tolerances (table: axis steps).
+    axis_steps: tuple[float, ...] = (1.5, 2.0)
+    # Squared error, in squared steps summed over sections, that a bit of the first axis is worth:
+    # few bits, because sections take up what it leaves.
+    axis_bit_worth: float = 0.1
+    # Farthest that a bend is moved in one refinement, in steps; distances are linear only near
+    # where they were measured. 0: the axis stays as its centroids made it (table: bends).
+    farthest_bend: int = 2
+    # Whether end sections may lean out of the axis, as oblique images do (table: tilts).
+    tilts: bool = True
+
+    # Sections: steps of shape coefficients, in tolerances, best guess first (table: section steps).
+    section_steps: tuple[float, ...] = (0.75, 0.5, 1.0)
+    # Steps where none of those keeps the tolerance.
+    finer_steps: tuple[float, ...] = (0.35, 0.25, 0.15)
+    # Squared error, in squared steps, that a bit is worth before any refinement.
+    bit_worths: tuple[float, ...] = (0.1,)
+    # Differences smaller than this are stored as zero where bits count: a zero is so much cheaper
+    # than a one that rounding from 1/2 up would cost more bits than it saves error.
+    dead_zone: float = 0.6
+    # Bits of a key section: before its integers are known, and beside them once they are.
+    key_bits: float = 16.0
+    key_own_bits: float = 6.0
+    # Rotations of half-curves that cut the error below the first share are always used, those
+    # below the second are tried by full effort (table: rotation).
+    rotation_used: float = 0.7
+    rotation_tried: float = 0.0
+
+    # Refinement: rounds of linearise, descend, evaluate, for choosing an axis, and for the chosen.
+    choice_rounds: int = 3
+    rounds: int = 3
+    # How many axes go on to more than the first section step (table: axes).
+    axes: int = 1
+    # Edge points of a boundary that stand for all of it while integers are chosen; evaluated is
+    # what comes out by all of them.
+    points: int = 36
+    # Whether the penalty is raised for sections that were missed (table: penalty learned).
+    penalty_learned: bool = True
+    # With sections kept each to its limit: nothing for errors well inside it, and a wall from 96 %.
+    penalty: Penalty = Penalty(0.3, 300.0, 0.96)
+    # To come as near as the steps allow, where the question is whether a tolerance can be kept.
+    nearest_penalty: Penalty = Penalty(30.0, 3000.0, 0.9)
+    # Where all sections together are promised: slope D so that errors cost this share of the bits,
+    # because bits go with the logarithm of the error.
+    overall_share: float = 0.4
+    # How many of the smallest encodings have their key sections moved, dropped and added one by
+    # one, in how many rounds, and the bits such a move must save (table, full effort: key moves).
+    moved: int = 0
+    moved_rounds: int = 0
+    moved_bits: float = 0.5
+
+    # Stacks of so many sections are searched by about `sample` of them first (table: sampling).
+    many_sections: int = 192
+    sample: int = 48
+
+
+QUICK = EncoderSettings()
+FULL = EncoderSettings(
+    axis_levels=(0, -1, -2),
+    axis_steps=(1.0, 1.5, 2.0, 3.0),
+    axis_bit_worth=0.2,
+    bit_worths=(0.1, 0.3),
+    rotation_tried=0.95,
+    rounds=10,
+    axes=3,
+    moved=5,
+    moved_rounds=6,
+)
+SETTINGS: dict[Effort, EncoderSettings] = {"quick": QUICK, "full": FULL}
+
+
+def sample_settings(settings: EncoderSettings) -> EncoderSettings:
+    """Return the settings for a sample: its encoding is only a start for that of all sections."""
+    return replace(
+        settings, axis_steps=(1.5,), section_steps=settings.section_steps[::2], axes=1, rounds=5
+    )
