@@ -1,16 +1,14 @@
 """What each idea of the encoder gains in bytes and costs in time, on the phantom and real organs.
 
 Run from the root of the repository: ``python -m benchmarks.encoder_ablation``, with names of rows
-for only these. Each row switches one idea off by its value in `EncoderSettings`, and says by how
-much the files of default effort grow without it, and what share of the processor time is left.
+for only these; it prints the table of docs/encoder.md, one row after the other. Each row switches
+one idea off by its value in `EncoderSettings`, and says by how much files of default effort grow
+without it, and how many processor seconds all of them take.
 """
 
 import sys
 import time
 from dataclasses import dataclass, replace
-
-from rich.console import Console
-from rich.table import Table
 
 from assets import BILE_DUCT_PHANTOM
 from benchmarks.organ_sets import DATA, SETS, missing_sets
@@ -20,7 +18,7 @@ from organ_geometry.encoder.settings import QUICK, EncoderSettings
 
 WITHOUT: dict[str, EncoderSettings] = {
     "levels": replace(QUICK, axis_levels=(0,)),
-    "axis steps": replace(QUICK, axis_steps=(1.5,)),
+    "axis steps": replace(QUICK, axis_steps=(1.0,)),
     "bends": replace(QUICK, farthest_bend=0),
     "tilts": replace(QUICK, tilts=False),
     "rotation": replace(QUICK, rotation_used=0.0),
@@ -76,25 +74,19 @@ def traced_sets() -> dict[str, Traced]:
 
 def main() -> None:
     """Print the table."""
-    console = Console()
     rows = WITHOUT | ADDED
     wanted = sys.argv[1:] or [*rows]
     unknown = [name for name in wanted if name not in rows]
     if unknown:
         sys.exit(f"rows are {', '.join(rows)}, not {', '.join(unknown)}")
     organs = traced_sets()
-    table = Table(box=None, pad_edge=False)
-    table.add_column("")
-    for name in organs:
-        table.add_column(name, justify="right")
-    table.add_column("s", justify="right")
-    with console.status("Encoding ..."):
-        whole = {name: one.encoded(QUICK) for name, one in organs.items()}
-        table.add_row("all, bytes", *_cells(whole, None), _seconds(whole))
-        for row in wanted:
-            found = {name: one.encoded(rows[row]) for name, one in organs.items()}
-            table.add_row(row, *_cells(found, whole), _seconds(found))
-    console.print(table)
+    whole = {name: one.encoded(QUICK) for name, one in organs.items()}
+    print("| without |", " | ".join(organs), "| s |")
+    print("|---" * (len(organs) + 2) + "|")
+    print("| nothing |", " | ".join(_cells(whole, None)), f"| {_seconds(whole)} |", flush=True)
+    for row in wanted:
+        found = {name: one.encoded(rows[row]) for name, one in organs.items()}
+        print(f"| {row} |", " | ".join(_cells(found, whole)), f"| {_seconds(found)} |", flush=True)
 
 
 Encoded = dict[str, tuple[int, float] | None]

@@ -30,7 +30,7 @@ class EncoderSettings:
     # often saves more bits than sections then need (table: levels).
     axis_levels: tuple[int, ...] = (0, -1)
     # Steps of the axis, in tolerances (table: axis steps).
-    axis_steps: tuple[float, ...] = (1.5, 2.0)
+    axis_steps: tuple[float, ...] = (1.0, 1.5, 2.0)
     # Squared error, in squared steps summed over sections, that a bit of the first axis is worth:
     # few bits, because sections take up what it leaves.
     axis_bit_worth: float = 0.1
