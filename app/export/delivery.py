@@ -46,9 +46,9 @@ class Delivery:
         return cls(
             kind,
             files,
-            tuple(surfaces),
-            sum(len(surface.vertices) for surface in surfaces.values()),
-            sum(len(surface.skin.faces) for surface in surfaces.values()),
+            tuple(surface.name for surface in surfaces),
+            sum(len(surface.vertices) for surface in surfaces),
+            sum(len(surface.skin.faces) for surface in surfaces),
             snapshot.force,
             snapshot.deflection,
         )

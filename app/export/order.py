@@ -10,13 +10,12 @@ import numpy as np
 from app.export.delivery import Delivery
 from app.export.motion import Motion, check_frames, pull_motion, tear_motion
 from app.export.rigged_organ import ORGAN, rigged_organ
-from app.export.stress_color import stress_colors
 from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
 from organ_geometry import check_target, write_atomic
-from organ_geometry.mesh import PAINTED_SUFFIXES, ClosedSurface, TornPiece, mesh_content, organ_skin
+from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
 from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
 from physics import BreakEvent, Theory, break_of
 
@@ -104,10 +103,10 @@ class Order:
         check_frames(self.frames)
         if self.force is not None and self.force < 0.0:
             raise ValueError(f"the hook pulls and does not push: no force of {self.force:g} N")
-        if self.painted and suffix not in PAINTED_SUFFIXES:
+        if self.painted and suffix not in COLORED_SUFFIXES:
             raise ValueError(
                 f"cannot write {path}: {suffix} keeps no colours of stress; take one of "
-                f"{', '.join(PAINTED_SUFFIXES)}"
+                f"{', '.join(COLORED_SUFFIXES)}"
             )
         if self.torn and suffix in (".pvd", ".csv"):
             raise ValueError(
@@ -200,11 +199,9 @@ class Order:
         if suffix == ".vtp":
             content = snapshot_content(snapshot)
         else:
-            parts: dict[str, ClosedSurface] = {}
-            for name, surface in snapshot.surfaces.items():
-                colors = stress_colors(surface.stress.distance_to_break) if self.painted else None
-                parts[name] = ClosedSurface.of(surface.skin, surface.vertices, colors)
-            content = mesh_content(parts, suffix)
+            shown = snapshot.stresses if self.painted else ()
+            colors = [stress_colors(stress.distance_to_break) for stress in shown]
+            content = mesh_content(snapshot.surfaces, suffix, colors)
         kind = "two closed pieces" if self.torn else "one closed surface"
         return content, Delivery.of(kind, snapshot)
 

@@ -32,13 +32,10 @@ from organ_geometry.mesh import (
     GLTF_FROM_MM,
     BoundSkin,
     GltfFile,
-    ShadedWall,
     Skin,
     TornPiece,
     metres,
-    primitive,
-    shaded_walls,
-    surface_materials,
+    skin_primitives,
 )
 
 __all__ = ["ORGAN", "rigged_organ"]
@@ -108,10 +105,9 @@ def rigged_organ(
         if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
             raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
     file = GltfFile()
-    materials = surface_materials(file, painted=False)
     first, last = _moving(motions)
     whole = _chain(file, ORGAN, driving, np.arange(first, last + 1), shown=True)
-    mesh = _mesh(file, ORGAN, skin.bound_to(driving), whole, materials)
+    mesh = _mesh(file, ORGAN, skin.bound_to(driving), whole)
     file.add_root({"name": ORGAN, "mesh": mesh, "skin": whole.skin})
     torn: list[tuple[_Chain, int, RimShapes]] = []
     holder = whole.root
@@ -123,7 +119,7 @@ def rigged_organ(
         if name != PIECES[0]:
             points = points[::-1]  # it is held at the organ's end
         chain = _chain(file, name, driving, points, shown=False)
-        mesh = _mesh(file, name, bound, chain, materials, rim.shapes)
+        mesh = _mesh(file, name, bound, chain, rim.shapes)
         file.extend("nodes", holder, {"mesh": mesh, "skin": chain.skin})
         torn.append((chain, holder, rim))
         holder = chain.root
@@ -188,17 +184,14 @@ def _mesh(
     name: str,
     bound: BoundSkin,
     chain: _Chain,
-    materials: tuple[int, int],
     shapes: NDArray[np.float32] | None = None,
 ) -> int:
     """Add a mesh that follows a chain and return its number."""
     primitives: list[dict[str, Any]] = []
-    walls = shaded_walls(bound.skin.faces, bound.skin.outer_faces)
-    for wall, material in zip(walls, materials, strict=True):
-        item = primitive(file, wall, bound.skin.vertices, material)
-        item["attributes"] |= _binding(file, bound, chain.points, wall)
+    for item, numbers in skin_primitives(file, bound.skin, bound.skin.vertices):
+        item["attributes"] |= _binding(file, bound, chain.points, numbers)
         if shapes is not None and len(shapes):
-            item["targets"] = [_target(file, shape[wall.source]) for shape in shapes]
+            item["targets"] = [_target(file, shape[numbers]) for shape in shapes]
         primitives.append(item)
     mesh: dict[str, Any] = {"name": name, "primitives": primitives}
     if shapes is not None and len(shapes):
@@ -207,14 +200,14 @@ def _mesh(
 
 
 def _binding(
-    file: GltfFile, bound: BoundSkin, points: NDArray[np.intp], wall: ShadedWall
+    file: GltfFile, bound: BoundSkin, points: NDArray[np.intp], vertices: NDArray[np.intp]
 ) -> dict[str, int]:
-    """Store which two joints each vertex of a wall follows, and how much."""
+    """Store which two joints some of the skin's vertices follow, and how much."""
     numbers = np.empty(points.max() + 1, np.intp)
     numbers[points] = np.arange(len(points))
-    index = bound.index[wall.source]
+    index = bound.index[vertices]
     followed = np.stack([index, index + 1], axis=1).clip(points.min(), points.max())
-    after = np.rint(65535.0 * bound.weight[wall.source]).astype(np.uint16)
+    after = np.rint(65535.0 * bound.weight[vertices]).astype(np.uint16)
     weights = np.zeros((len(index), 4), np.uint16)
     weights[:, 0], weights[:, 1] = 65535 - after, after
     # Behind the outermost joint both are that one, and one joint may be named only once.

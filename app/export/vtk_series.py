@@ -5,9 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from app.simulation.snapshot import Snapshot, StillSurface
+from app.simulation.snapshot import Snapshot
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import pvd_content, vtp_content
 
@@ -16,9 +15,18 @@ __all__ = ["check_series_path", "snapshot_content", "write_series"]
 
 def snapshot_content(snapshot: Snapshot) -> bytes:
     """Return a snapshot as a VTP file, both pieces of a torn organ in one."""
-    surfaces = list(snapshot.surfaces.values())
+    surfaces = snapshot.surfaces
     before = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    figures = [_figures(surface) for surface in surfaces]
+    figures = [
+        {
+            "displacement_mm": surface.vertices - surface.skin.vertices,
+            "normal_stress_MPa": stress.normal,
+            "bending_stress_MPa": stress.bending,
+            "total_stress_MPa": stress.total,
+            "distance_to_break": stress.distance_to_break,
+        }
+        for surface, stress in zip(surfaces, snapshot.stresses, strict=True)
+    ]
     return vtp_content(
         np.concatenate([surface.vertices for surface in surfaces]),
         np.concatenate(
@@ -29,17 +37,6 @@ def snapshot_content(snapshot: Snapshot) -> bytes:
         ),
         {name: np.concatenate([each[name] for each in figures]) for name in figures[0]},
     )
-
-
-def _figures(surface: StillSurface) -> dict[str, NDArray[np.float32]]:
-    stress = surface.stress
-    return {
-        "displacement_mm": surface.vertices - surface.skin.vertices,
-        "normal_stress_MPa": stress.normal,
-        "bending_stress_MPa": stress.bending,
-        "total_stress_MPa": stress.total,
-        "distance_to_break": stress.distance_to_break,
-    }
 
 
 def check_series_path(path: Path) -> None:

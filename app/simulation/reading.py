@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from organ_geometry.mesh import Skin
+from organ_geometry.mesh import Surface
 from physics import BreakEvent, RuptureCheck
 
 __all__ = ["Phase", "Reading", "Surface"]
@@ -18,25 +15,6 @@ class Phase(StrEnum):
     INTACT = "intact"
     TEARING = "tearing"
     TORN = "torn"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """One closed surface to draw: its faces stay, its vertices move.
-
-    Attributes
-    ----------
-    name
-        "skin" while the duct is whole, else "first_piece" or "second_piece".
-    skin
-        The surface at rest.
-    vertices
-        (V, 3) places, mm; overwritten by each step.
-    """
-
-    name: str
-    skin: Skin
-    vertices: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,37 +4,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.surface_stress import Stresses, SurfaceStress
-from organ_geometry.mesh import Skin, organ_skin
+from organ_geometry.mesh import Surface, organ_skin
 from physics import BreakEvent, Theory, critical_stations
 
-__all__ = ["PulledOrgan", "Snapshot", "StillSurface", "borne_force", "torn_snapshot"]
+__all__ = ["PulledOrgan", "Snapshot", "borne_force", "torn_snapshot"]
 
 STRESS_STATIONS = 121
 """Places along the span that the stress is read at: two for each driving point."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StillSurface:
-    """A closed surface at one moment.
-
-    Attributes
-    ----------
-    skin
-        The surface at rest.
-    vertices
-        (V, 3) where its vertices are, mm.
-    stress
-        What they bear.
-    """
-
-    skin: Skin
-    vertices: NDArray[np.float32]
-    stress: Stresses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,14 +24,17 @@ class Snapshot:
     Attributes
     ----------
     surfaces
-        By name: one "organ" or two pieces.
+        One "organ" or two pieces.
+    stresses
+        What the vertices of each bear.
     force
         The grasper's whole force, N; of torn pieces, the one that tore them.
     deflection
         Displacement of the grasp, mm; 0 for torn pieces, which have swung back.
     """
 
-    surfaces: dict[str, StillSurface]
+    surfaces: tuple[Surface, ...]
+    stresses: tuple[Stresses, ...]
     force: float
     deflection: float
 
@@ -107,8 +90,8 @@ class PulledOrgan:
         moved = dissection.move(pulled.part(self._driven), dissection.rest_transforms())
         self._bound.deform(moved, vertices)
         stress = self._stress.at(pulled.part(self._loaded), self._threshold)
-        surface = StillSurface(self.skin, vertices, stress)
-        return Snapshot({"organ": surface}, pulled.force, pulled.deflection)
+        surface = Surface("organ", self.skin, vertices)
+        return Snapshot((surface,), (stress,), pulled.force, pulled.deflection)
 
 
 def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:
@@ -143,8 +126,9 @@ def torn_snapshot(
         )
     gone = tear_course.front(tear_course.SETTLED_SECONDS)
     pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
-    surfaces: dict[str, StillSurface] = {}
-    for name, piece in zip(PIECES, pieces, strict=True):
-        vertices = piece.open(gone, piece.skin.vertices.copy())
-        surfaces[name] = StillSurface(piece.skin, vertices, Stresses.none(len(vertices)))
-    return Snapshot(surfaces, event.force, 0.0)
+    surfaces = tuple(
+        Surface(name, piece.skin, piece.open(gone, piece.skin.vertices.copy()))
+        for name, piece in zip(PIECES, pieces, strict=True)
+    )
+    stresses = tuple(Stresses.none(len(surface.vertices)) for surface in surfaces)
+    return Snapshot(surfaces, stresses, event.force, 0.0)

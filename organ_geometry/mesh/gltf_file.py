@@ -3,21 +3,25 @@
 import json
 import struct
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GLTF_FROM_MM", "GltfFile", "metres", "turned"]
+from organ_geometry.mesh.color import Color, linear_light
+
+__all__ = ["GLTF_FROM_MM", "Finish", "GltfFile", "VectorKind", "metres", "turned"]
 
 GLTF_FROM_MM = 1e-3 * np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """glTF is metres with +y up; ours is mm with +z up."""
 
-Kind: TypeAlias = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"]
+VectorKind: TypeAlias = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"]
 Target: TypeAlias = Literal["vertices", "indices"]
 
 _COMPONENTS = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
 _TARGETS = {"vertices": 34962, "indices": 34963}
+_LINEAR, _LINEAR_MIPMAP_LINEAR, _REPEAT = 9729, 9987, 10497
 _MAGIC, _VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 
 
@@ -31,6 +35,34 @@ def turned(directions: NDArray[Any]) -> NDArray[np.float32]:
     """Return directions in glTF's frame, of the same length."""
     moved: NDArray[np.float64] = directions.astype(np.float64) @ (1e3 * GLTF_FROM_MM.T)
     return moved.astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """What a surface looks like under light, as in glTF's metallic-roughness model.
+
+    Attributes
+    ----------
+    color
+        sRGB; multiplied with `base_jpeg` where there is one, and with the colours of vertices.
+    roughness, metallic
+        0 to 1. Above a metallic of about 0.8 steel turns black without an environment map.
+    clearcoat, clearcoat_roughness
+        0 to 1: a wet film over the surface.
+    specular
+        0 to 1: strength of the dielectric highlight.
+    base_jpeg, normal_jpeg
+        JPEG files for colour and tangent-space normals, or empty.
+    """
+
+    color: Color = (255, 255, 255)
+    roughness: float = 0.5
+    metallic: float = 0.0
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.2
+    specular: float = 1.0
+    base_jpeg: bytes = b""
+    normal_jpeg: bytes = b""
 
 
 class GltfFile:
@@ -70,7 +102,7 @@ class GltfFile:
     def accessor(
         self,
         array: NDArray[Any],
-        kind: Kind,
+        kind: VectorKind,
         *,
         target: Target | None = None,
         bounded: bool = False,
@@ -104,7 +136,7 @@ class GltfFile:
     def accessors(
         self,
         arrays: NDArray[Any],
-        kind: Kind,
+        kind: VectorKind,
         *,
         target: Target | None = None,
         bounded: bool = False,
@@ -198,7 +230,7 @@ class GltfFile:
             },
         )
 
-    def indices(self, faces: NDArray[np.int32], vertices: int) -> int:
+    def indices(self, faces: NDArray[np.integer[Any]], vertices: int) -> int:
         """Store triangles.
 
         Parameters
@@ -215,6 +247,47 @@ class GltfFile:
         """
         flat = faces.ravel().astype(_index_type(vertices))
         return self.accessor(flat, "SCALAR", target="indices")
+
+    def material(self, finish: Finish, name: str | None = None) -> int:
+        """Add a finish as a material, equal ones once."""
+        key = ("material", finish, name)
+        if key not in self._known:
+            self._known[key] = self.add("materials", self._described(finish, name))
+        return self._known[key]
+
+    def _described(self, finish: Finish, name: str | None) -> dict[str, Any]:
+        surface: dict[str, Any] = {
+            "baseColorFactor": [*linear_light(finish.color).round(5).tolist(), 1.0],
+            "metallicFactor": finish.metallic,
+            "roughnessFactor": finish.roughness,
+        }
+        item: dict[str, Any] = {} if name is None else {"name": name}
+        item["pbrMetallicRoughness"] = surface
+        if finish.base_jpeg:
+            surface["baseColorTexture"] = {"index": self._texture(finish.base_jpeg)}
+        if finish.normal_jpeg:
+            item["normalTexture"] = {"index": self._texture(finish.normal_jpeg)}
+        extensions: dict[str, Any] = {}
+        if finish.clearcoat > 0.0:
+            extensions["KHR_materials_clearcoat"] = {
+                "clearcoatFactor": finish.clearcoat,
+                "clearcoatRoughnessFactor": finish.clearcoat_roughness,
+            }
+        if finish.specular < 1.0:
+            extensions["KHR_materials_specular"] = {"specularFactor": finish.specular}
+        if extensions:
+            item["extensions"] = extensions
+            used: list[str] = self._tree.setdefault("extensionsUsed", [])
+            used += [each for each in extensions if each not in used]
+        return item
+
+    def _texture(self, jpeg: bytes) -> int:
+        """Add a picture that repeats both ways."""
+        if "samplers" not in self._tree:
+            sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP_LINEAR}
+            self.add("samplers", sampler | {"wrapS": _REPEAT, "wrapT": _REPEAT})
+        image = {"bufferView": self._view(jpeg, None), "mimeType": "image/jpeg"}
+        return self.add("textures", {"source": self.add("images", image), "sampler": 0})
 
     def content(self) -> bytes:
         """Return the whole file."""

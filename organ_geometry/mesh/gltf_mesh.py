@@ -1,89 +1,59 @@
-"""An organ's surface in a glTF file: two primitives, the outer wall and the inside."""
+"""A skin in a glTF file: two primitives, the outer wall and the inside, each with its material."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.mesh.gltf_file import GltfFile, metres, turned
-from organ_geometry.mesh.shaded_wall import ShadedWall, vertex_normals
+from organ_geometry.mesh.color import INSIDE, OUTER_WALL, Color, linear_light
+from organ_geometry.mesh.gltf_file import Finish, GltfFile, metres, turned
+from organ_geometry.mesh.normals import vertex_normals
+from organ_geometry.mesh.skin import Part, Skin
 
-__all__ = ["INSIDE", "OUTER_WALL", "primitive", "surface_materials"]
+__all__ = ["Primitive", "skin_primitives"]
 
-OUTER_WALL = (192, 124, 80)
-INSIDE = (138, 48, 40)
-"""sRGB colours of the outer wall, and of the lumen and torn tissue."""
-_SRGB_TOE = 0.04045
-
-
-def surface_materials(file: GltfFile, *, painted: bool) -> tuple[int, int]:
-    """Add the materials of an organ's walls."""
-    colors = ((255, 255, 255),) * 2 if painted else (OUTER_WALL, INSIDE)
-    first, second = (
-        file.add(
-            "materials",
-            {
-                "name": name,
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [*_linear(np.array(color)).round(5).tolist(), 1.0],
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": roughness,
-                },
-            },
-        )
-        for name, color, roughness in zip(
-            ("outer wall", "inside"), colors, (0.45, 0.35), strict=True
-        )
-    )
-    return first, second
+_WHITE = (255, 255, 255)  # under the colours of vertices
+_WALLS: tuple[tuple[Part, str, Color, float], ...] = (
+    ("outer", "outer wall", OUTER_WALL, 0.45),
+    ("inside", "inside", INSIDE, 0.35),
+)
+"""Part of a skin, name of its material, sRGB colour, roughness."""
 
 
-def primitive(
+class Primitive(NamedTuple):
+    """A primitive, to be put into a mesh, and (W,) the skin's vertices that its own stand at."""
+
+    item: dict[str, Any]
+    numbers: NDArray[np.intp]
+
+
+def skin_primitives(
     file: GltfFile,
-    wall: ShadedWall,
+    skin: Skin,
     vertices: NDArray[np.float32],
-    material: int,
     *,
     colors: NDArray[np.uint8] | None = None,
-) -> dict[str, Any]:
-    """Add a wall's places, normals and triangles.
-
-    Parameters
-    ----------
-    file
-        The file.
-    wall
-        The wall.
-    vertices
-        (V, 3) the surface's vertices, mm.
-    material
-        Number of its material.
-    colors
-        (V, 3) sRGB colours of the surface's vertices, 0 to 255, or None.
-
-    Returns
-    -------
-    dict[str, Any]
-        The primitive, to be put into a mesh.
-    """
-    places = vertices[wall.source]
-    normals = turned(vertex_normals(places, wall.faces))
-    attributes = {
-        "POSITION": file.accessor(metres(places), "VEC3", target="vertices", bounded=True),
-        "NORMAL": file.accessor(normals, "VEC3", target="vertices"),
-    }
-    if colors is not None:
-        shown = np.full((len(places), 4), 65535, np.uint16)
-        shown[:, :3] = np.rint(65535.0 * _linear(colors[wall.source]))
-        attributes["COLOR_0"] = file.accessor(shown, "VEC4", target="vertices", normalized=True)
-    return {
-        "attributes": attributes,
-        "indices": file.indices(wall.faces, len(places)),
-        "material": material,
-    }
-
-
-def _linear(color: NDArray[Any]) -> NDArray[np.float64]:
-    """Return sRGB colours, 0 to 255, as linear light, 0 to 1, as glTF wants them."""
-    srgb = np.asarray(color, np.float64) / 255.0
-    return np.where(srgb <= _SRGB_TOE, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+) -> list[Primitive]:
+    """Add a skin's places, normals and triangles: (V, 3) mm, (V, 3) sRGB colours if any."""
+    found: list[Primitive] = []
+    for part, name, color, roughness in _WALLS:
+        numbers, faces = skin.part(part)
+        places = vertices[numbers]
+        attributes = {
+            "POSITION": file.accessor(metres(places), "VEC3", target="vertices", bounded=True),
+            "NORMAL": file.accessor(
+                turned(vertex_normals(places, faces)), "VEC3", target="vertices"
+            ),
+        }
+        if colors is not None:
+            shown = np.full((len(places), 4), 65535, np.uint16)
+            shown[:, :3] = np.rint(65535.0 * linear_light(colors[numbers]))
+            attributes["COLOR_0"] = file.accessor(shown, "VEC4", target="vertices", normalized=True)
+        finish = Finish(color if colors is None else _WHITE, roughness)
+        item = {
+            "attributes": attributes,
+            "indices": file.indices(faces, len(places)),
+            "material": file.material(finish, name),
+        }
+        found.append(Primitive(item, numbers))
+    return found

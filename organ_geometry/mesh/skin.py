@@ -2,15 +2,29 @@
 
 import itertools
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, TypeVar
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.driving_points import DrivingPoints
-from organ_geometry.organ import Organ
+from organ_geometry.organ import Organ, Wall
 
-__all__ = ["BoundSkin", "Skin", "organ_skin", "ring_angles", "sides_of", "tube_skin"]
+__all__ = [
+    "BoundSkin",
+    "Part",
+    "Skin",
+    "Surface",
+    "organ_skin",
+    "ring_angles",
+    "sides_of",
+    "tube_skin",
+]
+
+Part: TypeAlias = Literal["outer", "inside"]
+"""The outer wall; the lumen and what closes the ends."""
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 MOST_VERTICES = 600_000
 """A skin that a screen, a printer or a file has use for; more takes gigabytes."""
@@ -18,28 +32,68 @@ MOST_VERTICES = 600_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skin:
-    """A closed triangle mesh at rest whose vertices know their place along the axis.
+    """A closed triangle mesh at rest, made of grids, whose vertices know their place on the axis.
+
+    The vertices are the outer wall's rings, one after the other from the first end to the last,
+    then the lumen's, as many and as large, or of a solid organ the centres of its two ends. The
+    faces are the outer wall's, the lumen's, and those that close both ends, in this order.
 
     Attributes
     ----------
     vertices
         (V, 3) places at rest, mm.
     faces
-        (F, 3) vertex numbers, anticlockwise seen from outside; those of the outer wall come first.
-    outer_faces
-        How many faces the outer wall has; the others line the lumen and close the ends.
+        (F, 3) vertex numbers, anticlockwise seen from outside.
     stations
         (V,) arc length along the organ's axis that each vertex belongs to, mm.
+    rings, sides
+        Rings of a wall, and vertices of each.
+    hollow
+        Whether there is a lumen.
+    right_handed
+        Whether (along a ring) x (from ring to ring) points outwards.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
-    outer_faces: int
     stations: NDArray[np.float64]
+    rings: int
+    sides: int
+    hollow: bool
+    right_handed: bool
 
     def __post_init__(self) -> None:
         for array in (self.vertices, self.faces, self.stations):
             array.setflags(write=False)
+
+    @property
+    def wall_size(self) -> int:
+        """How many vertices one wall has."""
+        return self.rings * self.sides
+
+    def grid(self, values: NDArray[Scalar], wall: Wall = "outer") -> NDArray[Scalar]:
+        """Return the (rings, sides, ...) values of a wall, a view of (V, ...) of all vertices."""
+        size = self.wall_size
+        of_wall = values[:size] if wall == "outer" else values[size : 2 * size]
+        return of_wall.reshape(self.rings, self.sides, *values.shape[1:])
+
+    def part(self, name: Part) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+        """Return a part as a mesh of its own: (W,) its vertices' numbers, (F, 3) faces of these."""
+        wall = 2 * (self.rings - 1) * self.sides
+        if name == "outer":
+            return np.arange(self.wall_size), self.faces[:wall]
+        lumen = wall if self.hollow else 0
+        numbers: list[NDArray[np.intp]] = []
+        faces: list[NDArray[np.int32]] = []
+        before = 0
+        # Where two grids meet the surface has an edge. A vertex of both would carry one normal and
+        # shade it round, so each has one of its own there, at the same place to the bit.
+        for grid in (self.faces[wall : wall + lumen], self.faces[wall + lumen :]):
+            used, renumbered = np.unique(grid, return_inverse=True)
+            numbers.append(used.astype(np.intp))
+            faces.append((renumbered.reshape(grid.shape) + before).astype(np.int32))
+            before += len(used)
+        return np.concatenate(numbers), np.concatenate(faces)
 
     def bound_to(self, points: DrivingPoints) -> "BoundSkin":
         """Return the skin bound to driving points."""
@@ -47,6 +101,25 @@ class Skin:
         changes = (np.diff(index) != 0) | (np.diff(weight) != 0.0)
         starts = np.concatenate([[0], 1 + np.flatnonzero(changes), [index.size]])
         return BoundSkin(self, index, weight, starts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """One closed surface at one moment: its faces stay, its vertices move.
+
+    Attributes
+    ----------
+    name
+        Of the organ, or of the piece.
+    skin
+        The surface at rest.
+    vertices
+        (V, 3) where its vertices are, mm; a session overwrites them with each step.
+    """
+
+    name: str
+    skin: Skin
+    vertices: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,14 +238,18 @@ def tube_skin(
         first, last = np.full((2, sides), [[grid.size], [grid.size + 1]], dtype=np.int32)
         faces = [_wall(grid), _fan(grid[0], first)[:, ::-1], _fan(grid[-1], last)]
     triangles = np.concatenate(faces)
-    if not _right_handed(organ):
+    right_handed = _right_handed(organ)
+    if not right_handed:
         triangles = triangles[:, ::-1]
     # Adding 0 turns a minus zero into a plain one, which a rest pose returns to the bit.
     return Skin(
         np.concatenate(vertices).astype(np.float32) + np.float32(0.0),
         np.ascontiguousarray(triangles, dtype=np.int32),
-        len(faces[0]),
         np.concatenate(rows),
+        rings,
+        sides,
+        organ.hollow,
+        right_handed,
     )
 
 

@@ -8,20 +8,24 @@ import cv2
 import numpy as np
 import pytest
 from browser import TrainerPage, trainer_page
-from hypothesis import given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser
 from simulated import phantom
 
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import TOWARDS_VIEWER, viewpoint
-from app.trainer.stage.heat_map import DARKEST, heat_colors, heat_legend_html
+from app.trainer.stage.clamps import STUB
+from app.trainer.stage.dressed_surface import DARKEST
+from app.trainer.stage.heat_map import heat_legend_html
+from app.trainer.stage.lighting import Look
 from app.trainer.stage.tone import color_table, light_for, light_table, shown_color
 
 LEVELS = np.arange(256, dtype=np.uint8)[:, None]
 CIVIDIS = cv2.applyColorMap(LEVELS, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1].astype(int)
 EXACT = 232
 """Levels of the map that the page's tone curve has; beyond, its yellow is paler."""
+STUB_RINGS = len(STUB)
 SCREEN = 5
 """Of 255: what is lost between the key and a picture of the page, where the wall faces the viewer
 to some degrees."""
@@ -36,22 +40,8 @@ def test_colours_are_cividis_as_far_as_the_page_has_them() -> None:
 @given(st.tuples(*[st.integers(0, 255)] * 3))
 def test_tone_curve_is_inverted(color: tuple[int, int, int]) -> None:
     light = light_for(color)
-    if light.min() > 0.0 and max(color) < 250:
-        np.testing.assert_allclose(shown_color(light), color, atol=0.5)
-
-
-@given(st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=50))
-@settings(deadline=None)
-def test_surface_that_faces_the_viewer_has_the_colours_of_the_stress(shares: list[float]) -> None:
-    share = np.array(shares)
-    normals = np.tile(np.array([0.0, -0.8, 0.6], np.float32), (share.size, 1))
-    out = np.empty((share.size, 3), np.float32)
-    heat_colors(share, normals, np.array([0.0, -0.8, 0.6]), out)
-    place = np.clip(share, 0.0, 1.0) * 255.0
-    expected = np.stack([np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)])
-    np.testing.assert_allclose(out, expected.T, rtol=1e-5, atol=1e-6)
-    heat_colors(share, -normals, np.array([0.0, -0.8, 0.6]), out)
-    np.testing.assert_allclose(out, DARKEST * expected.T, rtol=1e-5, atol=1e-6)
+    assume(light.min() > 0.0 and max(color) < 250)
+    np.testing.assert_allclose(shown_color(light), color, atol=0.5)
 
 
 def test_key_has_the_same_colours_unit_and_break() -> None:
@@ -71,24 +61,62 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
             heat_legend_html(bad)
 
 
-def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser) -> None:
-    trainer = Trainer(phantom(), port=0, look="plain")
+@pytest.mark.parametrize("look", ["plain", "full"])
+def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Look) -> None:
+    trainer = Trainer(phantom(), port=0, look=look)
     try:
         with trainer_page(drawing_browser, trainer.address, width=900, height=600) as tab:
             (view,) = trainer._views.values()
-            scene, session = view._scene, view.session
+            session = view.session
             (surface,) = session.surfaces
-            scene.set_heat(True)
-            for share in (0.1, 0.5, 0.85):
-                stress = [np.full(len(surface.skin.vertices), share)]
+            skin = surface.skin
+
+            def draw(shares: np.ndarray) -> None:
                 # Not in this thread: playwright's loop runs in it.
-                drawing = Thread(target=lambda s=stress: scene.draw(session.reading(), s))
+                stress = [shares.astype(np.float32)]
+                drawing = Thread(target=view._scene.draw, args=(session.reading(), stress))
                 drawing.start()
                 drawing.join()
+
+            for share in (0.1, 0.5, 0.85):
+                draw(np.full(len(skin.vertices), share))
                 wanted = color_table()[round(share * 255)].astype(int)
                 _wait_for_color(tab, wanted)
+            shares = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
+            draw(shares)
+            node = "/organ/skin" if look == "full" else "/organ/skin_stress"
+            light, normals = _drawn_light(tab, node, session.dissection.frame @ TOWARDS_VIEWER)
+            inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
+            share = np.clip(skin.grid(shares), 0.0, 1.0)
+            place = 255.0 * share
+            table = [np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)]
+            turn = np.clip((1.0 - np.clip(normals[inner], 0.0, None)) / 0.75, 0.0, 1.0)
+            expected = np.stack(table, axis=-1) * (1.0 - (1.0 - DARKEST) * turn**2)[..., None]
+            np.testing.assert_allclose(light[inner], expected, atol=2e-5)
+            assert normals[inner].max() > 0.99  # some face the viewer, and some do not
+            assert turn.max() == 1.0
+            # In the clamps nobody has computed any.
+            assert np.ptp(light[: STUB_RINGS - 1].reshape(-1, 3), axis=0).max() == 0.0
     finally:
         trainer.stop()
+
+
+def _drawn_light(tab: TrainerPage, node: str, viewer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Light that the page draws a streamed surface's outer rings in, and how they face a viewer."""
+    found = tab.page.evaluate(
+        """name => {
+            const { mesh, columns, grids } = window.bluntdissectSurfaces.surfaces.get(name);
+            const of = kind => Array.from(mesh.geometry.attributes[kind].array)
+                .slice(0, 3 * grids[0].rows * columns);
+            return { shape: [grids[0].rows, columns, 3], color: of("color"), normal: of("normal") };
+        }""",
+        node,
+    )
+    # Each second point of each second row is one that was streamed.
+    color, normal = (
+        np.reshape(found[kind], found["shape"])[::2, :-1:2] for kind in ("color", "normal")
+    )
+    return color, normal @ viewer / np.linalg.norm(viewer)
 
 
 def _wait_for_color(tab: TrainerPage, wanted: np.ndarray) -> None:

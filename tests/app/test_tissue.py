@@ -19,7 +19,6 @@ from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.contact import BITE, Contact, HookPlace, _press
 from app.trainer.stage.hook import bend_radius, wire_radius
 from app.trainer.stage.tissue import Tissue
-from app.trainer.stage.wall import Wall, wall_normals
 
 SPAN, RADIUS = 50.8, 4.4453
 
@@ -92,20 +91,27 @@ def test_contact_kernel_is_its_python_form() -> None:
     np.testing.assert_allclose(shades[0], shades[1], atol=1e-5)
 
 
-def test_wall_of_every_surface_is_its_outer_grid() -> None:
+def test_every_surface_knows_its_grids() -> None:
     session = Session(phantom())
     surfaces = [*session.surfaces]
     tear(session)
     for surface in [*surfaces, *session.surfaces]:
         skin = surface.skin
-        wall = Wall.of(skin)
-        assert wall.count == len(skin.vertices) // 2  # the phantom is hollow
-        assert np.all(np.diff(wall.stations, axis=0) > 0.0)
-        normals = np.empty((wall.count, 3), np.float32)
-        wall_normals(skin.vertices, wall.rings, wall.sides, wall.right_handed, normals)
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
-        outwards = skin.vertices[: wall.count] * [0.0, 1.0, 1.0]
-        assert np.all(np.sum(outwards * normals, axis=1) > 0.0)
+        assert skin.wall_size == len(skin.vertices) // 2  # the phantom is hollow
+        assert np.all(np.diff(skin.grid(skin.stations), axis=0) > 0.0)
+        # Each grid's direction outwards is what its handedness says.
+        outer, lumen = skin.grid(skin.vertices), skin.grid(skin.vertices, "lumen")
+        around = np.roll(outer, -1, axis=1) - outer
+        normals = np.cross(around[:-1], np.diff(outer, axis=0)) * (1 if skin.right_handed else -1)
+        assert np.all(np.sum(outer[:-1] * [0.0, 1.0, 1.0] * normals, axis=2) > 0.0)
+        assert np.all(np.linalg.norm((outer - lumen)[..., 1:], axis=2) > 0.1)
+        for part in ("outer", "inside"):
+            numbers, faces = skin.part(part)
+            assert set(faces.ravel().tolist()) == set(range(len(numbers)))
+        both = [skin.part(part) for part in ("outer", "inside")]
+        np.testing.assert_array_equal(
+            np.concatenate([numbers[faces] for numbers, faces in both]), skin.faces
+        )
 
 
 def tissue_of(scene: viser.SceneApi, session: Session, contact: Contact) -> Tissue:
@@ -127,12 +133,12 @@ def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_ja
     handle = scene.get_handle_by_name("/organ/skin")
     assert isinstance(handle, viser.MeshHandle)
     places = tissue._surface.places
-    wall = Wall.of(surface.skin)
+    wall = surface.skin.wall_size
     shown = places[tissue._outer].reshape(-1, 3)
-    np.testing.assert_array_equal(shown, contact.vertices[: wall.count])
+    np.testing.assert_array_equal(shown, contact.vertices[:wall])
     # Between the clamps the picture departs from the section's two half-curves by their edge only.
-    free = np.abs(surface.skin.stations[: wall.count] - 0.5 * SPAN) < 0.3 * SPAN
-    apart = np.linalg.norm(shown - surface.vertices[: wall.count], axis=1)
+    free = np.abs(surface.skin.stations[:wall] - 0.5 * SPAN) < 0.3 * SPAN
+    apart = np.linalg.norm(shown - surface.vertices[:wall], axis=1)
     assert 0.02 < apart[free].max() < 0.7
     # Nothing but the rings and a shade for each of their points is sent.
     assert handle.vertices.nbytes < 16.2 * places.size / 3
@@ -151,9 +157,8 @@ def test_jaws_touch_what_they_hold() -> None:
     session = Session(phantom())
     contact = contact_of(session)
     skin = session.surfaces[0].skin
-    wall = Wall.of(skin)
     contact.mark(skin.vertices, None)
-    ring = contact.vertices[: wall.sides]
+    ring = contact.vertices[: skin.sides]
     clamp = trimesh.load(
         io.BytesIO(clamp_glb("first", radius=RADIUS, bite=BITE, tissue=(1, 1, 1))), file_type="glb"
     )
@@ -169,15 +174,14 @@ def test_jaws_touch_what_they_hold() -> None:
 def test_rings_are_smooth_where_the_half_curves_meet() -> None:
     session = Session(phantom())
     contact, skin = contact_of(session), session.surfaces[0].skin
-    wall = Wall.of(skin)
     contact.mark(skin.vertices, None)
     turns = []
     for vertices in (skin.vertices, contact.vertices):
-        ring = vertices[: wall.count].reshape(wall.rings, wall.sides, 3)[wall.rings // 2, :, 1:]
+        ring = skin.grid(vertices)[skin.rings // 2, :, 1:]
         edges = np.roll(ring, -1, axis=0) - ring
         angles = np.unwrap(np.arctan2(edges[:, 1], edges[:, 0]))
         turns.append(np.abs(np.angle(np.exp(1j * np.diff(angles)))).max())
-    even = 2.0 * math.pi / wall.sides
+    even = 2.0 * math.pi / skin.sides
     assert turns[0] > 1.8 * even  # an edge
     assert turns[1] < 1.4 * even
 
@@ -269,8 +273,7 @@ def test_torn_is_said_only_of_pieces_that_are_apart() -> None:
         session.step(1.0 / 30.0)
     rims = []
     for surface, end in zip(session.surfaces, (-1, 0), strict=True):
-        wall = Wall.of(surface.skin)
-        rims.append(surface.vertices[: wall.count].reshape(wall.rings, wall.sides, 3)[end])
+        rims.append(surface.skin.grid(surface.vertices)[end])
     # Both rims have the same shape: what was one place has come apart, most where it tore first.
     gaps = (rims[1] - rims[0])[:, 0]
     assert gaps.min() > -1e-3

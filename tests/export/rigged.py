@@ -12,7 +12,6 @@ from app.export.rigged_organ import rigged_organ
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
 from organ_geometry.mesh.gltf_file import metres
-from organ_geometry.mesh.shaded_wall import shaded_walls
 from organ_geometry.mesh.skin import Skin, organ_skin
 from organ_geometry.mesh.tear import TornPiece
 from physics import Cubic, Exact, Theory
@@ -56,8 +55,7 @@ class Rigged:
 
 def walls(skin: Skin, vertices: np.ndarray) -> list[np.ndarray]:
     """Places of a skin's walls in glTF's frame."""
-    both = shaded_walls(skin.faces, skin.outer_faces)
-    return [metres(vertices[wall.source]) for wall in both]
+    return [metres(vertices[skin.part(part)[0]]) for part in ("outer", "inside")]
 
 
 def keys_to_see(motion: Motion) -> list[int]:

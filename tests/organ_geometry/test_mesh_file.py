@@ -7,22 +7,22 @@ import pytest
 import trimesh
 from tubes import tube
 
-from organ_geometry.mesh.mesh_file import SUFFIXES, ClosedSurface, write_mesh
-from organ_geometry.mesh.shaded_wall import vertex_normals
-from organ_geometry.mesh.skin import organ_skin
+from organ_geometry.mesh.mesh_file import SUFFIXES, mesh_content
+from organ_geometry.mesh.normals import vertex_normals
+from organ_geometry.mesh.skin import Surface, organ_skin
 from organ_geometry.mesh.tear import torn_pieces
 
 
-def parts_of(torn: bool) -> dict[str, ClosedSurface]:
+def parts_of(torn: bool) -> list[Surface]:
     organ = tube(wall=1.0)
     if not torn:
         skin = organ_skin(organ, edge_length=1.0)
-        return {"organ": ClosedSurface.of(skin)}
+        return [Surface("organ", skin, skin.vertices)]
     pieces = torn_pieces(organ, 25.4, np.array([0.0, 0.0, 1.0]), edge_length=1.0)
-    return {
-        name: ClosedSurface.of(piece.skin, piece.open(2.0, piece.skin.vertices.copy()))
+    return [
+        Surface(name, piece.skin, piece.open(2.0, piece.skin.vertices.copy()))
         for name, piece in zip(("first_piece", "second_piece"), pieces, strict=True)
-    }
+    ]
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -30,11 +30,11 @@ def parts_of(torn: bool) -> dict[str, ClosedSurface]:
 def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, torn: bool) -> None:
     parts = parts_of(torn)
     path = tmp_path / f"duct{suffix}"
-    write_mesh(parts, path)
+    path.write_bytes(mesh_content(parts, suffix))
     loaded = trimesh.load_mesh(path, process=False) if suffix != ".stl" else trimesh.load_mesh(path)
     if suffix == ".glb":  # a vertex for each side of an edge, at one place
         loaded.merge_vertices(merge_norm=True, merge_tex=True)
-    vertices = np.concatenate([part.vertices for part in parts.values()])
+    vertices = np.concatenate([part.vertices for part in parts])
     if suffix == ".glb":  # metres, y up
         vertices = 1e-3 * vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
     assert loaded.is_watertight
@@ -43,7 +43,7 @@ def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, 
         np.stack([vertices.min(axis=0), vertices.max(axis=0)]), rel=1e-5, abs=1e-6
     )
     expected = sum(
-        trimesh.Trimesh(part.vertices, part.faces, process=False).volume for part in parts.values()
+        trimesh.Trimesh(part.vertices, part.skin.faces, process=False).volume for part in parts
     )
     scale = 1e-9 if suffix == ".glb" else 1.0
     assert loaded.volume == pytest.approx(scale * expected, rel=1e-4)
@@ -53,7 +53,7 @@ def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, 
 
 def test_glb_keeps_the_pieces_apart_and_shaded(tmp_path: Path) -> None:
     path = tmp_path / "duct.glb"
-    write_mesh(parts_of(torn=True), path)
+    path.write_bytes(mesh_content(parts_of(torn=True), ".glb"))
     scene = trimesh.load_scene(path)
     names = {"_".join(name.split("_")[:2]) for name in scene.geometry}
     assert names == {"first_piece", "second_piece"}
@@ -66,15 +66,3 @@ def test_normals_of_a_sphere_point_outwards() -> None:
     normals = vertex_normals(sphere.vertices.astype(np.float32), sphere.faces.astype(np.int32))
     # Facets of 1/16 of the radius: normals off by less than 1 %.
     assert np.abs(normals - sphere.vertices).max() < 1e-2
-
-
-@pytest.mark.parametrize("name", ["duct", "duct.blend", "duct.STLX"])
-def test_unknown_kinds_are_named(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match=r"\.stl, \.ply, \.obj, \.glb"):
-        write_mesh(parts_of(torn=False), tmp_path / name)
-    assert not list(tmp_path.iterdir())
-
-
-def test_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="there is no folder"):
-        write_mesh(parts_of(torn=False), tmp_path / "nowhere" / "duct.stl")

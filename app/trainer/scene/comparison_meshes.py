@@ -7,7 +7,6 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import Drawn
-from app.trainer.stage.wall import Wall
 from organ_geometry.mesh import Skin
 
 __all__ = ["ChainLines", "GhostMesh"]
@@ -30,11 +29,11 @@ class GhostMesh(Drawn):
     """
 
     def __init__(self, scene: viser.SceneApi, skin: Skin) -> None:
-        self._count = Wall.of(skin).count
+        self._outer, faces = skin.part("outer")
         self._mesh = scene.add_mesh_simple(
             "/organ/ghost",
-            skin.vertices[: self._count],
-            skin.faces[: skin.outer_faces].astype(np.uint32),
+            skin.vertices[self._outer],
+            faces.astype(np.uint32),
             color=GHOST_COLOR,
             opacity=0.5,
             side="back",  # what is inside the duct, or at its wall, would flicker through it
@@ -46,7 +45,7 @@ class GhostMesh(Drawn):
 
     def show(self, vertices: NDArray[np.float32]) -> None:
         """Draw the other duct."""
-        self._mesh.vertices = vertices[: self._count]
+        self._mesh.vertices = vertices[self._outer]
 
 
 class ChainLines(Drawn):

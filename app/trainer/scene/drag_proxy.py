@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.hook import grip_solid
 from app.trainer.stage.solids import grid_faces
-from app.trainer.stage.wall import Wall
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
@@ -55,11 +54,10 @@ class _Tube:
     """The coarse tube inside one surface of a duct, whole or torn."""
 
     def __init__(self, scene: viser.SceneApi, name: str, skin: Skin) -> None:
-        wall = Wall.of(skin)
-        rings = np.linspace(0, wall.rings - 1, min(RINGS, wall.rings)).round().astype(int)
-        self._ring_vertices = rings[:, None] * wall.sides + np.arange(wall.sides)
-        self._sides = np.arange(SIDES) * wall.sides // SIDES
-        self.stations = wall.stations[rings].mean(axis=1)
+        rings = np.linspace(0, skin.rings - 1, min(RINGS, skin.rings)).round().astype(int)
+        self._ring_vertices = rings[:, None] * skin.sides + np.arange(skin.sides)
+        self._sides = np.arange(SIDES) * skin.sides // SIDES
+        self.stations = skin.grid(skin.stations)[rings].mean(axis=1)
         self.sent = self._places(skin.vertices)
         faces = grid_faces(len(rings), SIDES, closed=True).astype(np.uint32)
         self.mesh = scene.add_mesh_simple(name, self.sent, faces, **_UNSEEN)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import viser
@@ -14,13 +13,10 @@ from app.simulation.preset import Preset
 from app.simulation.session import Phase, Reading, Session, Surface
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
-from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.contact import Contact, HookPlace, sink
-from app.trainer.stage.heat_map import UNLIT, HeatMap
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.plain_tissue import PlainTissue
 from app.trainer.stage.stage import Stage
-from app.trainer.stage.streamed_mesh import keep_finish
 from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from organ_geometry import Organ
@@ -70,9 +66,6 @@ class DuctScene:
         self._arch = 0.0
         self._hand: DragProxy | None = None
         self._finish: tuple[Appearance, float] | None = None
-        self._heat_wanted = False
-        self._heat_maps: list[HeatMap] = []
-        keep_finish(client.scene, "/finish/unlit", UNLIT, unlit=True)
         self.draw(session.reading())
         # Once for the client, not for each stage: viser keeps every callback as long as the client.
         client.camera.on_update(self._camera_moved)
@@ -86,21 +79,8 @@ class DuctScene:
         if session is not self._session:
             self._session, self._shape = session, -1
 
-    @property
-    def heat_wanted(self) -> bool:
-        """Whether `draw` has use for the stress on the surfaces."""
-        return self._heat_wanted
-
-    def set_heat(self, wanted: bool) -> None:
-        """Show the stress on the surface instead of tissue, from the next `draw` that has it."""
-        self._heat_wanted = wanted
-        if wanted and not self._heat_maps:
-            self._add_heat_maps()
-
-    def draw(
-        self, reading: Reading, stress: Sequence[NDArray[np.floating[Any]]] | None = None
-    ) -> None:
-        """Draw the session as it is now."""
+    def draw(self, reading: Reading, stress: Sequence[NDArray[np.float32]] | None = None) -> None:
+        """Draw the session as it is now, as tissue or by the stress on each of its surfaces."""
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(self._lift(stage, reading), self._client)
@@ -115,10 +95,12 @@ class DuctScene:
                 drawn.contact.mark(drawn.surface.vertices, hook)
             if self._hand is not None:
                 self._hand.follow([drawn.contact.vertices for drawn in self._drawn])
-            if self._heat_wanted and stress is not None:
-                self._show_heat(stress)
-            else:
-                self._show_tissue()
+            for number, drawn in enumerate(self._drawn):
+                contact = drawn.contact
+                if stress is None:
+                    drawn.tissue.show(contact.vertices, contact.shade)
+                else:
+                    drawn.tissue.show_stress(contact.vertices, stress[number])
 
     def set_look(self, look: Look) -> None:
         """Draw in another look from the next `draw` on."""
@@ -132,40 +114,6 @@ class DuctScene:
         if self._stage is not None:
             self._stage.remove()
             self._stage = None
-
-    def _show_tissue(self) -> None:
-        for drawn in self._drawn:
-            drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
-            drawn.tissue.visible = True
-        for heat_map in self._heat_maps:
-            heat_map.visible = False
-
-    def _add_heat_maps(self) -> None:
-        """Send the heat maps before they are looked at: their shader takes its time."""
-        viewer = self._session.dissection.frame @ TOWARDS_VIEWER
-        self._heat_maps = [
-            HeatMap(
-                self._client.scene,
-                f"/organ/{drawn.surface.name}_stress",
-                drawn.surface.skin,
-                viewer,
-                torn=drawn.surface.name in TORN_ENDS,
-            )
-            for drawn in self._drawn
-        ]
-        for drawn, heat_map in zip(self._drawn, self._heat_maps, strict=True):
-            heat_map.visible = False
-            heat_map.show(drawn.contact.vertices, drawn.contact.shade)
-
-    def _show_heat(self, stress: Sequence[NDArray[np.floating[Any]]]) -> None:
-        if not self._heat_maps:
-            self._add_heat_maps()
-        for drawn, heat_map, share in zip(self._drawn, self._heat_maps, stress, strict=True):
-            heat_map.show(drawn.contact.vertices, share)
-            heat_map.visible = True
-            drawn.tissue.visible = False
-            if self._look == "full":  # unseen, it throws the duct's shadow
-                drawn.tissue.show(drawn.contact.vertices, drawn.contact.shade)
 
     def let_drag(
         self,
@@ -271,9 +219,6 @@ class DuctScene:
         self._shape = self._session.shape
         for drawn in self._drawn:
             drawn.tissue.remove()
-        for heat_map in self._heat_maps:
-            heat_map.remove()
-        self._heat_maps = []
         dissection, scene = self._session.dissection, self._client.scene
         organ, radius = dissection.organ, self._radius
         look = appearance_of(dissection.preset)
@@ -283,6 +228,7 @@ class DuctScene:
         self._drawn = []
         for surface in self._session.surfaces:
             skin, node = surface.skin, f"/organ/{surface.name}"
+            torn_end = TORN_ENDS.get(surface.name)
             contact = Contact(
                 skin,
                 organ.axis_at(skin.stations),
@@ -300,9 +246,11 @@ class DuctScene:
                     look=look,
                     radius=radius,
                     lumen=drawn_lumen(dissection),
-                    torn_end=TORN_ENDS.get(surface.name),
+                    torn_end=torn_end,
                 )
             else:
-                tissue = PlainTissue(scene, node, skin, mean_color(look))
+                tissue = PlainTissue(
+                    scene, node, contact, radius=radius, color=mean_color(look), torn_end=torn_end
+                )
             self._drawn.append(_Drawn(surface, contact, tissue))
         self._offer_hand()

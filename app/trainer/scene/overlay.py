@@ -45,8 +45,11 @@ class Overlay(Drawn):
         self._skin = Skin(
             (rings + CLEAR * outwards).astype(np.float32),
             np.zeros((0, 3), np.int32),
-            0,
             sections,
+            rings=stations.size,
+            sides=SECTION_SIDES,
+            hollow=False,
+            right_handed=True,
         )
         self._bound: BoundSkin = self._skin.bound_to(driving)
         self._rings = self._skin.vertices.copy()

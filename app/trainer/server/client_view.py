@@ -144,8 +144,6 @@ class ClientView:
         scene = self._scene
         scene.watch(shown)
         scene.set_look("plain" if state.plain else "full")
-        if scene.heat_wanted != heat:
-            scene.set_heat(heat)
         scene.draw(reading, self._shares(shown) if heat else None)
         self._annotations.draw(shown, reading, figures=figures, overlay=state.overlay)
 

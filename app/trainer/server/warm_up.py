@@ -17,11 +17,8 @@ from app.simulation.session import Session
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
-from app.trainer.stage.heat_map import heat_colors
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import stage_files
-from app.trainer.stage.underlay import sink_wall
-from app.trainer.stage.wall import Wall, wall_normals
 from app.trainer.stage.wall_texture import mean_color, wall_texture
 from app.trainer.viser_bridge import read_icons
 from organ_geometry import Organ
@@ -132,8 +129,3 @@ def _warm_drawing(session: Session) -> None:
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
     contact.mark(session.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
-    wall = Wall.of(skin)
-    normals, below, colors = np.empty((3, wall.count, 3), np.float32)
-    wall_normals(contact.vertices, wall.rings, wall.sides, wall.right_handed, normals)
-    sink_wall(contact.vertices, normals, below)
-    heat_colors(contact.shade, normals, dissection.frame[:, 2].copy(), colors)

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, grid_faces, vertex_normals
+from app.trainer.stage.solids import Part, Solid, grid_faces, solids_glb
 from app.trainer.stage.textures import jpeg_file, mixed_color, smooth_noise
+from organ_geometry.mesh import Finish, vertex_normals
 
 __all__ = ["bench_glb"]
 
@@ -24,7 +24,9 @@ def bench_glb(*, pixels: int = _CENTIMETRE) -> bytes:
     x, y = np.meshgrid(np.linspace(-_HALF_WIDTH, _HALF_WIDTH, 9), np.linspace(_NEAR, _FAR, 9))
     vertices = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
     faces = grid_faces(9, 9)
-    solid = Solid(vertices, faces, vertex_normals(vertices, faces), vertices[:, :2] / 10.0)
+    solid = Solid(
+        vertices, faces, vertex_normals(vertices, faces, welded=True), vertices[:, :2] / 10.0
+    )
     # A line each five millimetres, the whole centimetres wider.
     place = np.linspace(0.0, 1.0, pixels, endpoint=False)
     thick = np.minimum(place, 1.0 - place) < 0.012
@@ -37,4 +39,4 @@ def bench_glb(*, pixels: int = _CENTIMETRE) -> bytes:
     finish = Finish(
         roughness=0.75, base_jpeg=jpeg_file(color.astype(np.float32), quality=80), specular=0.4
     )
-    return binary_gltf([Part(solid, finish)])
+    return solids_glb([Part(solid, finish)])

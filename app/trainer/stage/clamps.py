@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, joined_solid, smooth_path, swept_solid, vertex_normals
+from app.trainer.stage.solids import Part, Solid, joined_solid, smooth_path, solids_glb, swept_solid
+from organ_geometry.mesh import Finish, vertex_normals
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
 MATT_STEEL = Finish(color=(150, 154, 160), roughness=0.45, metallic=0.25)
@@ -59,7 +59,7 @@ def clamp_glb(
         Part(_cuff_solid(bite, corners), _cuff_finish(tissue, detail)),
     ]
     mirrored = end == "second"
-    return binary_gltf(
+    return solids_glb(
         [Part(_placed(part.solid, radius, mirrored=mirrored), part.finish) for part in parts]
     )
 
@@ -156,7 +156,7 @@ def _blunted(solid: Solid, x: float) -> Solid:
     vertices = solid.vertices.copy()
     beyond = vertices[:, 0] > x
     vertices[beyond, 0] = x + 0.05 * (vertices[beyond, 0] - x)
-    return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces))
+    return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces, welded=True))
 
 
 def _placed(solid: Solid, radius: float, *, mirrored: bool) -> Solid:

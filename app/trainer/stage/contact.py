@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
-from app.trainer.stage.wall import Wall
 from organ_geometry.mesh import Skin
 
 __all__ = ["BITE", "Contact", "HookPlace"]
@@ -107,8 +106,7 @@ class Contact:
         bite: float = BITE,
     ) -> None:
         self.skin, self.frame, self._radius = skin, frame, radius
-        self._wall = wall = Wall.of(skin)
-        self._smoothing = _ring_smoothing(wall.sides, thickness)
+        self._smoothing = _ring_smoothing(skin.sides, thickness)
         self.vertices = skin.vertices.copy()
         self.shade = np.ones(len(skin.vertices), np.float32)
         self._smooth(skin.vertices)
@@ -120,7 +118,7 @@ class Contact:
         lateral, up = frame[:, 1], frame[:, 2]
         height = offsets @ up
         # Each side of each ring by its own height, so that it lies against its jaw.
-        top, bottom = _ring_reach(height, wall)
+        top, bottom = _ring_reach(height, skin)
         own = np.maximum(np.where(height > 0.0, top, bottom), 1e-9)
         part = np.clip(np.abs(height) / own, 0.0, 1.0)
         flat = np.sign(height) * bite * radius * (1.0 - (1.0 - part) ** 3.5)
@@ -133,17 +131,17 @@ class Contact:
         self._jaw_shade = (1.0 - (1.0 - JAW_SHADE) * covered).astype(np.float32)
         self.stub_shade = JAW_SHADE
         self.mark(skin.vertices, None)
+        stations = skin.grid(skin.stations)
         self.stubs = (
-            self._stub(0, 1, clamps[0] - float(wall.stations[0].mean())),
-            self._stub(-1, -2, float(wall.stations[-1].mean()) - clamps[1])[::-1],
+            self._stub(0, 1, clamps[0] - float(stations[0].mean())),
+            self._stub(-1, -2, float(stations[-1].mean()) - clamps[1])[::-1],
         )
 
     def _stub(self, end: int, inner: int, beyond: float) -> NDArray[np.float32]:
         """Return the rings of the tissue in a clamp, from its far end to the wall."""
-        wall = self._wall
-        rings = self.vertices[: wall.count].reshape(wall.rings, wall.sides, 3)
+        rings = self.skin.grid(self.vertices)
         if abs(beyond) > STUB_SLACK * self._radius:
-            return np.empty((0, wall.sides, 3), np.float32)
+            return np.empty((0, self.skin.sides, 3), np.float32)
         middle = rings[end].mean(axis=0)
         away = middle - rings[inner].mean(axis=0)
         away /= np.linalg.norm(away)
@@ -160,10 +158,8 @@ class Contact:
 
     def _smooth(self, vertices: NDArray[np.float32]) -> None:
         """Write `vertices` from a deformed skin's."""
-        wall = self._wall
-        walls = len(vertices) // wall.count
-        count = walls * wall.count
-        rings = vertices[:count].reshape(walls * wall.rings, wall.sides, 3)
+        count = self.skin.wall_size * (2 if self.skin.hollow else 1)
+        rings = vertices[:count].reshape(-1, self.skin.sides, 3)
         np.matmul(self._smoothing, rings, out=self.vertices[:count].reshape(rings.shape))
         self.vertices[count:] = vertices[count:]
 
@@ -197,15 +193,15 @@ def _ring_smoothing(sides: int, thickness: float) -> NDArray[np.float32]:
 
 
 def _ring_reach(
-    height: NDArray[np.float64], wall: Wall
+    height: NDArray[np.float64], skin: Skin
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return how far the outer wall's ring at each vertex reaches up and down, mm."""
-    rings = height[: wall.count].reshape(wall.rings, wall.sides)
-    repeats = len(height) // wall.count
-    rest = len(height) - repeats * wall.count  # a solid skin's two end points
+    rings = skin.grid(height)
+    repeats = 2 if skin.hollow else 1
+    rest = len(height) - repeats * skin.wall_size  # a solid skin's two end points
 
     def spread(reach: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.concatenate([np.tile(np.repeat(reach, wall.sides), repeats), np.ones(rest)])
+        return np.concatenate([np.tile(np.repeat(reach, skin.sides), repeats), np.ones(rest)])
 
     return spread(rings.max(axis=1)), spread(-rings.min(axis=1))
 

@@ -4,6 +4,10 @@
 // page, a finer grid is laid through them by cubic interpolation, with the normals of that smooth
 // surface, and drawn in the material of a GLB file that was sent once. The simple mesh is hidden;
 // where this script cannot work it stays what is seen. `viewer` is `viser_bridge.run_in_page`'s.
+//
+// Behind the places come as many shades, or stresses where the last number of all is 1. Stresses are
+// shown in colours of their own, light of no lamp, by the same shader: another would have to be
+// compiled while somebody waits.
 (() => {
   if (window.bluntdissectSurfaces) return;
   const wears = new Map();
@@ -39,7 +43,7 @@
     hookInverse: { value: null }, hook: { value: [1, 1, 0, 0] }, lampWay: { value: [0, 0, 1] },
     bedInverse: { value: null }, lamp: { value: [0, 0, 1e3] }, reach: { value: [0, 1, 1] },
     axis: { value: new Float32Array(4 * 32) }, shaft: { value: [0, 0, 1] },
-    hookAt: { value: [0, 0, -1e3] },
+    hookAt: { value: [0, 0, -1e3] }, stressed: { value: 0 },
   };
 
   // A torn end: soaked with blood behind its rim, and frayed into fibres at it.
@@ -65,6 +69,7 @@
         .replace("#include <common>", `#include <common>
           varying float vBehind; varying vec2 vPlace; varying vec3 vFromHook;
           uniform vec3 blood, raw;
+          uniform float stressed;
           float soaked = 0.0, shaded = 1.0;
           ${HOOK_SHADE}
           float dice(vec2 p) { return fract(sin(dot(p, vec2(127.1, 311.7))) * 43758.5453); }
@@ -74,7 +79,16 @@
             return mix(mix(dice(vec2(i.x, a)), dice(vec2(i.x + 1.0, a)), f.x),
                        mix(dice(vec2(i.x, b)), dice(vec2(i.x + 1.0, b)), f.x), f.y);
           }`)
-        .replace("#include <color_fragment>", `#include <color_fragment>
+        .replace("#include <color_fragment>", `
+          if (stressed > 0.5) {
+            if (vBehind < 0.0) discard;  // fibres
+            gl_FragColor = vec4(vColor.rgb, 1.0);
+            #include <tonemapping_fragment>
+            #include <colorspace_fragment>
+            #include <fog_fragment>
+            return;
+          }
+          #include <color_fragment>
           shaded = hookShade(vFromHook);
           diffuseColor.rgb *= shaded;
           if (vBehind < 8.0) {
@@ -163,6 +177,26 @@
     material.needsUpdate = true;
   };
 
+  // Takes the stress that stands for a colour for the colour of that stress: the table's where the
+  // surface faces the viewer, and darker where it turns away.
+  const colorStress = ({ table, unknown, darkest, towards }, color, normal, at) => {
+    const share = color[at], last = table.length / 3 - 1;
+    if (share < 0) {
+      for (let k = 0; k < 3; k++) color[at + k] = unknown[k];
+      return;
+    }
+    const place = Math.min(share, 1) * last, below = Math.min(Math.floor(place), last - 1);
+    const part = place - below;
+    let facing = 0;
+    for (let k = 0; k < 3; k++) facing += normal[at + k] * towards[k];
+    const turn = Math.min((1 - Math.max(facing, 0)) / 0.75, 1);
+    const light = 1 - (1 - darkest) * turn * turn;
+    for (let k = 0; k < 3; k++) {
+      const from = table[3 * below + k];
+      color[at + k] = light * (from + part * (table[3 * below + 3 + k] - from));
+    }
+  };
+
   class Dressed {
     constructor(source, finish, wear) {
       this.source = source;
@@ -210,8 +244,8 @@
       set("uv", uv, 2);
       set("behind", behind, 1);
       geometry.setIndex(new Attribute(index, 1));
-      const mesh = this.mesh = new source.constructor(geometry, 
-        finished(finish.material, wear, source.matrixWorld));
+      const mesh = this.mesh = new source.constructor(geometry,
+        finished(finish ? finish.material : source.material.clone(), wear, source.matrixWorld));
       mesh.userData.dressed = true;
       mesh.frustumCulled = false;
       mesh.raycast = () => {};
@@ -229,7 +263,11 @@
       this.given = this.source.geometry.attributes.position.array;
       const given = this.given;
       const shades = given.subarray(3 * wear.count);
-      for (const { rows, coarse, start, outwards, smooth, tint } of this.grids) {
+      const stress = given[given.length - 1] === 1 ? wear.stress : null;
+      shared.stressed.value = stress ? 1 : 0;
+      for (const grid of this.grids) {
+        const { rows, coarse, start, outwards, smooth, tint } = grid;
+        const inside = grid !== this.grids[0];
         // Around each ring: its points, and between each two of them a point of the cubic.
         for (let r = 0; r < coarse.length; r++) {
           const ring = coarse[r];
@@ -268,7 +306,8 @@
               }
               shade = 0.5 * (shade + work[e + 3]);
             } else for (let k = 0; k < 3; k++) position[to + k] = work[b + k];
-            for (let k = 0; k < 3; k++) color[to + k] = shade * tint[k];
+            if (stress) color[to] = inside ? -1 : shade;
+            else for (let k = 0; k < 3; k++) color[to + k] = shade * tint[k];
           }
         }
         const sign = outwards ? 1 : -1;
@@ -290,6 +329,7 @@
             normal[3 * v] = x * scale;
             normal[3 * v + 1] = y * scale;
             normal[3 * v + 2] = z * scale;
+            if (stress) colorStress(stress, color, normal, 3 * v);
           }
         }
       }
@@ -301,10 +341,9 @@
   const surfaces = new Map();
   const dressAll = () => {
     for (const [name, wear] of wears) {
-      const node = viewer.node(name), finish = viewer.node(wear.finish);
-      if (!node || !finish) continue;
-      const source = meshIn(node), cloth = meshIn(finish);
-      if (!source || !cloth || !cloth.material.map) continue;
+      const node = viewer.node(name), finish = wear.finish && viewer.node(wear.finish);
+      const source = node && meshIn(node), cloth = finish && meshIn(finish);
+      if (!source || (wear.finish && !cloth?.material.map)) continue;
       const before = surfaces.get(name);
       if (before && before.source === source && before.wear === wear) continue;
       if (before) before.mesh.removeFromParent();
@@ -315,7 +354,8 @@
   };
   // Writes the middles of all rings into the table that the bed's shadow is thrown from.
   const light = () => {
-    if (!surfaces.size) return;
+    const worn = [...surfaces].filter(([, { wear }]) => wear.finish);
+    if (!worn.length) return;
     const bed = viewer.node("/stage/tissue_bed"), hook = viewer.node("/stage/hook");
     if (!bed || !hook) return;
     const cloth = meshIn(bed);
@@ -329,7 +369,7 @@
     inBed(0, 0, 0, hook.matrixWorld);
     shared.hookAt.value = [place.x, place.y, place.z];
     const points = [];
-    for (const [name, { given, wear, mesh }] of surfaces) {
+    for (const [name, { given, wear, mesh }] of worn) {
       if (!viewer.node(name) || !mesh.parent) continue;
       mesh.updateMatrixWorld();
       for (const ring of wear.patches[0].rows) {
@@ -365,6 +405,7 @@
     dress(name, wear) {
       wears.set(name, {
         ...wear, along: numbers(wear.along), behind: numbers(wear.behind),
+        stress: { ...wear.stress, table: numbers(wear.stress.table) },
       });
     },
     stage({ lamp, radius, bend, wire, tip, shaft, lampWay }) {

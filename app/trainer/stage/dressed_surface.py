@@ -3,7 +3,8 @@
 viser's streamed meshes have one colour and normals by their triangles. This one streams the rings
 of a coarse grid, and the page lays a finer grid through them and draws it in the material of a GLB
 file that was sent once (`dressed_surface.js`). A frame is the rings' places and how much light
-reaches them, 16 bytes for each point.
+reaches them, 16 bytes for each point. Or, instead of light, how much stress each point bears: the
+page gives it the colours of `tone.light_table`, drawn as they are whatever lamps there are.
 """
 
 import base64
@@ -17,20 +18,23 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
 from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
-from app.trainer.stage.solids import Solid
+from app.trainer.stage.solids import Part, Solid, solids_glb
+from app.trainer.stage.tone import light_for, light_table
 from app.trainer.viser_bridge import run_in_page
+from organ_geometry.mesh import Finish
 
-__all__ = [
-    "DressedSurface",
-    "Patch",
-    "keep_finish_of",
-    "light_surfaces",
-]
+__all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]
 
 FAR = 100.0
 """Distance from a torn rim where there is none, radii."""
+NO_STRESS = -9.0
+"""Share of a place whose stress nobody has computed; half of it and any share is below zero too."""
+DARKEST = 0.62
+"""Light that is left of a stress's colour where the wall turns away from the viewer, so that its
+form is seen; where it faces the viewer the colours are the map's own."""
+_UNKNOWN = (72, 66, 66)
+"""sRGB of places without a stress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +61,11 @@ def _script() -> str:
     return Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
 
 
-def keep_finish_of(scene: viser.SceneApi, name: str, finish: Finish) -> None:
+def keep_finish(scene: viser.SceneApi, name: str, finish: Finish) -> None:
     """Send a finish that surfaces can be drawn in, on a triangle too small to be seen."""
     normals = np.tile((0.0, 0.0, 1.0), (3, 1))
     solid = Solid(1e-3 * np.eye(3), np.array([[0, 1, 2]]), normals, np.eye(3)[:, :2].copy())
-    scene.add_glb(name, binary_gltf([Part(solid, finish)]), cast_shadow=False, receive_shadow=False)
+    scene.add_glb(name, solids_glb([Part(solid, finish)]), cast_shadow=False, receive_shadow=False)
 
 
 def light_surfaces(
@@ -96,7 +100,7 @@ class DressedSurface:
     name
         The scene node.
     finish
-        The scene node of its finish (`keep_finish_of`).
+        The scene node of its finish (`keep_finish`); None where only its stress is shown.
     along
         (rings, sides) place of each point along the finish's pictures, in their widths.
     behind
@@ -107,20 +111,23 @@ class DressedSurface:
         sRGB of the surface in a page that does not know the finish.
     raw, blood
         Linear light of torn wall, and of the blood that soaks it, if any.
+    towards_viewer
+        (3,) direction from the surface, in whose light the stress's colours are the map's own.
 
     Attributes
     ----------
     places
         (rings, sides, 3) mm, to be written before `send`.
     shades
-        (rings, sides) light that reaches each point, 0 to 1, to be written before `send`.
+        (rings, sides) light that reaches each point, 0 to 1, or its stress in parts of the
+        threshold, not below 0, or `NO_STRESS`; to be written before `send`.
     """
 
     def __init__(
         self,
         scene: viser.SceneApi,
         name: str,
-        finish: str,
+        finish: str | None,
         *,
         along: NDArray[np.floating],
         behind: NDArray[np.floating],
@@ -128,11 +135,12 @@ class DressedSurface:
         color: tuple[int, int, int],
         raw: Sequence[float],
         blood: Sequence[float] | None,
+        towards_viewer: NDArray[np.float64],
     ) -> None:
         self._scene, self._name = scene, name
         rings, sides = along.shape
         count = rings * sides
-        tail = -(-count // 3)
+        tail = -(-(count + 1) // 3)  # the last number says whether they are shades or stresses
         self._sent = np.zeros((count + tail, 3), np.float32)
         self.places = self._sent[:count].reshape(rings, sides, 3)
         self.shades = self._sent[count:].reshape(-1)[:count].reshape(rings, sides)
@@ -154,6 +162,12 @@ class DressedSurface:
             "behind": _text(behind),
             "raw": [round(float(part), 4) for part in raw],
             "blood": None if blood is None else [round(float(part), 4) for part in blood],
+            "stress": {
+                "table": _text(light_table()),
+                "unknown": light_for(_UNKNOWN).tolist(),
+                "darkest": DARKEST,
+                "towards": (towards_viewer / np.linalg.norm(towards_viewer)).tolist(),
+            },
             "patches": [
                 {
                     "rows": [ring * sides for ring in patch.rings],
@@ -178,8 +192,9 @@ class DressedSurface:
     def visible(self, visible: bool) -> None:
         self._mesh.visible = visible
 
-    def send(self) -> None:
-        """Show places and shades as they are now."""
+    def send(self, *, stress: bool = False) -> None:
+        """Show places and shades, or stresses, as they are now."""
+        self._sent[-1, -1] = stress
         self._mesh.vertices = self._sent
 
     def remove(self) -> None:

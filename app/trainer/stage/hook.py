@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from app.trainer.stage.clamps import INSULATION, steel
-from app.trainer.stage.gltf_asset import Part, binary_gltf
-from app.trainer.stage.solids import Solid, swept_solid
+from app.trainer.stage.solids import Part, Solid, solids_glb, swept_solid
 
 TIP_ANGLE = -0.45
 """Where the wire ends on the viewer's side, rad; half pi is straight below the duct."""
@@ -43,7 +42,7 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     ferrule = root + (7.0 * taper[:, None] - 1.0) * lean
     steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, _SHAFT_LENGTH, 6)])
     shaft = root + steps[:, None] * lean
-    return binary_gltf(
+    return solids_glb(
         [
             Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), steel(detail)),
             Part(

@@ -7,14 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, smooth_path, swept_solid, vertex_normals
+from app.trainer.stage.solids import Part, Solid, smooth_path, solids_glb, swept_solid
 from app.trainer.stage.textures import (
     jpeg_file,
     mixed_color,
     smooth_noise,
     smooth_step,
 )
+from organ_geometry.mesh import Finish, vertex_normals
 
 _LIVER = ((98, 40, 31), (68, 24, 20), (132, 70, 54))
 _GALLBLADDER = ((110, 116, 82), (88, 100, 76), (134, 130, 92))
@@ -25,7 +25,7 @@ _TILE = 46.0  # mm of either organ that its picture covers
 @cache
 def neighbours_glb(*, corners: int = 30, pixels: int = 256) -> bytes:
     """Return liver edge and gallbladder as one GLB file."""
-    return binary_gltf(
+    return solids_glb(
         [
             Part(
                 _waved(_liver(corners), amplitude=0.9),
@@ -96,4 +96,4 @@ def _waved(solid: Solid, *, amplitude: float) -> Solid:
     vertices = solid.vertices + amplitude * wave[:, None] * solid.normals
     # Seen from in front and above: a picture laid on from there has no seam.
     uv = np.stack([vertices[:, 0], vertices[:, 2] + 0.6 * vertices[:, 1]], axis=-1) / _TILE
-    return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces), uv)
+    return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces, welded=True), uv)

@@ -4,11 +4,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from organ_geometry.mesh import INSIDE, OUTER_WALL, Skin
+from app.trainer.stage.contact import Contact
+from app.trainer.stage.tissue import Tissue, TornEnd
+from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
 
-__all__ = ["INSIDE", "TISSUE", "PlainTissue"]
-
-TISSUE = OUTER_WALL
+__all__ = ["PlainTissue"]
 
 
 class PlainTissue:
@@ -19,65 +19,80 @@ class PlainTissue:
     scene
         Of one client.
     name
-        The scene node; the inside's is the same with `_inside`.
-    skin
-        The surface.
+        The scene node; the inside's is the same with `_inside`, the stress's with `_stress`.
+    contact
+        The surface's skin with the marks of clamps and hook.
+    radius
+        Of the duct, mm.
     color
-        sRGB of its wall, 0 to 255.
+        Of its wall.
+    torn_end
+        Which end of it is torn, if any.
     """
 
     def __init__(
-        self, scene: viser.SceneApi, name: str, skin: Skin, color: tuple[int, int, int] = TISSUE
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        contact: Contact,
+        *,
+        radius: float,
+        color: Color = OUTER_WALL,
+        torn_end: TornEnd | None = None,
     ) -> None:
-        outer = skin.outer_faces
+        self._scene, self._name = scene, name
+        self._contact, self._radius = contact, radius
+        self._torn_end: TornEnd | None = torn_end
+        self._stress: Tissue | None = None
+        skin = contact.skin
+        self._parts: list[tuple[viser.MeshHandle, NDArray[np.intp]]] = []
         # A mesh of its own for the inside: another colour, and a sharp edge along the torn rim.
-        self._parts = [
-            _drawn(scene, part_name, skin, faces, part_color)
-            for part_name, faces, part_color in (
-                (name, skin.faces[:outer], color),
-                (f"{name}_inside", skin.faces[outer:], INSIDE),
+        for (numbers, faces), node, shown in (
+            (skin.part("outer"), name, color),
+            (skin.part("inside"), f"{name}_inside", INSIDE),
+        ):
+            mesh = scene.add_mesh_simple(
+                node,
+                skin.vertices[numbers],
+                faces.astype(np.uint32),
+                color=shown,
+                side="double",
+                # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
+                cast_shadow=False,
+                receive_shadow=False,
             )
-        ]
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return self._parts[0][0].visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        for mesh, _ in self._parts:
-            mesh.visible = visible
+            self._parts.append((mesh, numbers))
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now."""
         del shade
-        for mesh, used in self._parts:
-            mesh.vertices = vertices[used]
+        self._show_stress(False)
+        for mesh, numbers in self._parts:
+            mesh.vertices = vertices[numbers]
+
+    def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
+        """Draw the stress on the surface as it is now, in parts of the threshold."""
+        if self._stress is None:
+            self._stress = Tissue(
+                self._scene,
+                f"{self._name}_stress",
+                self._contact,
+                look=None,
+                radius=self._radius,
+                torn_end=self._torn_end,
+            )
+        self._show_stress(True)
+        self._stress.show_stress(vertices, share)
+
+    def _show_stress(self, shown: bool) -> None:
+        if self._stress is not None:
+            self._stress.visible = shown
+        for mesh, _ in self._parts:
+            mesh.visible = not shown
 
     def remove(self) -> None:
         """Take it off the scene."""
         for mesh, _ in self._parts:
             mesh.remove()
-
-
-def _drawn(
-    scene: viser.SceneApi,
-    name: str,
-    skin: Skin,
-    faces: NDArray[np.int32],
-    color: tuple[int, int, int],
-) -> tuple[viser.MeshHandle, NDArray[np.int32]]:
-    """Return a mesh of some faces and the skin's vertices that it shows."""
-    used, renumbered = np.unique(faces, return_inverse=True)
-    mesh = scene.add_mesh_simple(
-        name,
-        skin.vertices[used],
-        renumbered.reshape(faces.shape).astype(np.uint32),
-        color=color,
-        side="double",
-        # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
-        cast_shadow=False,
-        receive_shadow=False,
-    )
-    return mesh, used
+        if self._stress is not None:
+            self._stress.remove()

@@ -1,10 +1,12 @@
-"""Surfaces the stage is made of: grids, and sections swept along a path."""
+"""Surfaces the stage is made of: grids, and sections swept along a path; and their GLB files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from organ_geometry.mesh import Finish, GltfFile, VectorKind, vertex_normals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,17 +31,39 @@ class Solid:
     uv: NDArray[np.float64] | None = None
 
 
-def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the area-weighted unit normals of a surface."""
-    shared = np.unique(vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)
-    first, second, third = (vertices[faces[:, corner]] for corner in range(3))
-    face_normals = np.cross(second - first, third - first)
-    sums = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(sums, shared[faces[:, corner]], face_normals)
-    sums = sums[shared]
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.where(lengths > 0.0, sums / np.maximum(lengths, 1e-300), (0.0, 0.0, 1.0))
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A solid and its finish."""
+
+    solid: Solid
+    finish: Finish
+
+
+def solids_glb(parts: Sequence[Part]) -> bytes:
+    """Return one GLB file with every part, in the solids' own frame."""
+    file = GltfFile()
+    for number, part in enumerate(parts):
+        solid = part.solid
+        count = len(solid.vertices)
+
+        def vectors(array: NDArray[np.float64], kind: VectorKind, *, bounded: bool = False) -> int:
+            return file.accessor(array.astype(np.float32), kind, target="vertices", bounded=bounded)
+
+        attributes = {
+            "POSITION": vectors(solid.vertices, "VEC3", bounded=True),
+            "NORMAL": vectors(solid.normals, "VEC3"),
+        }
+        if solid.uv is not None:  # glTF's v goes downwards
+            attributes["TEXCOORD_0"] = vectors(solid.uv * (1.0, -1.0) + (0.0, 1.0), "VEC2")
+        item = {
+            "attributes": attributes,
+            "indices": file.indices(solid.faces, count),
+            "material": file.material(part.finish),
+        }
+        name = str(number)
+        mesh = file.add("meshes", {"name": name, "primitives": [item]})
+        file.add_root({"name": name, "mesh": mesh})
+    return file.content()
 
 
 def grid_faces(rows: int, columns: int, *, closed: bool = False) -> NDArray[np.int64]:
@@ -105,7 +129,7 @@ def swept_solid(
         + (heights[:, None] * upward)[..., None] * ups[:, None]
     ).reshape(-1, 3)
     faces = grid_faces(len(points), corners, closed=True)
-    return Solid(vertices, faces, vertex_normals(vertices, faces))
+    return Solid(vertices, faces, vertex_normals(vertices, faces, welded=True))
 
 
 def joined_solid(solids: Sequence[Solid]) -> Solid:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.appearance import Appearance, Color
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, grid_faces, vertex_normals
+from app.trainer.stage.solids import Part, Solid, grid_faces, solids_glb
 from app.trainer.stage.tissue_bed import bed_height
+from organ_geometry.mesh import Finish, vertex_normals
 
 __all__ = ["spill_glb"]
 
@@ -36,7 +36,7 @@ def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> b
             way = random.normal(0.0, 0.9 * radius, 2)
             drop = random.uniform(0.04, 0.11) * radius
             parts.append(Part(_pool(middle + way, drop, random), finish))
-    return binary_gltf(parts) if parts else b""
+    return solids_glb(parts) if parts else b""
 
 
 def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator) -> Solid:
@@ -55,4 +55,4 @@ def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator
     z = np.maximum(level, bed + _FILM) * (1.0 - part**6) + (bed - _BELOW) * part**6
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     faces = grid_faces(_RINGS, _CORNERS, closed=True)[:, ::-1]
-    return Solid(vertices, faces, vertex_normals(vertices, faces))
+    return Solid(vertices, faces, vertex_normals(vertices, faces, welded=True))

@@ -7,13 +7,18 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.appearance import Appearance
+from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.contact import Contact
-from app.trainer.stage.dressed_surface import FAR, DressedSurface, Patch, keep_finish_of
-from app.trainer.stage.gltf_asset import Finish
-from app.trainer.stage.tone import linear_light
-from app.trainer.stage.wall import Wall
+from app.trainer.stage.dressed_surface import (
+    FAR,
+    NO_STRESS,
+    DressedSurface,
+    Patch,
+    keep_finish,
+)
 from app.trainer.stage.wall_texture import PERIOD, mean_color, wall_texture
+from organ_geometry.mesh import INSIDE, Finish, linear_light
 
 __all__ = ["Tissue", "TornEnd", "send_finish"]
 
@@ -37,7 +42,7 @@ def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
         base_jpeg=texture.base,
         normal_jpeg=texture.normals,
     )
-    keep_finish_of(scene, FINISH, finish)
+    keep_finish(scene, FINISH, finish)
 
 
 class Tissue:
@@ -52,7 +57,7 @@ class Tissue:
     contact
         The surface's skin with the marks of clamps and hook.
     look
-        What the duct is made of.
+        What the duct is made of; None where only its stress is to be shown.
     radius
         Of the duct, mm.
     lumen
@@ -67,66 +72,68 @@ class Tissue:
         name: str,
         contact: Contact,
         *,
-        look: Appearance,
+        look: Appearance | None,
         radius: float,
         lumen: float | None = None,
         torn_end: TornEnd | None = None,
     ) -> None:
-        self._wall = wall = Wall.of(contact.skin)
+        self._skin = skin = contact.skin
         self._lumen = lumen
         self._torn_end = torn_end
-        rings = wall.rings
-        self._hollow = len(contact.skin.vertices) >= 2 * wall.count
+        rings = skin.rings
         first, last = contact.stubs
         before = len(first)
         self._outer = slice(before, before + rings)
         after = before + rings + len(last)
-        rows = [_stations(wall, len(first), at_start=True, radius=radius), wall.stations]
-        rows.append(_stations(wall, len(last), at_start=False, radius=radius))
-        patches = [Patch(tuple(range(after)), wall.right_handed)]
+        wall = skin.grid(skin.stations)
+        rows = [_stations(wall[0], len(first), at_start=True, radius=radius), wall]
+        rows.append(_stations(wall[-1], len(last), at_start=False, radius=radius))
+        patches = [Patch(tuple(range(after)), skin.right_handed)]
         self._inner = self._fringe = slice(after, after)
         if torn_end is not None:
             rim = before + (rings - 1 if torn_end == "last" else 0)
-            inner = rings if self._hollow else 1
+            inner = rings if skin.hollow else 1
             self._inner = slice(after, after + inner)
-            rows.append(wall.stations if self._hollow else wall.stations[[rim - before]])
-            facing = wall.right_handed == (torn_end == "last")
-            inside_rim = after + (inner - 1 if torn_end == "last" and self._hollow else 0)
-            base = linear_light(mean_color(look))
-            raw = tuple((linear_light(look.raw) / base).tolist())
-            patches.append(Patch((rim, inside_rim), facing, raw))
-            if self._hollow:
+            rows.append(wall if skin.hollow else wall[[rim - before]])
+            facing = skin.right_handed == (torn_end == "last")
+            inside_rim = after + (inner - 1 if torn_end == "last" and skin.hollow else 0)
+            raw = dark = (1.0, 1.0, 1.0)
+            if look is not None:
+                base = linear_light(mean_color(look))
+                raw = tuple((linear_light(look.raw) / base).tolist())
                 dark = tuple((linear_light(look.inside) / base).tolist())
-                patches.append(
-                    Patch(tuple(range(after, after + inner)), not wall.right_handed, dark)
-                )
-            if look.blood is not None:
+            patches.append(Patch((rim, inside_rim), facing, raw))
+            if skin.hollow:
+                inside = tuple(range(after, after + inner))
+                patches.append(Patch(inside, not skin.right_handed, dark))
+            if look is not None and look.blood is not None:
                 self._fringe = slice(after + inner, after + inner + len(FRINGE))
-                rows.append(np.repeat(wall.stations[[rim - before]], len(FRINGE), axis=0))
+                rows.append(np.repeat(wall[[rim - before]], len(FRINGE), axis=0))
                 patches.append(Patch((rim, after + inner, after + inner + 1), facing, raw))
         stations = np.concatenate(rows)
         behind = np.full(stations.shape, FAR)
         if torn_end is not None:
-            edge = wall.stations[-1 if torn_end == "last" else 0]
+            edge = wall[-1 if torn_end == "last" else 0]
             behind = np.abs(stations - edge) / radius
             behind[self._fringe] = -np.array(FRINGE)[: len(behind[self._fringe]), None]
+        blood = None if look is None else look.blood
         self._surface = DressedSurface(
             scene,
             name,
-            FINISH,
+            None if look is None else FINISH,
             along=stations / (PERIOD * radius),
             behind=behind,
             patches=patches,
-            color=mean_color(look),
-            raw=linear_light(look.raw).tolist(),
-            blood=None if look.blood is None else linear_light(look.blood).tolist(),
+            color=INSIDE if look is None else mean_color(look),
+            raw=linear_light(INSIDE if look is None else look.raw).tolist(),
+            blood=None if blood is None else linear_light(blood).tolist(),
+            towards_viewer=contact.frame @ TOWARDS_VIEWER,
         )
         self._down = -contact.frame[:, 2].astype(np.float32)
         self._radius = radius
-        places, shades = self._surface.places, self._surface.shades
+        self._stub_shade = contact.stub_shade
+        places = self._surface.places
         places[:before], places[before + rings : after] = first, last
-        shades[:before] = shades[before + rings : after] = contact.stub_shade
-        shades[self._inner] = 0.75
 
     @property
     def visible(self) -> bool:
@@ -139,36 +146,50 @@ class Tissue:
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now."""
-        wall, surface = self._wall, self._surface
-        shape = (wall.rings, wall.sides)
-        outer = vertices[: wall.count].reshape(*shape, 3)
+        shades = self._surface.shades
+        shades[:] = self._stub_shade
+        shades[self._inner], shades[self._fringe] = 0.75, 1.0
+        shades[self._outer] = self._skin.grid(shade)
+        self._place(vertices)
+        self._surface.send()
+
+    def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
+        """Draw the stress on the surface as it is now, in parts of the threshold."""
+        shares = self._surface.shades
+        shares[:] = NO_STRESS
+        np.maximum(self._skin.grid(share), 0.0, out=shares[self._outer])
+        self._place(vertices)
+        self._surface.send(stress=True)
+
+    def _place(self, vertices: NDArray[np.float32]) -> None:
+        """Write the rings' places."""
+        skin, surface = self._skin, self._surface
+        outer = skin.grid(vertices)
         surface.places[self._outer] = outer
-        surface.shades[self._outer] = shade[: wall.count].reshape(shape)
         if self._torn_end is not None:
             end = -1 if self._torn_end == "last" else 0
-            if self._hollow and self._lumen is not None:
+            if skin.hollow and self._lumen is not None:
                 middles = outer.mean(axis=1, keepdims=True)
                 surface.places[self._inner] = middles + self._lumen * (outer - middles)
-            elif self._hollow:
-                inner = vertices[wall.count : 2 * wall.count]
-                surface.places[self._inner] = inner.reshape(*shape, 3)
+            elif skin.hollow:
+                surface.places[self._inner] = skin.grid(vertices, "lumen")
             else:
-                surface.places[self._inner] = vertices[wall.count :][end]
+                surface.places[self._inner] = vertices[skin.wall_size :][end]
             rim, behind = outer[end], outer[-2 if end else 1]
             ahead = rim - behind
             ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
             fringe = surface.places[self._fringe]
             for place, reach in zip(fringe, FRINGE, strict=False):
                 place[:] = rim + self._radius * reach * (ahead + _DROOP * reach * self._down)
-        surface.send()
 
     def remove(self) -> None:
         """Take it off the scene."""
         self._surface.remove()
 
 
-def _stations(wall: Wall, count: int, *, at_start: bool, radius: float) -> NDArray[np.float64]:
-    """Return where the rings of a stub would lie along the axis, mm."""
-    end = wall.stations[0 if at_start else -1]
+def _stations(
+    end: NDArray[np.float64], count: int, *, at_start: bool, radius: float
+) -> NDArray[np.float64]:
+    """Return where the rings of a stub beyond a wall's end ring would lie along the axis, mm."""
     steps = radius * np.array([reach for reach, _, _ in STUB[:count]])[:, None]
     return end - steps[::-1] if at_start else end + steps

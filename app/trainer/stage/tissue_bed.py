@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.trainer.stage.gltf_asset import Finish, Part, binary_gltf
-from app.trainer.stage.solids import Solid, grid_faces, smooth_path, vertex_normals
+from app.trainer.stage.solids import Part, Solid, grid_faces, smooth_path, solids_glb
 from app.trainer.stage.textures import (
     Image,
     blurred,
@@ -22,6 +21,7 @@ from app.trainer.stage.textures import (
     normal_map,
     smooth_step,
 )
+from organ_geometry.mesh import Finish, vertex_normals
 
 REFERENCE_SPAN = 50.8
 _ROWS, _COLUMNS, _PIXELS = 64, 70, 1152  # of the full look
@@ -51,7 +51,7 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
     uv = np.stack(
         np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)), axis=-1
     ).reshape(-1, 2)
-    solid = Solid(vertices, faces, vertex_normals(vertices, faces), uv)
+    solid = Solid(vertices, faces, vertex_normals(vertices, faces, welded=True), uv)
 
     color = _bed_color(ground)
     finish = Finish(
@@ -62,7 +62,7 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
         base_jpeg=jpeg_file(np.flipud(color), quality=74),
         normal_jpeg=_normal_jpeg(ground) if pixels >= 512 else b"",
     )
-    return binary_gltf([Part(solid, finish)])
+    return solids_glb([Part(solid, finish)])
 
 
 def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,12 +9,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from app.export.stress_color import color_map
+from organ_geometry.mesh import color_map, linear_light, srgb_color
 
-COLOR_MAP = "cividis"
-"""Even in lightness, and the same to the colour-blind [Nunez, Anderton & Renslow 2018]."""
-
-_SRGB_TOE = 0.04045
 _ACES_INPUT = np.array(
     [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]]
 )
@@ -28,35 +24,11 @@ _TOP_BRIGHTNESS = 0.97
 _MOST = 0.99  # the curve reaches 1 only at infinite light
 
 
-def linear_light(srgb: ArrayLike) -> NDArray[np.float64]:
-    """Return sRGB colours as linear light.
-
-    Parameters
-    ----------
-    srgb
-        (..., 3) sRGB, 0 to 255.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (..., 3) linear, 0 to 1.
-
-    Examples
-    --------
-    >>> linear_light((0, 255, 188)).round(2).tolist()
-    [0.0, 1.0, 0.5]
-    """
-    part = np.asarray(srgb, np.float64) / 255.0
-    return np.where(part <= _SRGB_TOE, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
-
-
 def shown_color(light: ArrayLike) -> NDArray[np.float64]:
     """Return the sRGB colours that the page shows of linear light."""
     v = _EXPOSURE * np.asarray(light, np.float64) @ _ACES_INPUT.T
     fitted = (v * (v + _RISE) - _FLOOR) / (v * (_BEND * v + _SLOPE) + _OFFSET)
-    part = np.clip(fitted @ _ACES_OUTPUT.T, 0.0, 1.0)
-    toe = _SRGB_TOE / 12.92
-    return 255.0 * np.where(part <= toe, 12.92 * part, 1.055 * part ** (1.0 / 2.4) - 0.055)
+    return srgb_color(np.clip(fitted @ _ACES_OUTPUT.T, 0.0, 1.0))
 
 
 def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
