@@ -13,7 +13,6 @@ from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import Contact, HookPlace
-from app.trainer.stage.heat_map import HeatMap
 from app.trainer.stage.tissue import Tissue
 from physics import Exact
 
@@ -47,12 +46,8 @@ def draw(scene: viser.SceneApi, session: Session) -> None:
         look = appearance_of(dissection.preset)
         tissue = Tissue(scene, f"/{surface.name}", contact, look=look, radius=radius, torn_end=torn)
         tissue.show(contact.vertices, contact.shade)
-        heat = HeatMap(
-            scene, f"/{surface.name}_stress", skin, dissection.frame[:, 2], torn=torn is not None
-        )
         stress = session.stress(np.empty(len(surface.vertices), np.float32), index)
-        heat.show(contact.vertices, contact.shade)
-        heat.show(contact.vertices, stress)
+        tissue.show_stress(contact.vertices, stress)
 
 
 def train(scene: viser.SceneApi, session: Session) -> None:

@@ -83,11 +83,14 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
                 wanted = color_table()[round(share * 255)].astype(int)
                 _wait_for_color(tab, wanted)
             shares = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
-            draw(shares)
-            node = "/organ/skin" if look == "full" else "/organ/skin_stress"
-            light, normals = _drawn_light(tab, node, session.dissection.frame @ TOWARDS_VIEWER)
-            inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
             share = np.clip(skin.grid(shares), 0.0, 1.0)
+            node = "/organ/skin" if look == "full" else "/organ/skin_stress"
+            viewer = session.dissection.frame @ TOWARDS_VIEWER
+            before, _ = _drawn_light(tab, node, viewer)
+            draw(shares)
+            tab.wait_until(lambda: (_drawn_light(tab, node, viewer)[0] != before).any())
+            light, normals = _drawn_light(tab, node, viewer)
+            inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
             place = 255.0 * share
             table = [np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)]
             turn = np.clip((1.0 - np.clip(normals[inner], 0.0, None)) / 0.75, 0.0, 1.0)
