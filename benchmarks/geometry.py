@@ -60,6 +60,7 @@ def set_figures(name: str) -> dict[str, Any]:
                 "organ_bytes": file.size,
                 "organ_percent": 100.0 * file.rms / organ.radius,
                 "organ_tolerance_mm": file.tolerance,
+                "command": compress_command(organ, file),
                 "sections_kept": file.built.sections_kept,
                 "draco_bytes": None if mesh is None else mesh.size,
                 "draco_percent": None if mesh is None else 100.0 * mesh.rms / organ.radius,
@@ -79,6 +80,15 @@ def set_figures(name: str) -> dict[str, Any]:
         "seconds": time.perf_counter() - started,
         "notes": notes,
     }
+
+
+def compress_command(organ: OrganSet, file: OrganBytes) -> str:
+    """Return the command that writes an organ's file again."""
+    return (
+        f"bluntdissect compress {organ.stack.source} -o {organ.name}.organ --effort full "
+        f"--edge-shift-mm {organ.edge_shift!r} --tolerance-mm {file.tolerance!r} "
+        f"--overall-mm {file.overall!r}"
+    )
 
 
 def levels_of_both(
@@ -163,6 +173,11 @@ def measure_geometry(console: Console) -> dict[str, Any]:
         f"Memory: {memory['slices']:.0f} images grow it by {memory['growth_mib']:.1f} MiB, their "
         f"volume is {memory['volume_mib']:.0f} MiB: "
         f"{memory['growth_mib'] / memory['volume_mib']:.3f} of it, in {memory['seconds']:.1f} s",
+    ]
+    lines += [
+        f"{row['organ_bytes']} B: {row['command']}"
+        for figures in sets.values()
+        for row in figures["levels"]
     ]
     for line in (*lines, *notes):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
