@@ -1,0 +1,83 @@
+"""When the machine code that numba keeps of this package's kernels is out of date.
+
+Numba compiles a kernel anew when its own file has changed, but the machine code holds that of the
+kernels it calls as well, and the constants that it reads. Here the stamp of a kernel is a hash of
+its file and of all files of the package that it imports, directly or through others.
+"""
+
+import hashlib
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba.core import caching, config
+
+__all__ = ["sources"]
+
+PACKAGE = Path(__file__).parent
+IMPORT = re.compile(
+    rf"^\s*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE | re.ASCII
+)
+
+
+@cache
+def sources(file: Path) -> frozenset[Path]:
+    """Return a file of the package and all others of the package that it imports."""
+    found, waiting = {file}, [file]
+    while waiting:
+        for module, names in IMPORT.findall(waiting.pop().read_text("utf-8")):
+            place = PACKAGE.parent.joinpath(*module.split("."))
+            for each in (place, *(place / name for name in re.findall(r"\w+", names))):
+                for source in (each.with_suffix(".py"), each / "__init__.py"):
+                    if source.is_file() and source not in found:
+                        found.add(source)
+                        waiting.append(source)
+    return frozenset(found)
+
+
+@cache
+def _stamp(file: Path) -> bytes:
+    digest = hashlib.sha256()
+    for source in sorted(sources(file)):
+        digest.update(source.read_bytes())
+    return digest.digest()
+
+
+class _Stamped(caching._CacheLocator):  # pyright: ignore[reportPrivateUsage, reportUntypedBaseClass]
+    """A locator of numba's for this package's files, with the stamp of all their sources."""
+
+    _py_file: str
+
+    @classmethod
+    def from_function(cls, py_func: object, py_file: str) -> Any:
+        """Return the locator of a function's machine code, None if it is not of this package."""
+        if not Path(py_file).is_relative_to(PACKAGE):
+            return None
+        return super().from_function(py_func, py_file)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+
+    def get_source_stamp(self) -> Any:
+        """Return what changes with anything that the machine code comes from."""
+        return _stamp(Path(self._py_file))
+
+
+class InGivenFolder(_Stamped, caching.UserProvidedCacheLocator):
+    """In the folder that NUMBA_CACHE_DIR names."""
+
+
+class InTree(_Stamped, caching.InTreeCacheLocator):
+    """In the `__pycache__` beside the source."""
+
+
+class InUserFolder(_Stamped, caching.UserWideCacheLocator):
+    """In the user's own folder, where the source's cannot be written."""
+
+
+# Numba asks these first, and its own for all other files.
+_OWN = ",".join(f"{__name__}.{each.__name__}" for each in (InGivenFolder, InTree, InUserFolder))
+_OTHERS = (
+    "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
+    "IPythonCacheLocator,ZipCacheLocator"
+)
+_given: str = getattr(config, "CACHE_LOCATOR_CLASSES", "")
+config.CACHE_LOCATOR_CLASSES = f"{_OWN},{_given or _OTHERS}"  # pyright: ignore[reportAttributeAccessIssue]

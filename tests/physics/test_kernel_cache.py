@@ -1,0 +1,60 @@
+"""Machine code that is kept: it follows every file that it comes from, and is used again."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from physics import kernel_cache
+from physics.exact import newton
+
+CALLER = """from numba import njit
+
+from physics.callee import twice
+@njit(cache=True)
+def asked(x):
+    return twice(x)
+"""
+CALLEE = """from numba import njit
+
+from physics.constants import *
+@njit(cache=True)
+def twice(x):
+    return FACTOR * x
+"""
+MAIN = """import sys
+sys.path.insert(0, sys.argv[1])
+from physics.caller import asked
+print(asked(3.0), sum(asked.stats.cache_hits.values()))
+"""
+
+
+def test_machine_code_follows_the_files_that_its_kernel_calls(tmp_path: Path) -> None:
+    package = tmp_path / "physics"
+    package.mkdir()
+    shutil.copy(Path(kernel_cache.__file__), package)
+    (package / "__init__.py").write_text("import physics.kernel_cache\n")
+    (package / "caller.py").write_text(CALLER)
+    (package / "callee.py").write_text(CALLEE)
+    main = tmp_path / "main.py"
+    main.write_text(MAIN)
+
+    def run() -> str:
+        command = [sys.executable, "-I", main, tmp_path]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    (package / "constants.py").write_text("FACTOR = 2.0\n")
+    assert run() == "6.0 0"
+    assert run() == "6.0 1"
+    (package / "constants.py").write_text("FACTOR = 5.0\n")
+    assert run() == "15.0 0"
+    (package / "callee.py").write_text(CALLEE.replace("* x", "+ x"))
+    assert run() == "8.0 0"
+    assert run() == "8.0 1"
+
+
+def test_the_package_s_own_kernels_are_stamped_by_all_that_they_call() -> None:
+    names = {each.name for each in kernel_cache.sources(Path(newton.__file__))}
+    assert names >= {"newton.py", "points.py", "linear_law.py", "neo_hooke_law.py", "symbols.py"}
+    locator = newton.newton._cache._impl.locator  # pyright: ignore[reportAttributeAccessIssue]
+    assert type(locator).__module__ == kernel_cache.__name__
