@@ -19,13 +19,13 @@ from app.trainer.viser_bridge.page import (
     tab_keeps,
     watch_pace,
 )
-from app.trainer.viser_bridge.recording import recording_page, write_caption
-from app.trainer.viser_bridge.server import (
+from app.trainer.viser_bridge.private_api import (
     close_idle_connections,
     read_icons,
     start_server,
     stop_server,
 )
+from app.trainer.viser_bridge.recording import recording_page, write_caption
 
 __all__ = [
     "announce",

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import viser
-from viser import _messages  # pyright: ignore[reportPrivateUsage]
+
+from app.trainer.viser_bridge.private_api import page_number, queue_script
 
 __all__ = [
     "announce",
@@ -39,7 +40,7 @@ def _file(name: str) -> str:
 def prepare_page(client: viser.ClientHandle) -> None:
     """Give a page its style, and the script that the other calls lean on; before them."""
     given = ", ".join(json.dumps(each) for each in (_file("page.css"), _CLOSER, _LETTER_KEYS))
-    _queue(client.gui, f"({_file('page.js')})({given})")
+    queue_script(client.gui, f"({_file('page.js')})({given})")
 
 
 def announce(client: viser.ClientHandle, words: str) -> None:
@@ -51,7 +52,7 @@ def offer_home(
     client: viser.ClientHandle, command: viser.CommandHandle, label: str, hint: str
 ) -> None:
     """Put a button over the picture that does what a command does."""
-    _call(client, "offerHome", command._impl.uuid, label, hint)  # pyright: ignore[reportPrivateUsage]
+    _call(client, "offerHome", page_number(command), label, hint)
 
 
 def open_tab(client: viser.ClientHandle, label: str) -> None:
@@ -63,8 +64,7 @@ def set_arrow_step(
     client: viser.ClientHandle, slider: viser.GuiSliderHandle[float], percent: float
 ) -> None:
     """Let an arrow key move a slider by `percent`, in its unit, and with Shift by a tenth of it."""
-    uuid = slider._impl.uuid  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
-    _call(client, "setArrowStep", uuid, percent, slider.precision)
+    _call(client, "setArrowStep", page_number(slider), percent, slider.precision)
 
 
 def keep_in_sight(
@@ -122,8 +122,8 @@ def watch_pace(
     client: viser.ClientHandle, *, least: float, command: viser.CommandHandle | None, remedy: str
 ) -> None:
     """Name a remedy to a page that draws in software; run a command below `least` pictures/s."""
-    uuid = "" if command is None else command._impl.uuid  # pyright: ignore[reportPrivateUsage]
-    _call(client, "watchPace", least, uuid, remedy)
+    number = "" if command is None else page_number(command)
+    _call(client, "watchPace", least, number, remedy)
 
 
 def run_in_page(scene: viser.SceneApi, source: str) -> None:
@@ -132,7 +132,7 @@ def run_in_page(scene: viser.SceneApi, source: str) -> None:
     It is given `viewer`, whose `scene()` is three.js's scene once there is one, and whose
     `node(name)` is the three.js object of a scene node, undefined where there is none.
     """
-    _queue(scene, f"(viewer => {{{source}\n}})({_VIEWER})")
+    queue_script(scene, f"(viewer => {{{source}\n}})({_VIEWER})")
 
 
 _VIEWER = (
@@ -143,10 +143,4 @@ _VIEWER = (
 
 def _call(client: viser.ClientHandle, name: str, *arguments: Any) -> None:
     given = ", ".join(json.dumps(each) for each in arguments)
-    _queue(client.gui, f"window.bluntdissect?.{name}({given})")
-
-
-def _queue(channel: viser.SceneApi | viser.GuiApi, source: str) -> None:
-    channel._websock_interface.queue_message(  # pyright: ignore[reportPrivateUsage]
-        _messages.RunJavascriptMessage(source=source)
-    )
+    queue_script(client.gui, f"window.bluntdissect?.{name}({given})")

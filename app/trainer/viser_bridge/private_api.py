@@ -1,16 +1,24 @@
-"""What the trainer needs of viser's server beyond its public face."""
+"""All private names of viser that the trainer needs, each behind a function of its own."""
 
 import asyncio
 import contextlib
 import io
 import warnings
 from collections.abc import Iterable
+from typing import Any
 
 import viser
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 
-__all__ = ["close_idle_connections", "read_icons", "start_server", "stop_server"]
+__all__ = [
+    "close_idle_connections",
+    "page_number",
+    "queue_script",
+    "read_icons",
+    "start_server",
+    "stop_server",
+]
 
 
 def start_server(host: str, port: int) -> viser.ViserServer:
@@ -47,3 +55,15 @@ def read_icons(icons: Iterable[viser.IconName]) -> None:
     """Read icons before they are needed: viser reads a list of six thousand for each new one."""
     for icon in icons:
         svg_from_icon(icon)
+
+
+def page_number(handle: viser.CommandHandle | viser.GuiSliderHandle[Any]) -> str:
+    """Return what the page knows a command or a widget by."""
+    return handle._impl.uuid  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
+
+
+def queue_script(channel: viser.SceneApi | viser.GuiApi, source: str) -> None:
+    """Send a script, which each page of the channel runs in turn with its other messages."""
+    channel._websock_interface.queue_message(  # pyright: ignore[reportPrivateUsage]
+        _messages.RunJavascriptMessage(source=source)
+    )
