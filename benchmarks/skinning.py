@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from app.command_line.load import shipped_organ
-from app.export.motion import pull_motion
 from app.export.order import Order
 from app.export.rigged_organ import rigged_organ
 from app.simulation.dissection import Dissection
@@ -79,9 +78,7 @@ def export_figures(organ: Organ) -> dict[str, float]:
 
     def pull_bytes(keys: int) -> int:
         skin = organ_skin(organ, edge_length=order.edge_length)
-        motion = pull_motion(
-            dissection, Cubic(), grasp=order.grasp, force=order.last_force(), frames=keys
-        )
+        motion = order.pull(keys)
         return len(rigged_organ(skin, dissection.driving, [motion], radius=organ.mean_radius))
 
     return {

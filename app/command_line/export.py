@@ -177,11 +177,11 @@ def write_file(order: "Order", path: Path) -> dict[str, object]:
 
 def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
     """Return the page that plays an order."""
-    from app.trainer.pages.html_player import order_page, page_edge_length
+    from app.trainer.pages.html_player import page_edge_length, pull_page
     from organ_geometry import check_target
 
     check_target(path)
     if order.torn or order.still or order.painted:
         raise ValueError("--html plays a motion; leave out --torn, --still and --color")
     edges = page_edge_length(order.dissection.organ) if edge_length is None else edge_length
-    return order_page(replace(order, edge_length=edges)).encode()
+    return pull_page(replace(order, edge_length=edges)).encode()

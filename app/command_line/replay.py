@@ -128,8 +128,7 @@ def _write_played(
         run = RecordedRun.of(again, frames=MOST_FRAMES if frames is None else frames)
         content = run.rigged(edge_length=0.5 if edge_length is None else edge_length)
     else:
-        from app.trainer.pages.html_player import page_edge_length
-        from app.trainer.pages.run_page import PAGE_FRAMES, run_page
+        from app.trainer.pages.html_player import PAGE_FRAMES, page_edge_length, run_page
 
         run = RecordedRun.of(again, frames=PAGE_FRAMES if frames is None else frames)
         edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length

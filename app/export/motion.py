@@ -1,14 +1,19 @@
-"""Motions: how an organ's driving points move in time, and how far a tear has run."""
+"""Motions: how an organ's driving points move in time, how far a tear has run, what is read.
+
+A prescribed pull and a recorded run both give one, and every file that moves is written from it:
+what is solved for a key is solved once.
+"""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation import tear_course
 from app.simulation.dissection import Dissection
-from physics import BreakEvent, Theory
+from app.simulation.reading import Phase, Reading
+from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
     "MOST_FRAMES",
@@ -43,12 +48,15 @@ class MotionKey:
         s.
     transforms
         (D, 3, 4) transforms of the driving points less the identity (`DrivingPoints.transforms`).
+    reading
+        What the instruments show.
     front
         How far the tear has run (`tear_course.front`); `WHOLE` while there is none.
     """
 
     time: float
     transforms: NDArray[np.float64]
+    reading: Reading
     front: float = WHOLE
 
 
@@ -67,6 +75,8 @@ class Motion:
         (T, D, 3, 4) transforms of the driving points less the identity.
     fronts
         (T,) how far the tear has run; `WHOLE` while there is none.
+    readings
+        (T,) what the instruments show.
 
     Raises
     ------
@@ -78,6 +88,7 @@ class Motion:
     times: NDArray[np.float64]
     transforms: NDArray[np.float64]
     fronts: NDArray[np.float64]
+    readings: tuple[Reading, ...]
 
     def __post_init__(self) -> None:
         if not self.times.size:
@@ -99,6 +110,7 @@ class Motion:
             np.array([key.time for key in series]),
             np.stack([key.transforms for key in series]),
             np.array([key.front for key in series]),
+            tuple(key.reading for key in series),
         )
 
     @property
@@ -117,18 +129,45 @@ def check_frames(frames: int) -> None:
 
 
 def pull_motion(
-    dissection: Dissection, theory: Theory, *, grasp: float, force: float, frames: int
+    dissection: Dissection,
+    theory: Theory,
+    *,
+    grasp: float,
+    force: float,
+    frames: int,
+    threshold: float,
+    breaks_at: BreakEvent | None = None,
 ) -> Motion:
     """Return the motion from rest to a force, in equilibrium all the way."""
     check_frames(frames)
-    pull = theory.pull(dissection.beam, grasp)
-    stations = dissection.beam_stations
+    beam = dissection.beam
+    pull = theory.pull(beam, grasp)
+    driven, critical = dissection.beam_stations, critical_stations(beam, grasp)
+    stations = np.concatenate([driven, critical])
+    held = driven.size + int(np.searchsorted(critical, grasp))
+    rest = dissection.axis_point(grasp) - dissection.axis_point(0.0)
+    x, y, z = (dissection.frame.T @ rest).tolist()
     transforms = np.zeros((frames, *dissection.rest_transforms().shape))
-    # The first key is rest itself, to the bit.
-    for key, at in enumerate(np.linspace(0.0, force, frames)[1:].tolist(), start=1):
-        dissection.move(pull.to_force(at).sample(stations), transforms[key])
+    readings: list[Reading] = []
+    for key, at in enumerate(np.linspace(0.0, force, frames).tolist()):
+        pulled = pull.to_force(at).sample(stations)
+        if key:  # the first is rest itself, to the bit
+            dissection.move(pulled.part(slice(None, driven.size)), transforms[key])
+        lifted = pulled.deflection
+        readings.append(
+            Reading(
+                phase=Phase.INTACT,
+                force=pulled.force,
+                deflection=lifted,
+                check=check_rupture(pulled.part(slice(driven.size, None)), threshold),
+                breaks_at=breaks_at,
+                deepest=lifted,
+                hook=(x + float(pulled.along[held]) - grasp, y, z + lifted),
+                held=True,
+            )
+        )
     times = np.linspace(0.0, PULL_SECONDS, frames)
-    return Motion("pull", times, transforms, np.full(frames, WHOLE))
+    return Motion("pull", times, transforms, np.full(frames, WHOLE), tuple(readings))
 
 
 def tear_motion(
@@ -138,10 +177,19 @@ def tear_motion(
     grasp: float,
     event: BreakEvent,
     frames: int,
+    threshold: float,
     run_step: float = RUN_STEP,
 ) -> Motion:
     """Return the motion from rest over the break until both pieces lie still."""
-    pull = pull_motion(dissection, theory, grasp=grasp, force=event.force, frames=frames)
+    pull = pull_motion(
+        dissection,
+        theory,
+        grasp=grasp,
+        force=event.force,
+        frames=frames,
+        threshold=threshold,
+        breaks_at=event,
+    )
     at_break = (
         theory.pull(dissection.beam, grasp).to_force(event.force).sample(dissection.beam_stations)
     )
@@ -152,12 +200,18 @@ def tear_motion(
             np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
         ]
     )
+    fronts = np.array([tear_course.front(each) for each in elapsed.tolist()])
     torn = np.zeros((elapsed.size, *pull.transforms.shape[1:]))
     for key, seconds in enumerate(elapsed.tolist()):
         dissection.move(at_break, torn[key], part=tear_course.swing(seconds))
+    # The hook stays where it tore the duct, and what it read is the break's.
+    tearing = replace(pull.readings[-1], phase=Phase.TEARING, held=False)
+    parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
+    readings = tuple(tearing if front < 1.0 else parted for front in fronts.tolist())
     return Motion(
         "tear",
         np.concatenate([pull.times, pull.times[-1] + elapsed]),
         np.concatenate([pull.transforms, torn]),
-        np.concatenate([pull.fronts, [tear_course.front(each) for each in elapsed.tolist()]]),
+        np.concatenate([pull.fronts, fronts]),
+        pull.readings + readings,
     )

@@ -1,5 +1,7 @@
 """An order: which organ under which pull is wanted as a file, and in what kind of file."""
 
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -8,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from app.export.delivery import Delivery
-from app.export.motion import Motion, check_frames, pull_motion, tear_motion
+from app.export.motion import RUN_STEP, Motion, check_frames, pull_motion, tear_motion
 from app.export.rigged_organ import ORGAN, rigged_organ
 from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
@@ -149,21 +151,36 @@ class Order:
             )
         return self.break_event.force
 
+    def pull(self, frames: int | None = None) -> Motion:
+        """Return the motion from rest to the last force."""
+        return pull_motion(
+            self.dissection,
+            self.theory,
+            grasp=self.grasp,
+            force=self.last_force(),
+            frames=self.frames if frames is None else frames,
+            threshold=self.strength,
+            breaks_at=self.break_event,
+        )
+
+    def tear(self, frames: int | None = None, *, run_step: float = RUN_STEP) -> Motion | None:
+        """Return the motion from rest over the break until both pieces lie still."""
+        if self.break_event is None:
+            return None
+        return tear_motion(
+            self.dissection,
+            self.theory,
+            grasp=self.grasp,
+            event=self.break_event,
+            frames=self.frames if frames is None else frames,
+            threshold=self.strength,
+            run_step=run_step,
+        )
+
     def motions(self) -> list[Motion]:
         """Return the organ's motions."""
-        dissection, theory, grasp = self.dissection, self.theory, self.grasp
-        found = [
-            pull_motion(
-                dissection, theory, grasp=grasp, force=self.last_force(), frames=self.frames
-            )
-        ]
-        if self.break_event is not None:
-            found.append(
-                tear_motion(
-                    dissection, theory, grasp=grasp, event=self.break_event, frames=self.frames
-                )
-            )
-        return found
+        tear = self.tear()
+        return [self.pull()] if tear is None else [self.pull(), tear]
 
     def _snapshot(self) -> Snapshot:
         if self.torn:
@@ -206,37 +223,29 @@ class Order:
         return content, Delivery.of(kind, snapshot)
 
     def _write_series(self, path: Path) -> Delivery:
-        forces = np.linspace(0.0, self.last_force(), self.frames)
         pulled = self._pulled()
-        files = write_series((pulled.under(force) for force in forces.tolist()), path)
-        last = pulled.under(float(forces[-1]))
-        return Delivery.of(f"a series of {self.frames} closed surfaces", last, tuple(files))
+        shown: deque[Snapshot] = deque(maxlen=1)  # the last one, when all are written
+
+        def snapshots() -> Iterator[Snapshot]:
+            for force in np.linspace(0.0, self.last_force(), self.frames).tolist():
+                shown.append(pulled.under(force))
+                yield shown[-1]
+
+        files = write_series(snapshots(), path)
+        return Delivery.of(f"a series of {self.frames} closed surfaces", shown[-1], tuple(files))
 
     def _table(self) -> tuple[bytes, Delivery]:
         if self.table == "axis":
             force = borne_force(self.dissection, self.break_event, self.force or 0.0)
-            content = axis_table(
-                self.dissection,
-                self.theory,
-                grasp=self.grasp,
-                force=force,
-                threshold=self.strength,
-            )
-        else:
-            force = self.last_force()
-            content = curve_table(
-                self.dissection,
-                self.theory,
-                grasp=self.grasp,
-                force=force,
-                frames=self.frames,
-                threshold=self.strength,
-            )
-        kind = "the axis" if self.table == "axis" else "the force-deflection curve"
-        return content, Delivery(kind, (), (), 0, 0, force, self._deflection(force))
+            pull = self.theory.pull(self.dissection.beam, self.grasp).to_force(force)
+            content = axis_table(self.dissection, pull, self.strength)
+            return content, Delivery("the axis", (), (), 0, 0, force, pull.deflection)
+        motion = self.pull()
+        last = motion.readings[-1]
+        kind = "the force-deflection curve"
+        return curve_table(motion), Delivery(kind, (), (), 0, 0, last.force, last.deflection)
 
     def _rigged(self) -> tuple[bytes, Delivery]:
-        force = self.last_force()
         organ = self.dissection.organ
         skin = organ_skin(organ, edge_length=self.edge_length)
         motions, pieces = self.motions(), self.pieces()
@@ -244,16 +253,14 @@ class Order:
             skin, self.dissection.driving, motions, pieces, radius=organ.mean_radius
         )
         names = tuple(motion.name for motion in motions)
+        pulled = motions[0].readings[-1]
         return content, Delivery(
             f"a rigged surface that can {' and '.join(names)}",
             (),
             (ORGAN,) if pieces is None else (ORGAN, *PIECES),
             len(skin.vertices),
             len(skin.faces),
-            force,
-            self._deflection(force),
+            pulled.force,
+            pulled.deflection,
             names,
         )
-
-    def _deflection(self, force: float) -> float:
-        return self.theory.pull(self.dissection.beam, self.grasp).to_force(force).deflection

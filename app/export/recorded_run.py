@@ -8,7 +8,7 @@ from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
-from app.simulation.reading import Phase, Reading
+from app.simulation.reading import Phase
 from app.simulation.replay import AFTER_TEAR, Replay
 from organ_geometry.mesh import TornPiece, organ_skin
 
@@ -28,15 +28,12 @@ class RecordedRun:
         The organ between its clamps.
     motion
         What it did, its times s from the first pull.
-    readings
-        What the instruments showed at each key.
     seed
         Of the torn rim's raggedness.
     """
 
     dissection: Dissection
     motion: Motion
-    readings: tuple[Reading, ...]
     seed: int
 
     @classmethod
@@ -50,8 +47,7 @@ class RecordedRun:
         dissection = session.dissection
         shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
         # The first key is rest itself, to the bit.
-        keys = [MotionKey(0.0, dissection.rest_transforms())]
-        readings = [session.reading()]
+        keys = [MotionKey(0.0, dissection.rest_transforms(), session.reading())]
         tick, last = 0, ticks
         while tick < last:
             tick += 1
@@ -62,22 +58,20 @@ class RecordedRun:
             transforms, reading = session.transforms.copy(), session.reading()
             if front is not None and keys[-1].front == WHOLE:
                 last = tick + AFTER_TEAR - 1
-                keys.append(MotionKey(time, transforms))  # the whole organ as it breaks
-                readings.append(reading)
-            keys.append(MotionKey(time, transforms, WHOLE if front is None else front))
-            readings.append(reading)
-        return cls(dissection, Motion.of(RUN, keys), tuple(readings), replay.log.seed)
+                keys.append(MotionKey(time, transforms, reading))  # the whole organ as it breaks
+            keys.append(MotionKey(time, transforms, reading, WHOLE if front is None else front))
+        return cls(dissection, Motion.of(RUN, keys), replay.log.seed)
 
     @property
     def torn(self) -> bool:
         """Whether the run ends with a tear."""
-        return self.readings[-1].phase is not Phase.INTACT
+        return self.motion.readings[-1].phase is not Phase.INTACT
 
     def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the duct tore into."""
         if not self.torn:
             return None
-        check = self.readings[-1].check
+        check = self.motion.readings[-1].check
         return self.dissection.torn_at(check, edge_length=edge_length, seed=self.seed)
 
     def rigged(self, *, edge_length: float) -> bytes:

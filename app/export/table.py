@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from app.export.motion import Motion
 from app.simulation.dissection import Dissection
-from physics import Theory, check_rupture, critical_stations
+from physics import Pull, critical_stations
 
 __all__ = ["axis_table", "curve_table"]
 
@@ -14,34 +15,20 @@ AXIS_STATIONS = 121
 """Rows of an axis, beside those at the grasp and at a varying organ's own sections."""
 
 
-def curve_table(
-    dissection: Dissection,
-    theory: Theory,
-    *,
-    grasp: float,
-    force: float,
-    frames: int,
-    threshold: float,
-) -> bytes:
+def curve_table(pull: Motion) -> bytes:
     """Return the force-deflection curve, with the highest stress at each force."""
-    beam = dissection.beam
-    stations = critical_stations(beam, grasp)
-    pull = theory.pull(beam, grasp)
-    rows: list[tuple[float, ...]] = []
-    for at in np.linspace(0.0, force, frames).tolist():
-        pulled = pull.to_force(at).sample(stations)
-        check = check_rupture(pulled, threshold)
-        rows.append(
-            (
-                pulled.force,
-                pulled.deflection,
-                check.normal_stress,
-                check.bending_stress,
-                check.total_stress,
-                check.distance_to_break,
-                check.station,
-            )
+    rows = [
+        (
+            reading.force,
+            reading.deflection,
+            reading.check.normal_stress,
+            reading.check.bending_stress,
+            reading.check.total_stress,
+            reading.check.distance_to_break,
+            reading.check.station,
         )
+        for reading in pull.readings
+    ]
     names = (
         "force_N",
         "deflection_mm",
@@ -54,13 +41,10 @@ def curve_table(
     return _csv(dict(zip(names, np.array(rows).T, strict=True)))
 
 
-def axis_table(
-    dissection: Dissection, theory: Theory, *, grasp: float, force: float, threshold: float
-) -> bytes:
-    """Return the pulled axis, station by station."""
-    beam = dissection.beam
-    stations = critical_stations(beam, grasp, AXIS_STATIONS)
-    pulled = theory.pull(beam, grasp).to_force(force).sample(stations)
+def axis_table(dissection: Dissection, pull: Pull, threshold: float) -> bytes:
+    """Return the axis of a pulled beam, station by station."""
+    stations = critical_stations(dissection.beam, pull.grasp, AXIS_STATIONS)
+    pulled = pull.sample(stations)
     moved = np.stack([pulled.along - stations, pulled.across], axis=1)
     places = dissection.organ.axis_at(dissection.clamps[0] + stations)
     places += moved @ dissection.frame[:, [0, 2]].T

@@ -9,12 +9,11 @@ import pytest
 from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
-from app.export.motion import pull_motion
 from app.export.order import Order
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.preset import preset_named
 from app.simulation.tear_course import SETTLED_SECONDS
-from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, order_page, page_edge_length
+from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, page_edge_length, pull_page
 from app.trainer.viser_bridge import recording_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
@@ -42,7 +41,7 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
     dissection, event = wanted.dissection, wanted.break_event
     assert event is not None
     path = tmp_path / "player.html"
-    path.write_text(order_page(wanted))
+    path.write_text(pull_page(wanted))
     assert path.stat().st_size < LARGEST
     errors: list[str] = []
     requests: list[str] = []
@@ -68,13 +67,7 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
             assert pictures[-1].tops.keys() == set(PIECES), number
 
         skin = organ_skin(dissection.organ, edge_length=wanted.edge_length)
-        pull = pull_motion(
-            dissection,
-            wanted.theory,
-            grasp=wanted.grasp,
-            force=wanted.last_force(),
-            frames=PULL_KEYS,
-        )
+        pull = wanted.pull(PULL_KEYS)
         bound = skin.bound_to(dissection.driving)
         lying = [
             top_of(dissection, piece.open(2.0, piece.skin.vertices.copy()))
@@ -109,12 +102,12 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
 
 def test_a_force_below_the_break_is_pulled_to_and_not_torn() -> None:
     wanted = replace(order(), force=2.0)
-    assert len(order_page(wanted)) < len(order_page(order()))
+    assert len(pull_page(wanted)) < len(pull_page(order()))
 
 
 def test_edges_that_make_a_page_too_large_are_refused() -> None:
     with pytest.raises(ValueError, match="a page holds at most 12,000"):
-        order_page(replace(order(), edge_length=0.3))
+        pull_page(replace(order(), edge_length=0.3))
 
 
 def test_titles_are_text() -> None:

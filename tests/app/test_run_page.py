@@ -14,8 +14,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import PIECES
 from app.simulation.replay import Replay
 from app.simulation.session import Session
-from app.trainer.pages.html_player import REST_SECONDS
-from app.trainer.pages.run_page import run_page
+from app.trainer.pages.html_player import REST_SECONDS, run_page
 from organ_geometry.mesh.skin import organ_skin
 
 EDGE_LENGTH = 1.5
@@ -90,7 +89,7 @@ def test_keys_that_make_a_page_too_large_are_refused() -> None:
         times=np.arange(many) * TICK_SECONDS,
         transforms=np.repeat(motion.transforms[:1], many, axis=0),
         fronts=np.full(many, -1.0),
+        readings=motion.readings[:1] * many,
     )
-    readings = recorded.readings[:1] * many
     with pytest.raises(ValueError, match=r"a page holds at most .* take fewer frames"):
-        run_page(replace(recorded, motion=long, readings=readings), edge_length=0.7)
+        run_page(replace(recorded, motion=long), edge_length=0.7)

@@ -101,8 +101,8 @@ def test_a_run_of_every_tick_comes_apart_where_it_tore() -> None:
     assert not motion.transforms[-1].any()
     tear = recorded(torn=True).measures.tear
     assert tear is not None
-    assert run.readings[last].force == tear.force_N
-    assert [reading.phase is Phase.INTACT for reading in run.readings[: last + 1]] == [
+    assert run.motion.readings[last].force == tear.force_N
+    assert [reading.phase is Phase.INTACT for reading in run.motion.readings[: last + 1]] == [
         *([True] * last),
         False,
     ]

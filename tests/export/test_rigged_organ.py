@@ -176,8 +176,10 @@ def test_a_recorded_series_is_exported_the_same_way() -> None:
     duct = rigged()
     tear = duct.motions[1]
     keys = [
-        MotionKey(float(time), transforms, float(front))
-        for time, transforms, front in zip(tear.times, tear.transforms, tear.fronts, strict=True)
+        MotionKey(float(time), transforms, reading, float(front))
+        for time, transforms, reading, front in zip(
+            tear.times, tear.transforms, tear.readings, tear.fronts, strict=True
+        )
     ]
     again = Motion.of("tear", keys)
     content = rigged_organ(
@@ -195,10 +197,11 @@ def test_a_reset_makes_the_organ_whole_again() -> None:
     duct = rigged()
     tear = duct.motions[1]
     rest = np.zeros_like(tear.transforms[0])
+    first, last = tear.readings[0], tear.readings[-1]
     keys = [
-        MotionKey(0.0, rest),
-        MotionKey(1.0, tear.transforms[-1], 2.0),
-        MotionKey(2.0, rest),
+        MotionKey(0.0, rest, first),
+        MotionKey(1.0, tear.transforms[-1], last, 2.0),
+        MotionKey(2.0, rest, first),
     ]
     gltf = Gltf(
         rigged_organ(
@@ -219,14 +222,13 @@ def test_a_motion_that_is_not_rigid_or_lacks_its_pieces_is_refused() -> None:
     driving = duct.order.dissection.driving
     stretched = duct.motions[0].transforms[0].copy()
     stretched[3, 0, 0] = 0.1
+    key = MotionKey(0.0, stretched, duct.motions[0].readings[0])
     with pytest.raises(ValueError, match="must be rigid"):
-        rigged_organ(
-            duct.skin, driving, [Motion.of("pull", [MotionKey(0.0, stretched)])], radius=4.0
-        )
+        rigged_organ(duct.skin, driving, [Motion.of("pull", [key])], radius=4.0)
     with pytest.raises(ValueError, match="pieces are not given"):
         rigged_organ(duct.skin, driving, duct.motions, radius=4.0)
     with pytest.raises(ValueError, match="must grow"):
-        Motion.of("pull", [MotionKey(0.0, stretched), MotionKey(0.0, stretched)])
+        Motion.of("pull", [key, key])
     with pytest.raises(ValueError, match="no key"):
         Motion.of("pull", [])
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from app.export.order import Order
 from app.simulation.reading import Phase
 from app.simulation.session import Session
-from app.trainer.pages.html_player import order_page, page_edge_length
+from app.trainer.pages.html_player import page_edge_length, pull_page
 
 __all__ = ["SUFFIXES", "Download", "download", "order_on_screen"]
 
@@ -80,7 +80,7 @@ def _content(session: Session, suffix: str) -> bytes:
         return order.content(suffix)
     order = _moving(order, session.force_limit, whole_curve=suffix == ".csv")
     if suffix == ".html":
-        return order_page(replace(order, edge_length=page_edge_length(organ))).encode()
+        return pull_page(replace(order, edge_length=page_edge_length(organ))).encode()
     return order.content(suffix)
 
 

@@ -9,9 +9,11 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
-from app.export.motion import RECOIL_STEP, Motion, pull_motion, tear_motion
+from app.export.motion import RECOIL_STEP, Motion
 from app.export.order import Order
+from app.export.recorded_run import RecordedRun
 from app.simulation.dissection import PIECES, Dissection
+from app.simulation.reading import Phase, Reading
 from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR, TORN_ENDS
 from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import viewpoint
@@ -23,16 +25,8 @@ from app.trainer.stage.wall_texture import mean_color
 from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
-from physics import check_rupture, critical_stations
 
-__all__ = [
-    "DRAWN_NOT_COMPUTED",
-    "Scenes",
-    "caption",
-    "order_page",
-    "page_edge_length",
-    "player_page",
-]
+__all__ = ["PAGE_FRAMES", "page_edge_length", "player_page", "pull_page", "run_page"]
 
 VERTICES = 2400
 """Of a page's skin, about: each is written at every key."""
@@ -40,41 +34,17 @@ MOST_VERTICES = 12_000
 """Of a page's skin: a hundred keys of more would make it too large to open or to send."""
 MOST_PLACES = 2_500_000
 """Vertices times keys: a page of thirty megabytes before it is packed."""
+UNITS = "Forces in N, lengths in mm."
 DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41
 """Twenty a second."""
+PAGE_FRAMES = 300
+"""Keys of a run in a page where nobody asks for others: each writes every vertex."""
 GRID = 1.0 / 256.0
 """What vertices are rounded to, mm, and light: the page packs to half the size, unseen."""
 REST_SECONDS, END_SECONDS = 0.6, 1.2
 """How long the organ lies still before and after the motion."""
 ASPECT = 16.0 / 9.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scenes:
-    """What a page plays.
-
-    Attributes
-    ----------
-    motion
-        The organ's motion.
-    captions
-        (T,) what is written over the organ at each key.
-    hooks
-        (T, 3) where the hook holds the axis at each key, mm from the first clamp along the clamps,
-        sideways and along the pull.
-    shares
-        (T,) highest stress by the threshold at each key: how deep the hook sinks in.
-    title, notes
-        What stands over the picture all the time.
-    """
-
-    motion: Motion
-    captions: Sequence[str]
-    hooks: NDArray[np.float64]
-    shares: NDArray[np.float64]
-    title: str
-    notes: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,62 +80,68 @@ def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
     return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
-def order_page(order: Order) -> str:
+def pull_page(order: Order) -> str:
     """Return a page that plays an order: the pull to its force, or to the break and the tear."""
-    dissection, theory, grasp = order.dissection, order.theory, order.grasp
-    event, force = order.break_event, order.last_force()
-    tears = event is not None and order.force is None
-    if event is not None and tears:
-        motion = tear_motion(
-            dissection, theory, grasp=grasp, event=event, frames=PULL_KEYS, run_step=RECOIL_STEP
-        )
-    else:
-        motion = pull_motion(dissection, theory, grasp=grasp, force=force, frames=PULL_KEYS)
-    preset = dissection.preset
-    captions, shares = _instruments(order, motion, force)
+    dissection, event = order.dissection, order.break_event
+    tear = order.tear(PULL_KEYS, run_step=RECOIL_STEP) if order.force is None else None
     broke = "" if event is None else f", breaks at {event.force:.3g} N"
-    scenes = Scenes(
-        motion,
-        captions,
-        _hooks(dissection, motion, grasp),
-        shares,
-        preset.label,
-        [
-            f"{dissection.beam.span:.1f} mm between the clamps, pulled {grasp:.1f} mm from the "
-            f"first, {theory.name} beam{broke}",
-            f"Solved as {dissection.section(theory)}.",
-            "Forces in N, lengths in mm." + (f" {DRAWN_NOT_COMPUTED}" if tears else ""),
-        ],
+    notes = [
+        f"{dissection.beam.span:.1f} mm between the clamps, pulled {order.grasp:.1f} mm from the "
+        f"first, {order.theory.name} beam{broke}",
+        f"Solved as {dissection.section(order.theory)}.",
+    ]
+    return player_page(
+        dissection,
+        order.pull(PULL_KEYS) if tear is None else tear,
+        notes,
+        edge_length=order.edge_length,
+        pieces=None if tear is None else order.pieces(),
     )
-    pieces = order.pieces() if tears else None
-    return player_page(dissection, scenes, edge_length=order.edge_length, pieces=pieces)
+
+
+def run_page(run: RecordedRun, *, edge_length: float) -> str:
+    """Return a page that plays a recorded run."""
+    dissection, motion = run.dissection, run.motion
+    ended = "."
+    if run.torn:
+        tearing = (each.force for each in motion.readings if each.phase is Phase.TEARING)
+        ended = f"; it tore at {max(tearing):.3g} N."
+    whole = float(motion.times[motion.whole][-1])
+    notes = [
+        f"A recorded run of {whole:.1f} s on {dissection.beam.span:.1f} mm between the "
+        f"clamps{ended}"
+    ]
+    pieces = run.pieces(edge_length=edge_length)
+    return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
 
 def player_page(
     dissection: Dissection,
-    scenes: Scenes,
+    motion: Motion,
+    notes: Sequence[str],
     *,
     edge_length: float,
     pieces: tuple[TornPiece, TornPiece] | None = None,
 ) -> str:
-    """Return a page that plays a motion of an organ, a recorded run for example."""
+    """Return a page that plays a motion of an organ, with notes beside the picture."""
     skin = organ_skin(dissection.organ, edge_length=edge_length)
     if len(skin.vertices) > MOST_VERTICES:
         raise ValueError(
             f"edge_length of {edge_length:g} mm gives {len(skin.vertices):,} vertices and a page "
             f"holds at most {MOST_VERTICES:,}, each written at every key; take a larger one"
         )
-    keys = len(scenes.motion.times)
+    keys = len(motion.times)
     if len(skin.vertices) * keys > MOST_PLACES:
         raise ValueError(
             f"{keys:,} keys of {len(skin.vertices):,} vertices are too many: a page holds at most "
             f"{MOST_PLACES // len(skin.vertices):,} such keys; take fewer frames or longer edges"
         )
     bound = skin.bound_to(dissection.driving)
+    drawn = "" if pieces is None else f" {DRAWN_NOT_COMPUTED}"
     # Only its scene is wanted, but viser has no scene without a server.
     server = start_server("127.0.0.1", 0)
     try:
-        return _recorded(server, dissection, scenes, bound, pieces)
+        return _recorded(server, dissection, motion, bound, pieces, [*notes, f"{UNITS}{drawn}"])
     finally:
         stop_server(server)
 
@@ -173,14 +149,15 @@ def player_page(
 def _recorded(
     server: viser.ViserServer,
     dissection: Dissection,
-    scenes: Scenes,
+    motion: Motion,
     bound: BoundSkin,
     pieces: tuple[TornPiece, TornPiece] | None,
+    notes: Sequence[str],
 ) -> str:
     """Return the page that a server's scene gives, key by key."""
-    motion, scene = scenes.motion, server.scene
+    scene = server.scene
     first, last = dissection.organ.axis_at(np.array(dissection.clamps))
-    hooks = scenes.hooks
+    hooks = np.array([reading.hook for reading in motion.readings])
     look = appearance_of(dissection.preset)
     stage = Stage(
         scene,
@@ -219,7 +196,8 @@ def _recorded(
         center = hooks[key]
         place: HookPlace | None = None
         if is_whole:
-            center = np.add(center, (0.0, 0.0, sink(float(scenes.shares[key]), stage.radius)))
+            share = 1.0 - motion.readings[key].check.distance_to_break
+            center = np.add(center, (0.0, 0.0, sink(share, stage.radius)))
             place = HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
         elif motion.fronts[key] >= 1.0:
             center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
@@ -231,8 +209,9 @@ def _recorded(
                 body.show(motion.transforms[at], float(motion.fronts[at]), visible=False)
         for body in [whole] if is_whole else torn:
             body.show(motion.transforms[key], float(motion.fronts[key]), place)
-        if written != scenes.captions[key]:
-            written = scenes.captions[key]
+        words = _caption(motion.readings[key])
+        if written != words:
+            written = words
             write_caption(server, written)
 
     # A page that starts over keeps what it is not told anew. So the record begins with all that is
@@ -248,7 +227,7 @@ def _recorded(
         record.insert_sleep(times[key] - times[key - 1])
         show(key)
     record.insert_sleep(END_SECONDS)
-    return recording_page(record.as_html(dark_mode=True), scenes.title, scenes.notes)
+    return recording_page(record.as_html(dark_mode=True), dissection.preset.label, notes)
 
 
 def _body(
@@ -288,40 +267,12 @@ def _rounded(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.rint(numbers / np.float32(GRID)) * np.float32(GRID)
 
 
-def _hooks(dissection: Dissection, motion: Motion, grasp: float) -> NDArray[np.float64]:
-    """Return (T, 3) where the hook holds the axis, in the stage's frame; torn, it stays there."""
-    index, weight = dissection.driving.binding(np.array([dissection.clamps[0] + grasp]))
-    before = motion.transforms[:, index[0]]
-    blended = before + weight[0] * (motion.transforms[:, index[0] + 1] - before)
-    rest = dissection.axis_point(grasp)
-    moved = rest + blended @ np.append(rest, 1.0) - dissection.axis_point(0.0)
-    held = moved @ dissection.frame
-    whole = np.flatnonzero(motion.whole)
-    for key in np.flatnonzero(~motion.whole):
-        held[key] = held[whole[whole < key][-1]] if (whole < key).any() else held[key]
-    return held
-
-
-def caption(force: float, deflection: float, left: float) -> str:
-    """Return what is written over a whole organ."""
-    return f"F {force:.3g} N   lifted {deflection:.1f} mm   distance to break {100.0 * left:.0f} %"
-
-
-def _instruments(
-    order: Order, motion: Motion, force: float
-) -> tuple[list[str], NDArray[np.float64]]:
-    """Return what the instruments show at each key, and (T,) highest stress by the threshold."""
-    dissection = order.dissection
-    beam = dissection.beam
-    stations = critical_stations(beam, order.grasp)
-    pull = order.theory.pull(beam, order.grasp)
-    captions: list[str] = []
-    shares = np.zeros(len(motion.times))
-    for key, at in enumerate(np.linspace(0.0, force, int(motion.whole.sum())).tolist()):
-        pulled = pull.to_force(at).sample(stations)
-        left = max(0.0, check_rupture(pulled, order.strength).distance_to_break)
-        captions.append(caption(at, pulled.deflection, left))
-        shares[key] = 1.0 - left
-    tears, torn = f"F {force:.3g} N   it tears", "F 0 N   torn in two"
-    fronts = motion.fronts[~motion.whole].tolist()
-    return captions + [tears if front < 1.0 else torn for front in fronts], shares
+def _caption(reading: Reading) -> str:
+    """Return what is written over the organ."""
+    if reading.phase is Phase.TEARING:
+        return f"F {reading.force:.3g} N   it tears"
+    if reading.phase is Phase.TORN:
+        return "F 0 N   torn in two"
+    left = 100.0 * max(0.0, reading.check.distance_to_break)
+    lifted = reading.deflection
+    return f"F {reading.force:.3g} N   lifted {lifted:.1f} mm   distance to break {left:.0f} %"
