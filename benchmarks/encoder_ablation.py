@@ -19,7 +19,6 @@ from organ_geometry.encoder.settings import QUICK, EncoderSettings
 WITHOUT: dict[str, EncoderSettings] = {
     "levels": replace(QUICK, axis_levels=(0,)),
     "axis steps": replace(QUICK, axis_steps=(1.0,)),
-    "bends": replace(QUICK, farthest_bend=0),
     "tilts": replace(QUICK, tilts=False),
     "rotation": replace(QUICK, rotation_used=0.0),
     "section steps": replace(QUICK, section_steps=QUICK.section_steps[:1]),
@@ -29,6 +28,7 @@ WITHOUT: dict[str, EncoderSettings] = {
 }
 """Settings without an idea each."""
 ADDED: dict[str, EncoderSettings] = {
+    "+ bends": replace(QUICK, farthest_bend=2),
     "+ second axis": replace(QUICK, axes=2),
     "+ more rounds": replace(QUICK, rounds=6),
     "+ key moves": replace(QUICK, moved=1, moved_rounds=2),
