@@ -6,13 +6,11 @@ from collections.abc import Callable
 import numpy as np
 
 from app.command_line.load import shipped_organ
-from app.simulation.session import Session
+from app.simulation import Session
 from physics import Exact
 
 __all__ = ["step_figures"]
 
-TICK = 1.0 / 30.0
-"""Time from one step to the next, s."""
 PULLS = 40
 """Times that the duct is let go and pulled again."""
 SKINS = 2000
@@ -21,14 +19,14 @@ SKINS = 2000
 def step_figures() -> dict[str, float]:
     """Return the median time of one step of a pulled session, whole and of its skin."""
     session = Session(shipped_organ())
-    dissection = session.dissection
-    limit = 0.6 * session.force_limit
+    dissection = session.duct.dissection
+    limit = 0.6 * session.duct.force_limit
 
     def timed(times: list[float], force: float) -> None:
-        session.set_force(force)
+        session.set_target_force(force)
         while True:
             start = time.perf_counter()
-            moved = session.step(TICK)
+            moved = session.advance()
             if not moved:
                 return
             times.append(time.perf_counter() - start)
@@ -38,7 +36,7 @@ def step_figures() -> dict[str, float]:
     for _ in range(PULLS):
         timed(steps, 0.0)
         timed(steps, limit)
-    surface = session.surfaces[0]
+    surface = session.drawn.surfaces[0]
     bound = surface.skin.bound_to(dissection.driving)
     transforms = dissection.rest_transforms()
     out = np.empty_like(surface.vertices)
@@ -57,12 +55,12 @@ def step_figures() -> dict[str, float]:
 def _beside_figures() -> dict[str, float]:
     """Return what a hand, what is set beside the duct, and what does not move cost."""
     session = Session(shipped_organ())
-    stress = np.empty(len(session.surfaces[0].vertices), dtype=np.float32)
-    far = 0.8 * session.deflection_limit
-    session.grab(session.grasp)
+    stress = np.empty(len(session.drawn.surfaces[0].vertices), dtype=np.float32)
+    far = 0.8 * session.duct.deflection_limit
+    session.grab(session.duct.grasp)
 
     def drag(turn: int) -> None:
-        session.hand_to(far * (0.5 + 0.3 * (turn % 2)))
+        session.move_hand(far * (0.5 + 0.3 * (turn % 2)))
         session.advance()
 
     found = {"hand_us": _median_us(drag)}

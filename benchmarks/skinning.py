@@ -11,8 +11,7 @@ import numpy as np
 from app.command_line.load import shipped_organ
 from app.export.order import Order
 from app.export.rigged_organ import rigged_organ
-from app.simulation.dissection import Dissection
-from app.simulation.preset import preset_named
+from app.simulation import Dissection, preset_named
 from benchmarks.stopwatch import microseconds
 from organ_geometry import Organ
 from organ_geometry.mesh import organ_skin

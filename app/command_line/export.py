@@ -92,8 +92,7 @@ def export(
     stand. Example: bluntdissect export duct.organ --force 2.0 -o duct.glb
     """
     from app.export.order import Order
-    from app.simulation.dissection import Dissection, default_preset
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import Dissection, chosen_preset, default_preset
     from organ_geometry import write_atomic
 
     if output is None and html is None:

@@ -112,7 +112,7 @@ def haptics(
     from app.haptics.hand import HandScript, read_hand
     from app.haptics.servo import real_time
     from app.haptics.servo_loop import LoopSettings
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import chosen_preset
 
     choice = DuctChoice.of(
         chosen_preset(preset),
@@ -168,7 +168,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     """Make a run again and say whether its forces are the same to the bit."""
     from app.haptics.device_run import read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import chosen_preset
 
     try:
         content = file.read_bytes()

@@ -9,8 +9,7 @@ import typer
 from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
-    from app.simulation.measures import Measures
-    from app.simulation.replay import Replay
+    from app.simulation import Measures, Replay
 
 __all__ = ["replay"]
 
@@ -57,8 +56,7 @@ def replay(
     """
     import msgspec
 
-    from app.simulation.replay import Replay, series_csv
-    from app.simulation.run_log import MOST_BYTES, read_run, versions
+    from app.simulation import MOST_BYTES, Replay, read_run, series_csv, versions
 
     if output is not None:
         _check_output(output)

@@ -124,9 +124,7 @@ def solve(
             as_json=as_json,
         )
         return
-    from app.simulation.dissection import Dissection
-    from app.simulation.preset import ASSUMED_PRESET, RoundBeam
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import ASSUMED_PRESET, Dissection, RoundBeam, chosen_preset
     from physics import Beam, break_of, check_rupture
     from physics.quantity import positive
 
@@ -273,10 +271,14 @@ def in_bed(
 ) -> None:
     """Pull a duct off its bed and report the history; the options are those of `solve`."""
     from app.command_line.peel import report_history
-    from app.simulation.bed_preset import beam_in_space, bed_named
-    from app.simulation.dissection import Dissection
-    from app.simulation.preset import ASSUMED_PRESET, THESIS_PRESET, RoundBeam
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import (
+        ASSUMED_PRESET,
+        THESIS_PRESET,
+        Dissection,
+        RoundBeam,
+        chosen_preset,
+    )
+    from app.simulation.bed import beam_in_space, bed_named
     from organ_geometry import check_target
     from physics import Exact, Linear
     from physics.bed import Hand, SpaceBeam, pull

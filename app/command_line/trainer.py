@@ -63,7 +63,7 @@ def trainer(
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
     # Within what is compiled on a first start Python could lose an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from app.simulation.preset_file import chosen_preset
+    from app.simulation import chosen_preset
 
     tissue = organ_from(organ)
     chosen = None if preset is None else chosen_preset(preset)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.simulation.snapshot import Snapshot
+from app.export.snapshot import Snapshot
 
 __all__ = ["Delivery"]
 

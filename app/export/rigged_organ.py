@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from app.export.motion import Motion
 from app.export.torn_rim import RimShapes, rim_shapes
-from app.simulation.dissection import PIECES
+from app.simulation import PIECES
 from organ_geometry import DrivingPoints
 from organ_geometry.mesh import (
     GLTF_FROM_MM,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
 from app.haptics.servo_loop import LoopSettings
-from app.simulation.theory_choice import TheoryChoice
+from app.simulation import TheoryChoice
 
 __all__ = ["DeviceRun", "Recorder", "read_device_run"]
 

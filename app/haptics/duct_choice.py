@@ -6,10 +6,7 @@ from app.haptics.device import DeviceLimits
 from app.haptics.device_run import DeviceRun, Recorder
 from app.haptics.felt_duct import FeltDuct
 from app.haptics.servo_loop import LoopSettings, ServoLoop
-from app.simulation.dissection import Dissection
-from app.simulation.preset import Preset, RoundBeam
-from app.simulation.run_log import OrganIdentity
-from app.simulation.theory_choice import TheoryChoice
+from app.simulation import Dissection, OrganIdentity, Preset, RoundBeam, TheoryChoice
 from organ_geometry import Organ
 from physics import Beam, Theory
 

@@ -1,1 +1,114 @@
-"""A dissection without a viewer: presets, the organ as a beam, the session and its tear."""
+"""A duct between two clamps that is pulled, measured, torn and replayed; no viewer in it.
+
+What is listed here is the package's public face; other packages import from it and not by path.
+`app.simulation.bed` has the duct in its bed of tissue.
+"""
+
+from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
+from app.simulation.comparison import Ghost, GhostReading, SwingingChain
+from app.simulation.dissection import PIECES, Dissection, default_preset, fits
+from app.simulation.drawn_duct import Stresses, Surface, SurfaceStress
+from app.simulation.duct import Duct, Reading
+from app.simulation.exercise import (
+    ApproachBreak,
+    Exercise,
+    ExerciseInputs,
+    Feedback,
+    GentleDissection,
+    HoldStretch,
+    Outcome,
+)
+from app.simulation.grasped_beam import BeamModel, GraspedBeam
+from app.simulation.grasper import Grasper, Load
+from app.simulation.measures import Measures
+from app.simulation.preset import (
+    ASSUMED_PRESET,
+    LIMITS,
+    THESIS_PRESET,
+    OrganBeam,
+    Preset,
+    RoundBeam,
+    chosen_preset,
+    preset_named,
+    preset_toml,
+    presets,
+    read_preset,
+)
+from app.simulation.replay import AFTER_TEAR, Replay, Series, loading_rates, series_csv
+from app.simulation.run import Run
+from app.simulation.run_log import (
+    MOST_BYTES,
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    TheoryChoice,
+    read_run,
+    run_json,
+    versions,
+)
+from app.simulation.scripted_hand import CAREFUL, do_exercise
+from app.simulation.session import Session
+from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
+
+__all__ = [
+    "AFTER_TEAR",
+    "ASSUMED_PRESET",
+    "CAREFUL",
+    "FRONT_SECONDS",
+    "LIMITS",
+    "MOST_BYTES",
+    "PIECES",
+    "SETTLED_SECONDS",
+    "THESIS_PRESET",
+    "TICKS_PER_SECOND",
+    "TICK_SECONDS",
+    "ApproachBreak",
+    "BeamModel",
+    "Clock",
+    "Dissection",
+    "Duct",
+    "Exercise",
+    "ExerciseInputs",
+    "Feedback",
+    "GentleDissection",
+    "Ghost",
+    "GhostReading",
+    "GraspedBeam",
+    "Grasper",
+    "HoldStretch",
+    "Load",
+    "Measures",
+    "OrganBeam",
+    "OrganIdentity",
+    "Outcome",
+    "Phase",
+    "Preset",
+    "Reading",
+    "Replay",
+    "RoundBeam",
+    "Run",
+    "RunFile",
+    "RunFileError",
+    "Series",
+    "Session",
+    "Stresses",
+    "Surface",
+    "SurfaceStress",
+    "SwingingChain",
+    "TheoryChoice",
+    "chosen_preset",
+    "default_preset",
+    "do_exercise",
+    "fits",
+    "loading_rates",
+    "preset_named",
+    "preset_toml",
+    "presets",
+    "read_preset",
+    "read_run",
+    "run_json",
+    "series_csv",
+    "tear_front",
+    "tear_swing",
+    "versions",
+]

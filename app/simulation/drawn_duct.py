@@ -1,22 +1,71 @@
-"""A duct as it is drawn: its surfaces, how they follow the beam, and the stress on them."""
+"""The duct as it is drawn: surfaces that follow the beam's driving points, and the stress on them.
+
+Each vertex follows two neighbouring driving points (organ_geometry.driving_points). The stress at a
+vertex is the beam's at the vertex's place along the axis,
+
+    sigma = sigma_N - s sign(M) sigma_B,
+
+with sigma_N the normal stress N/A, sigma_B the bending stress at the outermost fibre, M the moment
+(above zero where it stretches the side away from the pull) and s in [-1, 1] the vertex's height
+along the pull over the outermost fibre's. sigma_N and sigma_B are linear between the stations at
+which the beam is sampled. Well behind a clamp there is none.
+"""
 
 import math
+from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.dissection import Dissection
-from app.simulation.pulled_duct import PulledDuct
-from app.simulation.reading import Surface
-from app.simulation.surface_stress import SurfaceStress
+from app.simulation.dissection import PIECES, Dissection
+from app.simulation.tear import Tear
 from organ_geometry import Organ
-from organ_geometry.mesh import organ_skin
+from organ_geometry.driving_points import DrivingPoints
+from organ_geometry.mesh import Skin, organ_skin
+from organ_geometry.mesh.tear import TornPiece
+from physics import Equilibrium, RuptureCheck
 
-__all__ = ["DrawnDuct"]
+__all__ = ["DrawnDuct", "Stresses", "Surface", "SurfaceStress", "fibre_shares"]
+
+CLAMP_DEPTH = 0.01
+"""Part of the span by which the stress at a clamp goes on behind it."""
+
+
+class Surface:
+    """A closed surface that follows driving points: its faces stay, its vertices move.
+
+    Parameters
+    ----------
+    name
+        "skin" while the duct is whole, else "first_piece" or "second_piece"; "ghost".
+    skin
+        The surface at rest.
+    driving
+        The driving points.
+
+    Attributes
+    ----------
+    name, skin
+        As given.
+    vertices
+        (V, 3) places, mm; overwritten whenever it follows.
+    """
+
+    __slots__ = ("_bound", "name", "skin", "vertices")
+
+    def __init__(self, name: str, skin: Skin, driving: DrivingPoints) -> None:
+        self.name, self.skin = name, skin
+        self.vertices: NDArray[np.float32] = skin.vertices.copy()
+        self._bound = skin.bound_to(driving)
+
+    def follow(self, transforms: NDArray[np.float64]) -> None:
+        """Move the vertices with the driving points' (D, 3, 4) transforms less the identity."""
+        self._bound.deform(transforms, self.vertices)
 
 
 class DrawnDuct:
-    """The surfaces of a session's duct.
+    """The surfaces of a session's duct: its whole skin or two pieces.
 
     Parameters
     ----------
@@ -24,6 +73,8 @@ class DrawnDuct:
         The organ.
     vertices
         About how many vertices the skin shall have.
+    seed
+        Chooses the torn rim's raggedness.
 
     Attributes
     ----------
@@ -32,57 +83,213 @@ class DrawnDuct:
     edge_length
         Length of its triangles' edges, mm.
     surfaces
-        What is to be drawn: the skin or two pieces.
+        What is to be drawn.
     shape
         Number that changes whenever `surfaces` are others than before.
+    transforms
+        (D, 3, 4) transforms of the driving points less the identity; overwritten.
     """
 
-    def __init__(self, organ: Organ, vertices: int) -> None:
+    def __init__(self, organ: Organ, vertices: int, seed: int = 1) -> None:
         walls = 2 if organ.hollow else 1
         area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
         self.edge_length = min(math.sqrt(area / vertices), organ.mean_radius)
         self.skin = organ_skin(organ, edge_length=self.edge_length)
         self.shape = 0
         self.surfaces: tuple[Surface, ...] = ()
+        self.transforms: NDArray[np.float64] = np.empty((0, 3, 4))
+        self._seed = seed
+        self._pieces: tuple[TornPiece, ...] = ()
         self._stress: tuple[SurfaceStress, ...] | None = None
-
-    @property
-    def transforms(self) -> NDArray[np.float64]:
-        """(D, 3, 4) transforms of the driving points less the identity; overwritten."""
-        return self._transforms
 
     def follow(self, dissection: Dissection) -> None:
         """Show the whole organ, moved by a dissection's driving points from now on."""
         self._dissection = dissection
-        self._bound = self.skin.bound_to(dissection.driving)
-        self._transforms = dissection.rest_transforms()
+        self.transforms = dissection.rest_transforms()
         self.show_whole()
 
     def show_whole(self) -> None:
         """Show the whole organ at rest."""
-        self.show((Surface("skin", self.skin, self.skin.vertices.copy()),))
+        self._show((Surface("skin", self.skin, self._dissection.driving),))
 
-    def show(self, surfaces: tuple[Surface, ...]) -> None:
-        """Show other surfaces."""
-        self.surfaces = surfaces
-        self._stress = None
-        self.shape += 1
+    def show_pieces(self, check: RuptureCheck) -> None:
+        """Show the two pieces that the organ tears into where a criterion was met."""
+        dissection = self._dissection
+        pieces = dissection.torn_at(check, edge_length=self.edge_length, seed=self._seed)
+        self._show(
+            tuple(
+                Surface(name, piece.skin, dissection.driving)
+                for name, piece in zip(PIECES, pieces, strict=True)
+            ),
+            pieces,
+        )
 
-    def draw(self, pulled: PulledDuct) -> None:
-        """Write the surfaces' vertices as the duct is now."""
-        if pulled.tear is not None:
-            pulled.tear.draw(self._transforms)
-            return
-        transforms = self._dissection.move(pulled.grasped.driven, self._transforms)
-        self._bound.deform(transforms, self.surfaces[0].vertices)
+    def draw(self, driven: Equilibrium, tear: Tear | None) -> None:
+        """Write the surfaces' vertices as the beam has moved the driving points."""
+        part = 1.0 if tear is None else tear.swing
+        self._dissection.move(driven, self.transforms, part=part)
+        for surface in self.surfaces:
+            surface.follow(self.transforms)
+        if tear is not None:
+            for surface, piece in zip(self.surfaces, self._pieces, strict=True):
+                piece.open(tear.front, surface.vertices)
 
     def write_stress(
-        self, pulled: PulledDuct, surface: int, out: NDArray[np.float32]
+        self,
+        pulled: Equilibrium,
+        tear: Tear | None,
+        out: NDArray[np.float32],
+        surface: int = 0,
     ) -> NDArray[np.float32]:
-        """Write the stress at each vertex of a surface."""
+        """Write the stress along the organ, MPa, at each vertex of a surface."""
         if self._stress is None:
             self._stress = tuple(
                 SurfaceStress(self._dissection, each.skin) for each in self.surfaces
             )
-        part = 1.0 if pulled.tear is None else pulled.tear.carried
-        return self._stress[surface].write(pulled.grasped.pulled, out, part=part)
+        part = 1.0 if tear is None else tear.stress_left
+        return self._stress[surface].write(pulled, out, part=part)
+
+    def _show(self, surfaces: tuple[Surface, ...], pieces: tuple[TornPiece, ...] = ()) -> None:
+        self.surfaces, self._pieces = surfaces, pieces
+        self._stress = None
+        self.shape += 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stresses:
+    """Stresses at V vertices.
+
+    Attributes
+    ----------
+    normal
+        (V,) tension over the section, MPa.
+    bending
+        (V,) bending stress, MPa; above zero where bending stretches.
+    total
+        (V,) their sum, MPa.
+    distance_to_break
+        (V,) 1 without stress, 0 at the threshold, below zero past it.
+    """
+
+    normal: NDArray[np.float32]
+    bending: NDArray[np.float32]
+    total: NDArray[np.float32]
+    distance_to_break: NDArray[np.float32]
+
+    @classmethod
+    def none(cls, count: int) -> "Stresses":
+        """Return those of a surface that bears nothing."""
+        nothing = np.zeros(count, dtype=np.float32)
+        return cls(nothing, nothing, nothing, np.ones(count, dtype=np.float32))
+
+
+class SurfaceStress:
+    """Normal plus bending stress at the vertices of a skin, along the organ's axis.
+
+    Parameters
+    ----------
+    dissection
+        The organ between its clamps.
+    skin
+        The skin.
+    """
+
+    def __init__(self, dissection: Dissection, skin: Skin) -> None:
+        first, last = dissection.clamps
+        self._places = skin.stations - first
+        self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
+        depth = CLAMP_DEPTH * (last - first)
+        self._free = (skin.stations >= first - depth) & (skin.stations <= last + depth)
+        self._stations: NDArray[np.float64] | None = None
+        self._before = np.zeros(skin.stations.size, dtype=np.int32)
+        self._after = np.zeros(skin.stations.size, dtype=np.int32)
+        self._weight = np.zeros(skin.stations.size)
+
+    def write(
+        self, pulled: Equilibrium, out: NDArray[np.float32], *, part: float = 1.0
+    ) -> NDArray[np.float32]:
+        """Write the stress at each vertex."""
+        self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, part, out)
+        return out
+
+    def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
+        """Return the stresses at each vertex, apart."""
+        normal, bending = (np.empty(self._share.size, dtype=np.float32) for _ in range(2))
+        nothing = np.zeros(pulled.stations.size)
+        self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
+        self._write_parts(pulled, nothing, pulled.bending_stress, 1.0, bending)
+        total = normal + bending
+        return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
+
+    def _write_parts(
+        self,
+        pulled: Equilibrium,
+        normal: NDArray[np.float64],
+        bending: NDArray[np.float64],
+        part: float,
+        out: NDArray[np.float32],
+    ) -> None:
+        if self._stations is None or not np.array_equal(self._stations, pulled.stations):
+            self._bind(pulled.stations)
+        _write(
+            normal,
+            bending,
+            pulled.moment,
+            self._before,
+            self._after,
+            self._weight,
+            self._share,
+            self._free,
+            part,
+            out,
+        )
+
+    def _bind(self, stations: NDArray[np.float64]) -> None:
+        """Find the two stations that each vertex lies between."""
+        self._stations = stations.copy()
+        places, numbers = np.unique(stations, return_index=True)
+        index = np.searchsorted(places, self._places, side="right") - 1
+        index = np.clip(index, 0, places.size - 2)
+        self._before[:] = numbers[index]
+        self._after[:] = numbers[index + 1]
+        low, high = places[index], places[index + 1]
+        self._weight[:] = np.clip((self._places - low) / (high - low), 0.0, 1.0)
+
+
+def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far out in its section each vertex lies along a direction."""
+    stations, ring = np.unique(skin.stations, return_inverse=True)
+    normals = organ.frames_at(stations)[:, :, 2]
+    up = direction - normals * (normals @ direction)[:, None]
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    heights = np.einsum("vi,vi->v", skin.vertices - organ.axis_at(stations)[ring], up[ring])
+    outline = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    # The vertices' rings may be too coarse to have the outermost fibre among them.
+    surface = organ.surface(np.repeat(stations, outline.size), np.tile(outline, stations.size))
+    surface = surface.reshape(stations.size, outline.size, 3) - organ.axis_at(stations)[:, None]
+    farthest = np.abs(np.einsum("npi,ni->np", surface, up)).max(axis=1)
+    return np.clip(heights / farthest[ring], -1.0, 1.0)
+
+
+@numba.njit(cache=True)
+def _write(
+    normal: NDArray[np.float64],
+    bending: NDArray[np.float64],
+    moment: NDArray[np.float64],
+    before: NDArray[np.int32],
+    after: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    share: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    part: float,
+    out: NDArray[np.float32],
+) -> None:
+    for v in range(out.shape[0]):
+        if not free[v]:
+            out[v] = 0.0
+            continue
+        i, j, w = before[v], after[v], weight[v]
+        # A moment above zero stretches the side away from the pull.
+        low = normal[i] - share[v] * np.sign(moment[i]) * bending[i]
+        high = normal[j] - share[v] * np.sign(moment[j]) * bending[j]
+        out[v] = part * (low + w * (high - low))

@@ -1,24 +1,54 @@
-"""Exercises: a goal, a limit and a result, in numbers that scale with the duct's own break."""
+"""Exercises: goals and limits that scale with the duct's own break, and when figures are seen."""
 
 import math
-from typing import ClassVar, Literal
+from enum import StrEnum
+from typing import ClassVar, Literal, Protocol
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
+from physics import BreakEvent
 
 __all__ = [
     "ApproachBreak",
     "Exercise",
     "ExerciseInputs",
+    "Feedback",
     "GentleDissection",
     "HoldStretch",
     "LeastImpulse",
+    "Outcome",
+    "exercises_for",
+    "feedback_visible",
+    "goal_band",
 ]
 
 LONGEST_SECONDS = 3600.0
 """An exercise is a matter of minutes; a longer one is a slip of the unit."""
 MOST_LIFTS = 100
+FADE_SECONDS = 30.0
+"""Time after which fading feedback is gone."""
+FADE_PERIOD = 3.0
+"""Fading feedback comes once in so many seconds, for ever less of them."""
+
+HOLD_PART, HOLD_TOLERANCE = 0.6, 0.05
+"""Deflection to hold and how near, in deflections at break."""
+HOLD_SECONDS = 3.0
+SPARE_FORCE = 1.1
+"""Limit of force over the largest that the hold needs."""
+MARGIN = 0.15
+STAY_SECONDS = 1.0
+WORKING_SAFETY, LEAST_SAFETY = 2.0, 1.5
+"""Strength over stress, the factor of safety, to work at and never to go below."""
+BAND_PART = 0.08
+"""Half of the working band, in deflections at its middle."""
+SLACK_PART = 0.25
+"""A duct that is led back, in deflections at the band's middle."""
+LIFTS, LIFT_SECONDS = 3, 1.0
+REACTION_SECONDS = 0.25
+"""After which a hand answers to what its owner has seen (docs/measures.md, source 11)."""
 
 
 class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-stretch"):
@@ -252,6 +282,127 @@ class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentl
         return {"force_time_product_N_s": self.product_limit_N_s}
 
 
+Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse
+
+ExerciseInputs = Literal["hand", "any"]
+"""What an exercise is done with: the hand alone, or sliders and keys as well."""
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """How an exercise has ended.
+
+    Attributes
+    ----------
+    passed
+        Whether its goal was reached within its limit.
+    reason
+        Why, in one sentence.
+    """
+
+    passed: bool
+    reason: str
+
+
+class DuctLimits(Protocol):
+    """What exercises are set by: where a grasped duct breaks, and its curve on the way there."""
+
+    @property
+    def breaks_at(self) -> BreakEvent | None:
+        """Load at which it breaks; None if it cannot."""
+        ...
+
+    def load_at(self, part: float) -> BreakEvent | None:
+        """Return the load under which the highest stress is a part of the threshold."""
+        ...
+
+    def curve(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return deflections and forces, mm and N."""
+        ...
+
+
+def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
+    """Return the exercises for a duct."""
+    event = duct.breaks_at
+    working, most = (duct.load_at(1.0 / each) for each in (WORKING_SAFETY, LEAST_SAFETY))
+    if event is None or working is None or most is None:
+        return ()
+    deflections, forces = duct.curve(60)
+    band = (HOLD_PART + HOLD_TOLERANCE) * event.deflection
+    needed = float(np.interp(band, deflections, forces))
+    middle = working.deflection
+    high = (1.0 + BAND_PART) * middle
+    return (
+        HoldStretch(
+            deflection_mm=HOLD_PART * event.deflection,
+            tolerance_mm=HOLD_TOLERANCE * event.deflection,
+            seconds=HOLD_SECONDS,
+            force_limit_N=SPARE_FORCE * needed,
+        ),
+        ApproachBreak(margin=MARGIN, seconds=STAY_SECONDS),
+        GentleDissection(
+            low_mm=(1.0 - BAND_PART) * middle,
+            high_mm=high,
+            slack_mm=SLACK_PART * middle,
+            seconds=LIFT_SECONDS,
+            lifts=LIFTS,
+            force_limit_N=most.force,
+            mean_force_limit_N=working.force,
+            # From the largest force that is allowed it would reach the break in a reaction time.
+            loading_rate_limit_N_per_s=(event.force - most.force) / REACTION_SECONDS,
+            overshoot_limit=(most.deflection - high) / middle,
+            reserve_limit=1.0 - 1.0 / LEAST_SAFETY,
+        ),
+    )
+
+
+def goal_band(exercise: Exercise, duct: DuctLimits) -> tuple[float, float] | None:
+    """Return the deflections between which an exercise's goal lies."""
+    event = duct.breaks_at
+    if not isinstance(exercise, ApproachBreak) or event is None:
+        return exercise.band
+    near = duct.load_at(1.0 - exercise.margin)
+    return None if near is None else (near.deflection, event.deflection)
+
+
+class Feedback(StrEnum):
+    """When a trainee sees the figures: continuous feedback can make dependent on it."""
+
+    CONTINUOUS = "continuous"
+    FADING = "fading"
+    SUMMARY = "summary"
+
+
+def feedback_visible(feedback: Feedback, seconds: float, *, over: bool) -> bool:
+    """Return whether the figures are to be seen.
+
+    Parameters
+    ----------
+    feedback
+        The mode.
+    seconds
+        Time since the run has started, s.
+    over
+        Whether the run is over; then they always are.
+
+    Returns
+    -------
+    bool
+        Continuous: yes. Summary: not before the end. Fading: in each period of 3 s at first
+        throughout, then for a part that falls evenly to none at 30 s.
+
+    Examples
+    --------
+    >>> [feedback_visible(Feedback.FADING, t, over=False) for t in (0.0, 14.0, 15.1, 40.0)]
+    [True, False, True, False]
+    """
+    if over or feedback is Feedback.CONTINUOUS:
+        return True
+    if feedback is Feedback.SUMMARY:
+        return False
+    start = seconds - seconds % FADE_PERIOD
+    return seconds - start < FADE_PERIOD * max(0.0, 1.0 - start / FADE_SECONDS)
+
+
 def _above_zero(exercise: msgspec.Struct, *names: str) -> None:
     for name in names:
         value = getattr(exercise, name)
@@ -265,9 +416,3 @@ def _in_time(seconds: float, limit: float) -> None:
             f"seconds must be above 0 and within time_limit_s, at most {LONGEST_SECONDS:g} s; "
             f"got {seconds} of {limit}"
         )
-
-
-Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse
-
-ExerciseInputs = Literal["hand", "any"]
-"""What an exercise is done with: the hand alone, or sliders and keys as well."""

@@ -1,6 +1,7 @@
-"""Presets: which beam stands for the duct, of what material, and when it breaks."""
+"""Presets: which beam stands for the duct, of what material, when it breaks; and their files."""
 
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -15,8 +16,11 @@ __all__ = [
     "OrganBeam",
     "Preset",
     "RoundBeam",
+    "chosen_preset",
     "preset_named",
+    "preset_toml",
     "presets",
+    "read_preset",
 ]
 
 THESIS_PRESET = "thesis-bile-duct"
@@ -34,6 +38,16 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "wall_mm": (1e-3, 1e3, "mm"),
 }
 """Smallest and largest value and unit of each number of a preset."""
+
+
+SUFFIX = ".toml"
+MOST_BYTES = 100_000
+
+_HEADER = """\
+# A preset of bluntdissect: give it as --preset FILE, or open it under Model in the trainer.
+# mm, N and MPa; what each line means stands at the top of assets/presets.toml.
+
+"""
 
 
 class RoundBeam(msgspec.Struct, frozen=True, tag_field="section", tag="round", omit_defaults=True):
@@ -191,7 +205,7 @@ def _check(of: msgspec.Struct, *names: str) -> None:
             raise ValueError(f"{name} must be from {low:g} to {high:g}{unit}, got {value:g}")
 
 
-class _PresetList(msgspec.Struct, frozen=True):
+class _PresetList(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: list[Preset]
 
 
@@ -207,3 +221,39 @@ def preset_named(name: str) -> Preset:
     if name not in presets():
         raise ValueError(f"unknown preset {name!r}; there are: {', '.join(presets())}")
     return presets()[name]
+
+
+def preset_toml(preset: Preset) -> bytes:
+    """Return a preset as a file: TOML with one `[[preset]]`, its numbers to the last bit."""
+    lines = {name: each for name, each in msgspec.to_builtins(preset).items() if each is not None}
+    return _HEADER.encode() + msgspec.toml.encode({"preset": [lines]})
+
+
+def read_preset(content: bytes, name: str) -> Preset:
+    """Return the preset in a file."""
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"{name} is no preset: it has more than {MOST_BYTES:,} bytes")
+    try:
+        found = msgspec.toml.decode(content, type=_PresetList).preset
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        where = str(error).replace("`$.preset[0].", "`").replace(" - at `$.preset[0]`", "")
+        raise ValueError(f"{name} is no preset: {where}") from None
+    if len(found) != 1:
+        raise ValueError(f"{name} must have one [[preset]], it has {len(found)}")
+    return found[0]
+
+
+def chosen_preset(text: str) -> Preset:
+    """Return the preset that somebody names: one that ships, or a file's."""
+    if text in presets():
+        return preset_named(text)
+    if Path(text).suffix.lower() != SUFFIX:
+        raise ValueError(
+            f"unknown preset {text!r}; there are: {', '.join(presets())}, or a file, *{SUFFIX}"
+        )
+    try:
+        with Path(text).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise ValueError(f"cannot read {text}: {(error.strerror or str(error)).lower()}") from error
+    return read_preset(content, text)

@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import tear_course
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.preset import preset_named
@@ -17,14 +16,15 @@ from app.simulation.run_log import (
     RunFileError,
     RunInput,
     RunLog,
+    TheoryChoice,
 )
-from app.simulation.session import VERTICES, Phase, Session
-from app.simulation.theory_choice import TheoryChoice
+from app.simulation.session import VERTICES, Session
+from app.simulation.tear import SETTLED_SECONDS, Phase
 from organ_geometry import Organ
 
-__all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "replayed", "series_csv"]
+__all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "series_csv"]
 
-AFTER_TEAR = math.ceil(tear_course.SETTLED_SECONDS * TICKS_PER_SECOND) + 1
+AFTER_TEAR = math.ceil(SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
 
 
@@ -189,13 +189,14 @@ class Replay:
         session.reset()
         try:
             theory = log.start.theory.theory()
-            if session.theory != theory:
+            if session.duct.theory != theory:
                 session.choose_theory(theory)
         except ValueError as error:
             raise RunFileError(f"the run's theory: {error}") from None
         session.set_grasp(log.start.grasp_mm)
         session.set_threshold(log.start.threshold_MPa)
-        if (session.grasp, session.threshold) != (log.start.grasp_mm, log.start.threshold_MPa):
+        duct = session.duct
+        if (duct.grasp, duct.threshold) != (log.start.grasp_mm, log.start.threshold_MPa):
             raise RunFileError(
                 f"the run's grasp of {log.start.grasp_mm:g} mm or threshold of "
                 f"{log.start.threshold_MPa:g} MPa is out of this duct's range"
@@ -215,11 +216,6 @@ class Replay:
         while self._next < len(inputs) and inputs[self._next].tick <= self._at:
             _give(self._session, inputs[self._next])
             self._next += 1
-
-
-def replayed(run: RunFile, organ: Organ) -> RunFile:
-    """Return a run as it comes out when it is made again."""
-    return Replay(run.log, organ, vertices=300).run_file()
 
 
 def loading_rates(series: Series) -> NDArray[np.float64]:
@@ -257,14 +253,14 @@ def _give(session: Session, each: RunInput) -> None:
     """Give a session one input of a run."""
     value = each.value
     if each.kind == "let-go":
-        session.let_go()
+        session.release()
     elif isinstance(value, TheoryChoice):
         session.choose_theory(value.theory())
     elif value is not None:
         {
-            "force": session.set_force,
+            "force": session.set_target_force,
             "grab": session.grab,
-            "hand": session.hand_to,
+            "hand": session.move_hand,
             "grasp": session.set_grasp,
             "threshold": session.set_threshold,
         }[each.kind](value)

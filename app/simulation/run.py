@@ -5,8 +5,13 @@ from dataclasses import dataclass
 from typing import get_args
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Exercise, ExerciseInputs
-from app.simulation.feedback import Feedback, feedback_visible
+from app.simulation.exercise import (
+    Exercise,
+    ExerciseInputs,
+    Feedback,
+    Outcome,
+    feedback_visible,
+)
 from app.simulation.measures import Measures, MeasureTaker, Place
 from app.simulation.preset import Preset
 from app.simulation.run_log import (
@@ -17,10 +22,10 @@ from app.simulation.run_log import (
     RunInput,
     RunLog,
     RunStart,
+    TheoryChoice,
     versions,
 )
-from app.simulation.theory_choice import TheoryChoice
-from app.simulation.trial import Figures, Outcome, trial_of
+from app.simulation.trial import Figures, trial_of
 from physics import BreakEvent, Theory
 
 __all__ = ["Run", "StartingPoint"]

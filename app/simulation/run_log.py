@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import Exercise, ExerciseInputs
-from app.simulation.feedback import Feedback
+from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.measures import Measures
 from app.simulation.preset import Preset
-from app.simulation.theory_choice import TheoryChoice
-from app.simulation.trial import Outcome
 from organ_geometry import Organ
+from physics import Cubic, Exact, Theory, theory_named
+from physics.exact import Law
 
 __all__ = [
     "MOST_INPUTS",
@@ -28,6 +27,7 @@ __all__ = [
     "RunInput",
     "RunLog",
     "RunStart",
+    "TheoryChoice",
     "read_run",
     "run_json",
     "versions",
@@ -75,6 +75,42 @@ class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 digest.update(repr(array.shape).encode())
                 digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return cls(organ.name, organ.length, digest.hexdigest())
+
+
+class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A theory by its name and options, as `theory_named` takes them.
+
+    Attributes
+    ----------
+    name
+        Name of the theory.
+    q
+        Of the cubic.
+    shear, law
+        Of the exact beam.
+    """
+
+    name: str
+    q: float | Literal["fitted"] | None = None
+    shear: bool = False
+    law: Law | None = None
+
+    @classmethod
+    def of(cls, theory: Theory) -> "TheoryChoice":
+        """Return the choice that gives a theory."""
+        if isinstance(theory, Cubic):
+            choice = cls(theory.name, q=theory.q)
+        elif isinstance(theory, Exact):
+            choice = cls(theory.name, shear=theory.shear, law=theory.law)
+        else:
+            choice = cls(theory.name)
+        if choice.theory() != theory:
+            raise ValueError(f"theory {theory!r} cannot be written into a run")
+        return choice
+
+    def theory(self) -> Theory:
+        """Return the theory."""
+        return theory_named(self.name, q=self.q, shear=self.shear, law=self.law)
 
 
 class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

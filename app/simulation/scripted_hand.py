@@ -12,7 +12,7 @@ from itertools import cycle
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import ApproachBreak, Exercise, GentleDissection, HoldStretch
-from app.simulation.pull_control import HAND_SPEED
+from app.simulation.grasper import HAND_SPEED
 from app.simulation.session import Session
 
 __all__ = ["CAREFUL", "CLUMSY", "HASTY", "Manner", "do_exercise"]
@@ -71,13 +71,13 @@ def do_exercise(session: Session, manner: Manner) -> None:
                 return
             held += TICK_SECONDS
             if held > manner.loses_after:
-                session.let_go()
+                session.release()
                 session.advance(round(LOST_SECONDS / TICK_SECONDS))
                 session.grab(session.task_grasp)
                 held = 0.0
             seconds = run.seconds
             off = sum(part * math.sin(2.0 * math.pi * rate * seconds) for part, rate in manner.sway)
-            session.hand_to(reached + off * goal)
+            session.move_hand(reached + off * goal)
             session.advance()
         wanted = to
 

@@ -1,26 +1,54 @@
-"""A session: one trainee's duct, its inputs, its state and its steps in time. No viewer in it."""
+"""A session: one trainee's duct, what is done to it, what is chosen, and its runs. No viewer in it.
+
+The same action has one name from the page down: `set_target_force`, `set_grasp`, `set_threshold`,
+`grab`, `move_hand`, `release`. An input is clamped to its range here, set on the grasper or the
+duct, written into the run's log as it came out, and solved with the next tick by `advance`.
+"""
+
+import contextlib
+from collections import deque
+from collections.abc import Callable
+from threading import RLock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.ghost import GhostReading
-from app.simulation.grasped_duct import Load
+from app.simulation.comparison import Ghost, GhostReading, SwingingChain
+from app.simulation.dissection import Dissection, default_preset, fits
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.duct import Duct, Reading
+from app.simulation.exercise import (
+    Exercise,
+    ExerciseInputs,
+    Feedback,
+    exercises_for,
+    goal_band,
+)
+from app.simulation.grasped_beam import BeamModel, GraspedBeam
+from app.simulation.grasper import Grasper, Load
 from app.simulation.measures import Measures
-from app.simulation.reading import Phase, Reading, Surface
-from app.simulation.run import Run
+from app.simulation.preset import OrganBeam, Preset, preset_named, presets
+from app.simulation.run import Run, StartingPoint
 from app.simulation.run_log import OrganIdentity, RunFile
-from app.simulation.session_choices import ChosenSession
-from app.simulation.session_state import VERTICES
+from organ_geometry import Organ
+from physics import Cubic, NoEquilibrium, Theory
 
-__all__ = ["VERTICES", "Phase", "Reading", "Session", "Surface"]
+__all__ = ["VERTICES", "Session"]
+
+VERTICES = 5000
+"""Vertices of the skin, about: what a browser without a graphics card still draws smoothly."""
+TASK_THRESHOLD = 0.5
+"""Force above which a run's time is counted, in forces at break with a grasp in the middle."""
+MOST_TRIES = 20
+"""Judged runs that are kept, to be compared with."""
 
 
-class Session(ChosenSession):
+class Session:
     """One duct under one grasper, stepped in time. Safe to call from several threads.
 
     Inputs out of range are clamped to it and inputs that are no number are ignored: they come
-    from a browser. Steps and readings happen whether or not anybody looks. Time goes in ticks of
-    `TICK_SECONDS`; what happens is a function of the inputs and the ticks they come at, to the bit.
+    from a browser. Time goes in ticks of `TICK_SECONDS`; what happens is a function of the inputs
+    and the ticks they come at, to the bit.
 
     Parameters
     ----------
@@ -32,63 +60,299 @@ class Session(ChosenSession):
         About how many vertices the skin shall have.
     seed
         Chooses the raggedness of the torn rim.
+
+    Attributes
+    ----------
+    duct, grasper, drawn, run
+        What is pulled, what pulls it, its surfaces, and the run that goes: to look at. The duct is
+        another object after a choice of organ or preset, the run after each reset.
+    seed
+        As given.
     """
 
-    def step(self, seconds: float) -> bool:
-        """Advance the duct by as many ticks as real time asks for, and draw it."""
+    def __init__(
+        self,
+        organ: Organ,
+        preset: Preset | None = None,
+        *,
+        vertices: int = VERTICES,
+        seed: int = 1,
+    ) -> None:
+        self.seed = seed
+        self.grasper = Grasper()
+        self.drawn = DrawnDuct(organ, vertices, seed)
+        self.run = Run(0.0)
+        self._lock = RLock()
+        self._organ, self._vertices = organ, vertices
+        self._ghost: Ghost | None = None
+        self._chain: SwingingChain | None = None
+        self._tries: deque[Run] = deque(maxlen=MOST_TRIES)
+        self._task_grasp: float | None = None
+        self._goal: tuple[Exercise, GraspedBeam, tuple[float, float] | None] | None = None
+        self._start(BeamModel.of(Dissection.of(organ, preset or default_preset(organ)), Cubic()))
+
+    # What the trainee does.
+
+    def set_target_force(self, force: float) -> None:
+        """Go to a force with the next ticks, N."""
         with self._lock:
-            return self.advance(self._clock.ticks(seconds)) or self._pulled.moving
+            if self._accepts_slider(force):
+                if force > 0.0:
+                    self._begin_run()
+                target = _within(force, (0.0, self.duct.force_limit))
+                if self.grasper.set_target_force(target):
+                    self.run.note("force", target)
+
+    def grab(self, station: float) -> float | None:
+        """Take the duct by hand at a station; return its deflection there, mm, or None if torn."""
+        with self._lock:
+            duct = self.duct
+            if not duct.accepts(station):
+                return None
+            self._begin_run()
+            duct.grasp = _within(station, duct.grasp_range)
+            self.grasper.grab(max(0.0, duct.grasped.deflection_at(duct.grasp)))
+            self.run.note("grab", duct.grasp)
+            return self.grasper.deflection
+
+    def move_hand(self, deflection: float) -> None:
+        """Move the hand that holds the duct, mm along the pull; the grasp follows."""
+        with self._lock:
+            if self.duct.accepts(deflection):
+                target = _within(deflection, (0.0, self.duct.deflection_limit))
+                if self.grasper.move_hand(target):
+                    self.run.note("hand", target)
+
+    def release(self) -> None:
+        """Let the duct spring back."""
+        with self._lock:
+            if self.duct.tear is None and self.grasper.release():
+                self.run.note("let-go")
+
+    def set_grasp(self, grasp: float) -> None:
+        """Hold the duct elsewhere, mm from the first clamp.
+
+        Under the same force, or by hand as far out as the duct is there.
+        """
+        with self._lock:
+            if not self._accepts_slider(grasp):
+                return
+            if self.run.over:
+                self._task_grasp = None
+            if self._hold_at(_within(grasp, self.duct.grasp_range)):
+                self.run.note("grasp", self.duct.grasp)
+
+    def set_threshold(self, threshold: float) -> None:
+        """Let the duct tear at another stress, MPa."""
+        with self._lock:
+            if self._accepts_slider(threshold):
+                duct, threshold = self.duct, _within(threshold, self.duct.threshold_range)
+                if threshold != duct.threshold:
+                    duct.threshold = threshold
+                    self.run.note("threshold", threshold)
+
+    def reset(self) -> None:
+        """Let go of the duct and make it whole: the next pull starts a run without an exercise.
+
+        The grasp of an exercise goes back to where the exercise was started.
+        """
+        with self._lock:
+            torn = self.duct.tear is not None
+            self.duct.reset()
+            self.grasper.reset()
+            if torn:
+                self.drawn.show_whole()
+            if self._task_grasp is not None:
+                self._hold_at(self._task_grasp)
+                self._task_grasp = None
+            self._new_run()
+
+    # What goes on.
 
     def advance(self, ticks: int = 1) -> bool:
-        """Advance the duct by a number of ticks, and draw it as it is then."""
+        """Advance by a number of ticks and draw; return whether anything has moved or will."""
         with self._lock:
-            changed = False
+            duct, changed = self.duct, False
             for _ in range(ticks):
-                changed |= self._tick()
+                was_whole, grasp = duct.tear is None, duct.grasped.grasp
+                moved = duct.advance(self.grasper)
+                changed |= moved
+                if was_whole:
+                    changed |= self._follow(moved, regrasped=duct.grasped.grasp != grasp)
             if changed:
-                self._drawn.draw(self._pulled)
+                self.drawn.draw(duct.grasped.driven, duct.tear)
                 if self.ghost is not None:
                     self.ghost.draw()
-            return changed
+            return changed or duct.moves_under(self.grasper)
 
     def reading(self) -> Reading:
         """Return what the instruments show now."""
         with self._lock:
-            return self._pulled.reading()
+            return self.duct.reading(self.grasper)
+
+    def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
+        """Write the stress along the organ, MPa, at each vertex of a surface."""
+        with self._lock:
+            return self.drawn.write_stress(self.duct.grasped.pulled, self.duct.tear, out, surface)
+
+    def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return deflections and forces of the chosen theory, past the break and past this pull."""
+        with self._lock:
+            beam, deepest = self.duct.grasped, self.duct.deepest
+        return beam.curve(count, deepest=deepest)
+
+    # What is set beside the duct.
+
+    @property
+    def ghost(self) -> Ghost | None:
+        """The other theory's duct, while this one is whole."""
+        return self._ghost if self.duct.tear is None else None
+
+    @property
+    def ghost_theory(self) -> Theory | None:
+        """The theory that was chosen for the ghost, or None."""
+        return None if self._ghost is None else self._ghost.model.theory
+
+    @property
+    def chain(self) -> SwingingChain | None:
+        """The chain of masses and springs beside the duct, while this one is whole."""
+        return self._chain if self.duct.tear is None else None
 
     def ghost_reading(self) -> GhostReading | None:
         """Return what the ghost's theory says beside this one."""
         with self._lock:
             if self.ghost is None:
                 return None
-            control, grasped = self._pulled.control, self._pulled.grasped
-            return self.ghost.reading(control.grip_force, grasped.pulled.deflection)
+            deflection = self.duct.grasped.pulled.deflection
+            return self.ghost.reading(self.grasper.grip_force, deflection)
 
-    def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
-        """Write the stress along the organ at each vertex of a surface."""
+    def choose_ghost(self, theory: Theory | None) -> None:
+        """Lay the duct by another theory over this one, under the same load."""
+        dissection = self.duct.dissection
+        model = None if theory is None else BeamModel.of(dissection, theory)
         with self._lock:
-            return self._drawn.write_stress(self._pulled, surface, out)
+            if model is not None and model.dissection is not self.duct.dissection:
+                model = BeamModel.of(self.duct.dissection, model.theory)
+            self._ghost = None if model is None else Ghost(model, self.drawn.skin)
+            self.duct.touch()
 
-    def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the chosen theory's force-deflection curve, past the break and past this pull."""
+    def show_chain(self, shown: bool) -> None:
+        """Set the mass-spring chain beside the beam, or take it away."""
         with self._lock:
-            duct, deepest = self._pulled.grasped, self._pulled.deepest
-        return duct.curve(count, deepest=deepest)
+            if shown != (self._chain is not None):
+                self._chain = self._new_chain() if shown else None
+                self.duct.touch()
+
+    # What the duct is; each choice starts anew.
+
+    def presets_offered(self) -> list[Preset]:
+        """Return the presets that this organ can be clamped for, and one of one's own in use."""
+        shipped = [preset for preset in presets().values() if fits(self._organ, preset)]
+        own = self.duct.dissection.preset
+        return shipped if own.ships else [*shipped, own]
+
+    def choose_preset(self, preset: Preset | str) -> None:
+        """Start anew with another preset; a torn duct is reset first, by `reset`."""
+        chosen = preset_named(preset) if isinstance(preset, str) else preset
+        model = BeamModel.of(Dissection.of(self._organ, chosen), self.duct.theory)
+        with self._lock:
+            if self.duct.tear is None:
+                self._start(model)
+
+    def prepare_organ(self, organ: Organ) -> Callable[[], None]:
+        """Prepare another organ, solved by its own sections; return what starts anew with it."""
+        drawn = DrawnDuct(organ, self._vertices, self.seed)
+        preset = self.duct.dissection.preset
+        if preset.beam != OrganBeam():  # a bar, or a wall and clamps of the organ before
+            preset = default_preset(organ)
+        dissection = Dissection.of(organ, preset)
+        model = BeamModel.of(dissection, self.duct.theory)
+
+        def start() -> None:
+            with self._lock:
+                drawn.shape = self.drawn.shape
+                self._organ, self.drawn = organ, drawn
+                # The theory may have been changed meanwhile.
+                theory = self.duct.theory
+                self._start(model if model.theory == theory else BeamModel.of(dissection, theory))
+                self._tries.clear()
+
+        return start
+
+    def choose_theory(self, theory: Theory) -> None:
+        """Solve the duct by another theory, with that theory's own threshold."""
+        # Outside the lock: a theory's first solution may have to be compiled.
+        model = BeamModel.of(self.duct.dissection, theory)
+        with self._lock:
+            if model.dissection is not self.duct.dissection:  # another was chosen meanwhile
+                model = BeamModel.of(self.duct.dissection, theory)
+            if self.duct.tear is None:
+                self.duct.solve_by(model, self.grasper)
+                if self.run.started:
+                    self.run.note("theory", theory)
+                else:
+                    self._new_run(self.run.exercise, self.run.feedback, self.run.exercise_inputs)
+
+    # Exercises and runs.
+
+    @property
+    def task_grasp(self) -> float:
+        """Where the grasp is that exercises are set for, mm from the first clamp.
+
+        An exercise that was started keeps the one it was started with, wherever the hand takes
+        hold, until the duct is reset or, once the exercise is over, another grasp is asked for.
+        """
+        return self.duct.grasp if self._task_grasp is None else self._task_grasp
+
+    @property
+    def goal(self) -> tuple[float, float] | None:
+        """Deflections between which the goal of the exercise lies, with the present grasp, mm.
+
+        None without an exercise that waits or goes on, and for one without such a goal.
+        """
+        with self._lock:
+            run, beam = self.run, self.duct.grasped
+            if run.exercise is None or run.over:
+                return None
+            if self._goal is None or self._goal[:2] != (run.exercise, beam):
+                self._goal = run.exercise, beam, goal_band(run.exercise, beam)
+            return self._goal[2]
+
+    def exercises_offered(self) -> tuple[Exercise, ...]:
+        """Return the exercises for this duct, with `task_grasp` and the present threshold."""
+        with self._lock:
+            beam = GraspedBeam(self.duct.model, self.task_grasp, self.duct.threshold)
+        return exercises_for(beam)
+
+    def start_exercise(
+        self,
+        exercise: Exercise,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        grasp: float | None = None,
+        inputs: ExerciseInputs = "hand",
+    ) -> None:
+        """Start anew with an exercise; its time runs from the first pull."""
+        with self._lock:
+            self.reset()
+            if grasp is not None:
+                self.set_grasp(grasp)
+            self._new_run(exercise, feedback, inputs)
+            self._task_grasp = self.duct.grasp
+
+    def finish(self) -> None:
+        """End the run as it stands; the duct stays as it is."""
+        with self._lock:
+            self.run.finish()
 
     def measures(self) -> Measures:
         """Return the measures of this run so far."""
         with self._lock:
-            return self._run.measures()
+            return self.run.measures()
 
     def run_file(self) -> RunFile:
         """Return this run so far, to keep, download and replay."""
         with self._lock:
-            return self._file(self._run)
-
-    def last_run_file(self) -> RunFile | None:
-        """Return the run before this one: a reset does not take its result away."""
-        with self._lock:
-            return None if self._last_run is None else self._file(self._last_run)
+            return self._file(self.run)
 
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
         """Return this session's judged runs of one exercise from the same start, oldest first."""
@@ -96,37 +360,94 @@ class Session(ChosenSession):
             tries = [self._file(each) for each in self._tries if each.exercise == run.log.exercise]
         return [each for each in tries if each.log.start == run.log.start and each != run]
 
-    def _tick(self) -> bool:
-        """Advance by one tick without drawing."""
-        pulled, was_whole = self._pulled, self._pulled.tear is None
-        place = pulled.grasped.grasp
-        changed = pulled.tick()
-        if not was_whole:
-            return changed
-        control, grasped, tear = pulled.control, pulled.grasped, pulled.tear
-        if grasped.grasp != place:
-            self._run.regrasp()
-        if self._ghost is not None and changed:
-            self._ghost.follow(grasped.grasp, control.load)
+    def _start(self, model: BeamModel) -> None:
+        """Start anew with a model that has been found."""
+        self._task_grasp = None
+        self.duct = Duct(model)
+        self.grasper.reset()
+        self.drawn.follow(model.dissection)
+        if self._ghost is not None:
+            theory, self._ghost = self._ghost.model.theory, None
+            # A theory that ends before this duct's break has no ghost of it.
+            with contextlib.suppress(NoEquilibrium):
+                self._ghost = Ghost(BeamModel.of(model.dissection, theory), self.drawn.skin)
         if self._chain is not None:
-            if self._chain.grasp != grasped.grasp:
+            self._chain = self._new_chain()
+        self._new_run()
+
+    def _new_run(
+        self,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        inputs: ExerciseInputs = "any",
+    ) -> None:
+        task_threshold = TASK_THRESHOLD * self.duct.model.break_force
+        if exercise is not None:
+            task_threshold = exercise.limits.get("maximum_force_N", task_threshold)
+        if self.run.started:
+            self.run.finish()
+            if self.run.outcome is not None:
+                self._tries.append(self.run)
+        self.run = Run(task_threshold, exercise, feedback, inputs)
+
+    def _new_chain(self) -> SwingingChain:
+        beam = self.duct.grasped
+        chain = SwingingChain(self.duct.dissection.beam, beam.grasp)
+        chain.start_from(beam.pulled.deflection)
+        return chain
+
+    def _accepts_slider(self, value: float) -> bool:
+        """Return whether a slider's or a key's input counts now: in some exercises only a hand."""
+        return not self.run.hand_only and self.duct.accepts(value)
+
+    def _hold_at(self, grasp: float) -> bool:
+        """Let the grasper hold another place; return whether it is another."""
+        if grasp == self.duct.grasp:
+            return False
+        self.duct.grasp = grasp
+        self.grasper.regrasp(self.duct.grasped.deflection_at(grasp))
+        return True
+
+    def _begin_run(self) -> None:
+        """Start the run's clock with the first pull, on a duct that nothing was done to before."""
+        if self.run.started or self.run.over:
+            return
+        duct = self.duct
+        start = StartingPoint(duct.dissection.preset, duct.theory, duct.grasp, duct.threshold)
+        self.run.start(start)
+        duct.renew()
+
+    def _follow(self, moved: bool, *, regrasped: bool) -> bool:
+        """Let all that goes along with a whole duct follow a tick of it."""
+        duct, grasper, changed = self.duct, self.grasper, False
+        beam, tear = duct.grasped, duct.tear
+        if self._ghost is not None and moved:
+            self._ghost.follow(beam.grasp, grasper.load)
+        if self._chain is not None:
+            if self._chain.grasp != beam.grasp:
                 self._chain = self._new_chain()
-            free = control.mode == "free"
-            changed |= self._chain.advance(Load("force", 0.0) if free else control.load)
-        if self._run.going:
-            self._run.take(
-                control.grip_force if tear is None else tear.event.force,
-                grasped.pulled.deflection,
-                grasped.hook(),
-                grasped.check.distance_to_break,
-                came_from=pulled.came_from,
-                held=control.holds,
+            free = grasper.mode == "free"
+            changed = self._chain.advance(Load("force", 0.0) if free else grasper.load)
+        if regrasped:
+            self.run.regrasp()
+        if self.run.going:
+            self.run.take(
+                grasper.grip_force if tear is None else tear.event.force,
+                beam.pulled.deflection,
+                beam.hook(),
+                beam.check.distance_to_break,
+                came_from=duct.came_from,
+                held=grasper.holds,
                 torn=None if tear is None else tear.event,
             )
         if tear is not None:
-            self._drawn.show(tear.surfaces)
+            self.drawn.show_pieces(tear.event.check)
         return changed
 
     def _file(self, run: Run) -> RunFile:
-        log = run.log(OrganIdentity.of(self._organ), self._seed)
+        log = run.log(OrganIdentity.of(self._organ), self.seed)
         return RunFile.of(log, run.measures(), run.outcome)
+
+
+def _within(value: float, ends: tuple[float, float]) -> float:
+    return min(max(float(value), ends[0]), ends[1])

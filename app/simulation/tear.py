@@ -1,92 +1,129 @@
-"""A tear under way: the two pieces, and how they are drawn while it runs and they swing back."""
+"""A tear in time: its front runs across the section, then the two pieces recoil.
 
-import numpy as np
-from numpy.typing import NDArray
+A pull that has reached the threshold does not let go while the section weakens, so the tear runs
+through. How fast it runs and how the pieces swing back is drawn, not computed: physics.tear_growth
+computes how deep a tear goes under a load, not how long it takes.
+"""
 
-from app.simulation import tear_course
+import math
+from enum import StrEnum
+
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import PIECES, Dissection
-from app.simulation.reading import Phase, Surface
-from physics import BreakEvent, Equilibrium
+from physics import BreakEvent
 
-__all__ = ["Tear"]
+__all__ = ["FRONT_SECONDS", "SETTLED_SECONDS", "Phase", "Tear", "tear_front", "tear_swing"]
+
+FRONT_SECONDS = 0.6
+"""Time in which the front crosses the section: slow enough to see on which side it starts."""
+RIM_SECONDS = 0.3
+"""Time in which the free rims draw back."""
+SETTLED_SECONDS = FRONT_SECONDS + 2.2
+"""Time after which nothing moves any more: the swing has fallen below 0.2 % of the pull."""
+FADE_SECONDS = 0.35
+"""Time in which the swing falls to 1/e."""
+SWINGS_PER_SECOND = 2.0
 
 
-class Tear:
-    """A duct that has met the criterion.
+class Phase(StrEnum):
+    """What the duct is going through."""
+
+    INTACT = "intact"
+    TEARING = "tearing"
+    TORN = "torn"
+
+
+def tear_front(elapsed: float) -> float:
+    """Return how far a tear has run.
 
     Parameters
     ----------
-    dissection
-        The organ between its clamps.
-    driven
-        The beam at the break, sampled at the driving points.
+    elapsed
+        Time since it started, s.
+
+    Returns
+    -------
+    float
+        0 at the start, 1 when it has crossed the section, 2 when the rims are drawn back.
+
+    Examples
+    --------
+    >>> tear_front(0.0), tear_front(FRONT_SECONDS), tear_front(SETTLED_SECONDS)
+    (0.0, 1.0, 2.0)
+    """
+    if elapsed < FRONT_SECONDS:
+        return (max(elapsed, 0.0) / FRONT_SECONDS) ** 2  # ever less of the section bears the pull
+    free = min((elapsed - FRONT_SECONDS) / RIM_SECONDS, 1.0)
+    return 1.0 + free * (2.0 - free)
+
+
+def tear_swing(elapsed: float) -> float:
+    """Return the part of the pull's displacement that a piece still has.
+
+    Parameters
+    ----------
+    elapsed
+        Time since the tear started, s.
+
+    Returns
+    -------
+    float
+        1 until the section is crossed, then a damped swing about 0, in the end 0.
+
+    Examples
+    --------
+    >>> tear_swing(FRONT_SECONDS), tear_swing(SETTLED_SECONDS)
+    (1.0, 0.0)
+    """
+    if elapsed >= SETTLED_SECONDS:
+        return 0.0
+    free = max(0.0, elapsed - FRONT_SECONDS)
+    return math.exp(-free / FADE_SECONDS) * math.cos(2.0 * math.pi * SWINGS_PER_SECOND * free)
+
+
+class Tear:
+    """A duct that has met the criterion, tick by tick.
+
+    Parameters
+    ----------
     event
         The load at which it broke, and the criterion there.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    seed
-        Chooses the rim's raggedness.
-
-    Attributes
-    ----------
-    driven, event
-        As given.
-    surfaces
-        The two pieces.
     """
 
-    def __init__(
-        self,
-        dissection: Dissection,
-        driven: Equilibrium,
-        event: BreakEvent,
-        *,
-        edge_length: float,
-        seed: int,
-    ) -> None:
-        self.driven, self.event = driven, event
-        self._dissection = dissection
-        self._pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
-        self._bound = [piece.skin.bound_to(dissection.driving) for piece in self._pieces]
+    __slots__ = ("_ticks", "event")
+
+    def __init__(self, event: BreakEvent) -> None:
+        self.event = event
         self._ticks = 0
-        self.surfaces = tuple(
-            Surface(name, piece.skin, piece.skin.vertices.copy())
-            for name, piece in zip(PIECES, self._pieces, strict=True)
-        )
 
     @property
     def _elapsed(self) -> float:
-        """Time since the break, s."""
         return self._ticks * TICK_SECONDS
 
     @property
     def phase(self) -> Phase:
         """Whether the front still runs."""
-        return Phase.TEARING if self._elapsed < tear_course.RUN_SECONDS else Phase.TORN
+        return Phase.TEARING if self._elapsed < FRONT_SECONDS else Phase.TORN
 
     @property
     def settled(self) -> bool:
         """Whether nothing moves any more."""
-        return self._elapsed >= tear_course.SETTLED_SECONDS
+        return self._elapsed >= SETTLED_SECONDS
 
     @property
     def front(self) -> float:
-        """How far it has run (`tear_course.front`)."""
-        return tear_course.front(self._elapsed)
+        """How far it has run (`tear_front`)."""
+        return tear_front(self._elapsed)
 
     @property
-    def carried(self) -> float:
+    def swing(self) -> float:
+        """Part of the pull's displacement that the pieces still have (`tear_swing`)."""
+        return tear_swing(self._elapsed)
+
+    @property
+    def stress_left(self) -> float:
         """Part of its stress that the duct still has: 1 at the break, 0 when it is in two."""
         return max(0.0, 1.0 - self.front)
 
     def advance(self) -> None:
         """Advance by one tick."""
         self._ticks += 1
-
-    def draw(self, transforms: NDArray[np.float64]) -> None:
-        """Write the pieces' vertices as they are now."""
-        self._dissection.move(self.driven, transforms, part=tear_course.swing(self._elapsed))
-        for surface, piece, bound in zip(self.surfaces, self._pieces, self._bound, strict=True):
-            bound.deform(transforms, surface.vertices)
-            piece.open(self.front, surface.vertices)

@@ -3,8 +3,6 @@
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-import msgspec
-
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import (
     ApproachBreak,
@@ -12,10 +10,11 @@ from app.simulation.exercise import (
     GentleDissection,
     HoldStretch,
     LeastImpulse,
+    Outcome,
 )
 from app.simulation.measures import MeasureTaker
 
-__all__ = ["Figures", "Outcome", "Trial", "trial_of"]
+__all__ = ["Figures", "Trial", "trial_of"]
 
 
 class Figures(NamedTuple):
@@ -43,21 +42,6 @@ class Figures(NamedTuple):
     taker: MeasureTaker
     held: bool
     torn: bool
-
-
-class Outcome(msgspec.Struct, frozen=True):
-    """How an exercise has ended.
-
-    Attributes
-    ----------
-    passed
-        Whether its goal was reached within its limit.
-    reason
-        Why, in one sentence.
-    """
-
-    passed: bool
-    reason: str
 
 
 class Trial(ABC):

@@ -7,8 +7,7 @@ import viser
 from numba.core.dispatcher import Dispatcher
 from simulated import phantom, settle, tear
 
-from app.simulation.dissection import Dissection, default_preset
-from app.simulation.session import Session
+from app.simulation import Dissection, Session, default_preset
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
@@ -34,15 +33,15 @@ def signatures() -> dict[str, set[str]]:
 
 def draw(scene: viser.SceneApi, session: Session) -> None:
     """Draw a session's surfaces as tissue and as stress."""
-    dissection = session.dissection
+    dissection = session.duct.dissection
     organ, radius = dissection.organ, dissection.organ.mean_radius
-    for index, surface in enumerate(session.surfaces):
+    for index, surface in enumerate(session.drawn.surfaces):
         skin = surface.skin
         axis = organ.axis_at(skin.stations)
         contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
         hook = HookPlace(dissection.axis_point(20.0), dissection.frame, radius)
-        contact.mark(surface.vertices, None if len(session.surfaces) > 1 else hook)
-        torn = (None, "last", "first")[0 if len(session.surfaces) == 1 else index + 1]
+        contact.mark(surface.vertices, None if len(session.drawn.surfaces) > 1 else hook)
+        torn = (None, "last", "first")[0 if len(session.drawn.surfaces) == 1 else index + 1]
         look = appearance_of(dissection.preset)
         tissue = Tissue(scene, f"/{surface.name}", contact, look=look, radius=radius, torn_end=torn)
         tissue.show(contact.vertices, contact.shade)
@@ -55,14 +54,14 @@ def train(scene: viser.SceneApi, session: Session) -> None:
     session.show_chain(True)
     session.exercises_offered()
     session.grab(20.0)
-    session.hand_to(0.2 * session.deflection_limit)
+    session.move_hand(0.2 * session.duct.deflection_limit)
     settle(session)
     draw(scene, session)
-    session.let_go()
+    session.release()
     settle(session)
     session.set_grasp(12.0)
-    session.set_threshold(0.9 * session.threshold)
-    session.set_force(0.3 * session.force_limit)
+    session.set_threshold(0.9 * session.duct.threshold)
+    session.set_target_force(0.3 * session.duct.force_limit)
     settle(session)
     session.reading()
     session.ghost_reading()

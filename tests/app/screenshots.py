@@ -8,8 +8,7 @@ from browser import TrainerPage, close_browser, newest, running_browser, trainer
 from playwright.sync_api import expect
 from simulated import phantom
 
-from app.simulation.scripted_hand import CAREFUL, do_exercise
-from app.simulation.session import Session
+from app.simulation import CAREFUL, Session, do_exercise
 from app.trainer.server.trainer import Trainer
 
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "phone": (390, 844)}

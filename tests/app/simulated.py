@@ -3,11 +3,8 @@
 from functools import cache
 
 from app.command_line.load import shipped_organ
-from app.simulation.session import Phase, Session
+from app.simulation import TICKS_PER_SECOND, Phase, Replay, RunFile, Session
 from organ_geometry.organ import Organ
-
-SECONDS = 1.0 / 30.0
-"""One step."""
 
 
 @cache
@@ -16,21 +13,26 @@ def phantom() -> Organ:
     return shipped_organ()
 
 
+def replayed(run: RunFile, organ: Organ) -> RunFile:
+    """Return a run as it comes out when it is made again."""
+    return Replay(run.log, organ, vertices=300).run_file()
+
+
 def settle(session: Session, *, most_seconds: float = 30.0) -> None:
     """Step until nothing changes any more."""
-    for _ in range(round(most_seconds / SECONDS)):
-        if not session.step(SECONDS):
+    for _ in range(round(most_seconds * TICKS_PER_SECOND)):
+        if not session.advance():
             return
     raise AssertionError(f"still moving after {most_seconds} s: {session.reading()}")
 
 
 def pull(session: Session, force: float) -> None:
     """Pull with a force until the duct is at rest under it, or torn."""
-    session.set_force(force)
+    session.set_target_force(force)
     settle(session)
 
 
 def tear(session: Session) -> None:
     """Pull until the duct is in two pieces and at rest."""
-    pull(session, session.force_limit)
+    pull(session, session.duct.force_limit)
     assert session.reading().phase is Phase.TORN

@@ -13,7 +13,7 @@ import trimesh
 from program import refused, run
 
 from app.command_line.load import PRESET_NAMES
-from app.simulation.preset import presets
+from app.simulation import presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ

@@ -8,8 +8,16 @@ import pytest
 from simulated import phantom
 from tubes import LENGTH, RADIUS, tube
 
-from app.simulation.dissection import Dissection, default_preset, fits
-from app.simulation.preset import OrganBeam, Preset, RoundBeam, preset_named, presets
+from app.simulation import (
+    Dissection,
+    OrganBeam,
+    Preset,
+    RoundBeam,
+    default_preset,
+    fits,
+    preset_named,
+    presets,
+)
 from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.organ import Organ
 from physics import (

@@ -12,8 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.order import Order
-from app.simulation.preset import preset_named
-from app.simulation.session import Session
+from app.simulation import Session, preset_named
 from app.trainer.pages.downloads import SUFFIXES, download, order_on_screen
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
@@ -24,9 +23,9 @@ def session(preset: str = "thesis-bile-duct") -> Session:
     """A duct by another theory than the first, with a grasp and threshold of its own."""
     found = Session(phantom(), preset_named(preset), vertices=300, seed=5)
     found.choose_theory(Exact())
-    found.set_grasp(0.4 * found.dissection.beam.span)
-    found.set_threshold(1.2 * found.threshold)
-    found.step(1.0)
+    found.set_grasp(0.4 * found.duct.dissection.beam.span)
+    found.set_threshold(1.2 * found.duct.threshold)
+    found.advance(30)
     return found
 
 
@@ -47,15 +46,15 @@ def vtp(content: bytes) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
 def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     shown = session(preset)
-    pull(shown, 0.3 * shown.force_limit)
+    pull(shown, 0.3 * shown.duct.force_limit)
     order, reading = order_on_screen(shown), shown.reading()
-    assert order.dissection is shown.dissection
+    assert order.dissection is shown.duct.dissection
     assert order.theory.name == Exact().name
     assert order.force is not None
-    beam = shown.dissection.beam
-    pulled = order.theory.pull(beam, shown.grasp).to_force(order.force)
+    beam = shown.duct.dissection.beam
+    pulled = order.theory.pull(beam, shown.duct.grasp).to_force(order.force)
     assert pulled.deflection == pytest.approx(reading.deflection, rel=1e-6)
-    assert (order.grasp, order.threshold, order.seed) == (shown.grasp, shown.threshold, 5)
+    assert (order.grasp, order.threshold, order.seed) == (shown.duct.grasp, shown.duct.threshold, 5)
     assert order.force == reading.force > 0.0
     assert not order.torn
     assert order.break_event is not None
@@ -66,13 +65,13 @@ def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
 def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     shown = session()
     shown.grab(20.0)
-    shown.hand_to(5.0)
+    shown.move_hand(5.0)
     settle(shown)
     order = order_on_screen(shown)
     assert order.grasp == 20.0
     assert order.force is not None
     assert order.force == shown.reading().force > 0.0
-    beam = shown.dissection.beam
+    beam = shown.duct.dissection.beam
     again = order.theory.pull(beam, 20.0).to_force(order.force)
     assert again.deflection == pytest.approx(5.0, rel=1e-6)
 
@@ -80,21 +79,21 @@ def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
 def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     shown = session()
     shown.grab(20.0)
-    shown.hand_to(5.0)
+    shown.move_hand(5.0)
     settle(shown)
-    shown.let_go()
+    shown.release()
     shown.advance()
     reading, order = shown.reading(), order_on_screen(shown)
     assert reading.force == 0.0
     assert 0.0 < reading.deflection < 5.0
     assert order.force is not None
-    held = order.theory.pull(shown.dissection.beam, 20.0).to_force(order.force)
+    held = order.theory.pull(shown.duct.dissection.beam, 20.0).to_force(order.force)
     assert held.deflection == pytest.approx(reading.deflection, rel=1e-6)
 
 
 def test_still_meshes_are_the_duct_as_it_is() -> None:
     shown = session()
-    pull(shown, 0.3 * shown.force_limit)
+    pull(shown, 0.3 * shown.duct.force_limit)
     reading = shown.reading()
     mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
     assert isinstance(mesh, trimesh.Trimesh)
@@ -107,8 +106,8 @@ def test_still_meshes_are_the_duct_as_it_is() -> None:
     least = arrays["distance_to_break"].min()
     assert least == pytest.approx(reading.check.distance_to_break, abs=0.03)
     # With the session's edges the vertices are the session's.
-    order = replace(order_on_screen(shown), edge_length=shown._drawn.edge_length)
-    (drawn,) = shown.surfaces
+    order = replace(order_on_screen(shown), edge_length=shown.drawn.edge_length)
+    (drawn,) = shown.drawn.surfaces
     assert vtp(order.content(".vtp"))["points"] == pytest.approx(drawn.vertices, abs=1e-4)
 
 
@@ -123,10 +122,10 @@ def test_a_torn_duct_is_two_pieces_with_the_rim_that_is_seen() -> None:
     assert mesh.body_count == 2
     assert mesh.is_watertight
     # With the session's edges the pieces are the session's, to the bit.
-    edge_length = shown._drawn.edge_length
+    edge_length = shown.drawn.edge_length
     pieces = replace(order, edge_length=edge_length).pieces()
     assert pieces is not None
-    for surface, piece in zip(shown.surfaces, pieces, strict=True):
+    for surface, piece in zip(shown.drawn.surfaces, pieces, strict=True):
         assert surface.skin.vertices == pytest.approx(piece.skin.vertices, abs=1e-4)
 
 
@@ -136,7 +135,7 @@ def test_what_moves_goes_to_the_force_or_over_the_break(torn: bool) -> None:
     if torn:
         tear(shown)
     else:
-        pull(shown, 0.3 * shown.force_limit)
+        pull(shown, 0.3 * shown.duct.force_limit)
     order = order_on_screen(shown)
     end = None if torn else order.force
     moving = replace(order, force=end, torn=False)
@@ -155,11 +154,11 @@ def test_a_page_at_rest_goes_over_the_break() -> None:
 
 def test_a_duct_that_does_not_break_is_pulled_as_far_as_the_grasper_can() -> None:
     shown = Session(phantom(), preset_named("thesis-rubber"), vertices=300)
-    shown.set_threshold(shown.threshold_range[1])
-    shown.step(1.0)
+    shown.set_threshold(shown.duct.threshold_range[1])
+    shown.advance(30)
     order = order_on_screen(shown)
     rows = list(csv.reader(io.StringIO(download(shown, ".csv").content.decode())))
-    end = shown.force_limit if order.break_event is None else order.break_event.force
+    end = shown.duct.force_limit if order.break_event is None else order.break_event.force
     assert float(rows[-1][0]) == pytest.approx(end, rel=1e-8)
 
 
@@ -187,7 +186,9 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".ply", ".obj", ".vtp", ".csv"])
 def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     shown = session()
-    order = Order(shown.dissection, Cubic(), shown.grasp, force=1.0, frames=4, edge_length=2.0)
+    order = Order(
+        shown.duct.dissection, Cubic(), shown.duct.grasp, force=1.0, frames=4, edge_length=2.0
+    )
     path = tmp_path_factory.mktemp("orders") / f"organ{suffix}"
     assert order.write(path).files == (path,)
     assert path.read_bytes() == order.content(suffix)

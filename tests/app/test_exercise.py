@@ -5,24 +5,28 @@ from typing import NamedTuple
 
 import msgspec
 import pytest
-from simulated import SECONDS, phantom, settle
+from simulated import phantom, replayed, settle
 
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import (
+from app.simulation import (
+    CAREFUL,
+    TICK_SECONDS,
     ApproachBreak,
     Exercise,
+    Feedback,
     GentleDissection,
     HoldStretch,
-    LeastImpulse,
+    Outcome,
+    Session,
+    do_exercise,
+    preset_named,
+    presets,
+    read_run,
+    run_json,
 )
-from app.simulation.feedback import Feedback, feedback_visible
+from app.simulation.exercise import LeastImpulse, feedback_visible
 from app.simulation.measures import MeasureTaker
-from app.simulation.preset import preset_named, presets
-from app.simulation.replay import replayed
-from app.simulation.run_log import read_run, run_json
-from app.simulation.scripted_hand import CAREFUL, CLUMSY, HASTY, Manner, do_exercise
-from app.simulation.session import Session
-from app.simulation.trial import Figures, Outcome, Trial, trial_of
+from app.simulation.scripted_hand import CLUMSY, HASTY, Manner
+from app.simulation.trial import Figures, Trial, trial_of
 from organ_geometry.organ import Organ
 from physics import Exact, TautString, Theory
 
@@ -204,7 +208,7 @@ def exercises(session: Session) -> tuple[HoldStretch, ApproachBreak, GentleDisse
 
 
 def go(session: Session, *, most_seconds: float = 70.0) -> None:
-    for _ in range(round(most_seconds / SECONDS)):
+    for _ in range(round(most_seconds / TICK_SECONDS)):
         if session.run.over:
             return
         session.advance()
@@ -283,13 +287,13 @@ def test_limits_follow_from_the_duct_s_own_break(duct: str) -> None:
     assert hold.deflection_mm == pytest.approx(0.6 * event.deflection)
     assert hold.force_limit_N < event.force
     # Half of the strength in the band's middle, two thirds of it at the limit.
-    session.grab(session.grasp)
-    session.hand_to(0.5 * (gentle.low_mm + gentle.high_mm))
+    session.grab(session.duct.grasp)
+    session.move_hand(0.5 * (gentle.low_mm + gentle.high_mm))
     settle(session)
     reading = session.reading()
     assert reading.check.distance_to_break == pytest.approx(0.5, abs=1e-6)
     assert reading.force == pytest.approx(gentle.mean_force_limit_N, rel=1e-6)
-    session.hand_to(gentle.high_mm * (1.0 + gentle.overshoot_limit / 1.08))
+    session.move_hand(gentle.high_mm * (1.0 + gentle.overshoot_limit / 1.08))
     settle(session)
     reading = session.reading()
     assert reading.check.distance_to_break == pytest.approx(gentle.reserve_limit, abs=1e-6)
@@ -318,26 +322,29 @@ def test_nothing_but_the_hand_counts_in_an_exercise() -> None:
     assert event is not None
     for exercise in (hold, approach, gentle):
         session.start_exercise(exercise)
-        session.set_force(session.force_limit)
+        session.set_target_force(session.duct.force_limit)
         session.set_grasp(12.0)
-        session.set_threshold(2.0 * session.threshold)
+        session.set_threshold(2.0 * session.duct.threshold)
         session.advance(30)
         assert not session.run.started
         assert session.reading().force == 0.0
-        assert (session.grasp, session.threshold) == (25.4, pytest.approx(0.2115, abs=1e-4))
+        assert (session.duct.grasp, session.duct.threshold) == (
+            25.4,
+            pytest.approx(0.2115, abs=1e-4),
+        )
         # Nor while the hand holds it.
         session.grab(25.4)
-        session.hand_to(1.0)
+        session.move_hand(1.0)
         settle(session)
         held = session.reading()
-        session.set_force(session.force_limit)
+        session.set_target_force(session.duct.force_limit)
         session.set_grasp(12.0)
         session.advance(30)
         assert session.reading() == held
         assert {each.kind for each in session.run_file().log.inputs} == {"grab", "hand"}
         assert session.run_file().log.exercise_inputs == "hand"
         session.reset()
-    session.set_force(1.0)  # a free pull takes it again
+    session.set_target_force(1.0)  # a free pull takes it again
     settle(session)
     assert session.reading().force == 1.0
 
@@ -348,7 +355,7 @@ def test_a_teacher_can_let_sliders_in_and_the_run_says_so() -> None:
     event = session.reading().breaks_at
     assert event is not None
     session.start_exercise(approach, inputs="any")
-    session.set_force(0.97 * event.force)
+    session.set_target_force(0.97 * event.force)
     go(session)
     assert session.run.outcome is not None
     assert session.run.outcome.passed
@@ -375,7 +382,7 @@ def test_the_goal_is_seen_where_the_hand_holds_until_the_exercise_is_over() -> N
         session.advance()
         band = session.goal
         assert band is not None
-        session.hand_to(band[0] + 1e-6)
+        session.move_hand(band[0] + 1e-6)
         settle(session)
         distance = session.reading().check.distance_to_break
         assert distance == pytest.approx(approach.margin, abs=1e-5)
@@ -412,7 +419,7 @@ def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
     session.advance(300)
     assert session.run.seconds == 0.0
     session.grab(25.4)
-    session.hand_to(3.0)
+    session.move_hand(3.0)
     session.advance(30)
     assert session.run.seconds == pytest.approx(1.0)
     assert session.run.progress > 0.0
@@ -421,20 +428,20 @@ def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
 def test_an_exercise_keeps_its_numbers_and_its_grasp_wherever_the_hand_takes_hold() -> None:
     session = Session(phantom(), vertices=300)
     hold, *_ = offered = exercises(session)
-    middle = session.grasp
+    middle = session.duct.grasp
     for place in (middle + 8.0, middle - 5.0):
         session.start_exercise(hold)
         session.grab(place)
-        session.hand_to(hold.deflection_mm)
+        session.move_hand(hold.deflection_mm)
         go(session)
-        assert session.grasp == place
+        assert session.duct.grasp == place
         assert session.task_grasp == middle
         assert session.exercises_offered() == offered  # the same task as before
-    session.let_go()
+    session.release()
     settle(session)
     assert session.exercises_offered() == offered
     session.reset()
-    assert session.grasp == session.task_grasp == middle
+    assert session.duct.grasp == session.task_grasp == middle
     # A grasp that is asked for after the result is the next exercise's.
     session.start_exercise(hold)
     session.grab(middle + 8.0)
@@ -443,10 +450,10 @@ def test_an_exercise_keeps_its_numbers_and_its_grasp_wherever_the_hand_takes_hol
     assert session.task_grasp == 12.0
     assert session.exercises_offered() != offered
     session.reset()
-    assert session.grasp == 12.0
+    assert session.duct.grasp == 12.0
     # That of an earlier run can be started from again.
     session.start_exercise(hold, grasp=middle)
-    assert session.grasp == session.task_grasp == middle
+    assert session.duct.grasp == session.task_grasp == middle
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import SECONDS, phantom, pull, settle, tear
+from simulated import phantom, pull, settle, tear
 
-from app.simulation.clock import TICK_SECONDS, Clock
-from app.simulation.preset import preset_named, presets
-from app.simulation.pull_control import HAND_SPEED, PullControl
-from app.simulation.session import Phase, Session
+from app.simulation import TICK_SECONDS, Clock, Grasper, Phase, Session, preset_named, presets
+from app.simulation.grasper import HAND_SPEED
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from physics import Cubic, Exact
 
@@ -22,7 +20,7 @@ def session() -> Session:
 
 
 def lead(session: Session, deflection: float) -> None:
-    session.hand_to(deflection)
+    session.move_hand(deflection)
     settle(session)
 
 
@@ -53,34 +51,29 @@ def test_the_beam_answers_with_the_theory_s_force(session: Session) -> None:
     reading = session.reading()
     assert reading.deflection == 5.0
     assert reading.force == pytest.approx(
-        Exact().pull(session.dissection.beam, 18.0).to_deflection(5.0).force
+        Exact().pull(session.duct.dissection.beam, 18.0).to_deflection(5.0).force
     )
-    assert session.force_wanted == reading.force
-    rest = session.dissection.axis_point(18.0) - session.dissection.axis_point(0.0)
-    assert reading.hook[2] == pytest.approx(5.0 + rest @ session.dissection.frame[:, 2])
+    assert session.grasper.slider_force == reading.force
+    rest = session.duct.dissection.axis_point(18.0) - session.duct.dissection.axis_point(0.0)
+    assert reading.hook[2] == pytest.approx(5.0 + rest @ session.duct.dissection.frame[:, 2])
 
 
-def test_only_the_hand_s_way_along_the_pull_counts(session: Session) -> None:
+def test_a_hook_pulls_and_does_not_push(session: Session) -> None:
     session.grab(25.4)
-    x, y, z = session.reading().hook
-    session.hand_to_place((x + 7.0, y - 3.0, z + 4.0))
+    session.move_hand(4.0)
     settle(session)
-    assert session.reading().deflection == pytest.approx(4.0, rel=1e-12)
-    session.grab(20.0)
-    session.hand_to_place((x, y, session.reading().hook[2]))  # before the next tick as after it
-    settle(session)
-    assert session.reading().hook[2] == pytest.approx(z + 4.0, rel=1e-12)
-    session.hand_to_place((x, y, z - 9.0))  # a hook pulls and does not push
+    assert session.reading().deflection == 4.0
+    session.move_hand(-9.0)
     settle(session)
     assert session.reading().deflection == 0.0
 
 
 def test_the_hand_never_outruns_its_speed_and_arrives_without_a_jolt(session: Session) -> None:
-    session.set_threshold(session.threshold_range[1])
+    session.set_threshold(session.duct.threshold_range[1])
     session.grab(25.4)
-    session.hand_to(12.0)
+    session.move_hand(12.0)
     ways = [0.0]
-    while session.step(SECONDS):
+    while session.advance():
         ways.append(session.reading().deflection)
     speeds = np.diff(ways) / TICK_SECONDS
     assert speeds.max() <= HAND_SPEED * (1.0 + 1e-9)
@@ -92,35 +85,35 @@ def test_the_hand_never_outruns_its_speed_and_arrives_without_a_jolt(session: Se
 
 def test_a_drag_sent_twenty_times_a_second_moves_evenly_at_thirty() -> None:
     """A hand at 20 mm/s in steps of 50 ms: unfiltered, 0 or 1 mm from tick to tick."""
-    control = PullControl()
-    control.grab(0.0)
+    grasper = Grasper()
+    grasper.grab(0.0)
     moves = []
     for tick in range(90):
-        control.lead_to(20.0 * 0.05 * math.floor(tick * TICK_SECONDS / 0.05 + 1e-9))
-        before = control.deflection
-        control.advance(1.0)
-        moves.append(control.deflection - before)
+        grasper.move_hand(20.0 * 0.05 * math.floor(tick * TICK_SECONDS / 0.05 + 1e-9))
+        before = grasper.deflection
+        grasper.advance(1.0)
+        moves.append(grasper.deflection - before)
     steady = np.array(moves[30:])
     assert steady.mean() == pytest.approx(20.0 * TICK_SECONDS, rel=0.02)
     assert np.ptp(steady) < 0.35 * steady.mean()
 
 
 def test_the_follower_is_a_critically_damped_spring_in_closed_form() -> None:
-    control = PullControl()
-    control.grab(0.0)
-    control.lead_to(1.0)  # slow enough for the speed never to be limited
+    grasper = Grasper()
+    grasper.grab(0.0)
+    grasper.move_hand(1.0)  # slow enough for the speed never to be limited
     for tick in range(1, 10):
-        control.advance(1.0)
+        grasper.advance(1.0)
         t = 30.0 * tick * TICK_SECONDS
-        assert control.deflection == pytest.approx(1.0 - (1.0 + t) * math.exp(-t), rel=1e-12)
+        assert grasper.deflection == pytest.approx(1.0 - (1.0 + t) * math.exp(-t), rel=1e-12)
 
 
 def test_let_go_it_springs_back_quickly_and_damped(session: Session) -> None:
     session.grab(25.4)
     lead(session, 8.0)
-    session.let_go()
+    session.release()
     swing = []
-    while session.step(SECONDS):
+    while session.advance():
         reading = session.reading()
         assert reading.force == 0.0
         assert not reading.held
@@ -128,7 +121,10 @@ def test_let_go_it_springs_back_quickly_and_damped(session: Session) -> None:
     assert len(swing) < 25
     assert swing[-1] == 0.0
     assert -0.25 * 8.0 < min(swing) < -0.05 * 8.0  # once past rest, by exp(-pi z/sqrt(1 - z^2))
-    assert session.surfaces[0].vertices.tobytes() == session.surfaces[0].skin.vertices.tobytes()
+    assert (
+        session.drawn.surfaces[0].vertices.tobytes()
+        == session.drawn.surfaces[0].skin.vertices.tobytes()
+    )
     # x = x0 exp(-z w t) (cos + z/sqrt(1 - z^2) sin), to the last digit, tick by tick
     z, w = 0.5, 30.0
     fast = w * math.sqrt(1.0 - z * z)
@@ -141,20 +137,20 @@ def test_let_go_it_springs_back_quickly_and_damped(session: Session) -> None:
 def test_what_holds_may_change_without_the_duct_moving(session: Session) -> None:
     pull(session, 2.0)
     slid = session.reading()
-    session.grab(session.grasp)
+    session.grab(session.duct.grasp)
     settle(session)
     assert session.reading().deflection == slid.deflection
     assert session.reading().force == pytest.approx(2.0, rel=1e-9)
     lead(session, 6.0)
     force = session.reading().force
-    session.set_force(force)
+    session.set_target_force(force)
     settle(session)
     assert session.reading().deflection == pytest.approx(6.0, rel=1e-9)
-    session.let_go()
-    session.step(SECONDS)
-    session.step(SECONDS)
+    session.release()
+    session.advance()
+    session.advance()
     caught = session.reading().deflection
-    session.grab(session.grasp)
+    session.grab(session.duct.grasp)
     settle(session)
     assert session.reading().deflection == max(caught, 0.0)
 
@@ -172,10 +168,10 @@ def test_another_grasp_takes_the_duct_by_hand_as_it_is_there(session: Session) -
 def test_what_nobody_holds_tears_nowhere(session: Session) -> None:
     session.grab(25.4)
     lead(session, 12.0)
-    session.let_go()
+    session.release()
     session.advance(2)
     session.set_grasp(6.0)
-    session.set_threshold(session.threshold_range[0])
+    session.set_threshold(session.duct.threshold_range[0])
     settle(session)
     assert session.reading().deflection == 0.0
     assert session.reading().phase is Phase.INTACT
@@ -184,10 +180,10 @@ def test_what_nobody_holds_tears_nowhere(session: Session) -> None:
 def test_a_duct_caught_past_rest_is_pulled_and_not_pushed(session: Session) -> None:
     session.grab(25.4)
     lead(session, 8.0)
-    session.let_go()
+    session.release()
     while session.reading().deflection >= 0.0:
         session.advance()
-    session.set_force(0.5)
+    session.set_target_force(0.5)
     assert session.reading().force == 0.0
     session.advance()
     assert 0.0 < session.reading().force <= 0.5
@@ -198,33 +194,19 @@ def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> No
     pull(session, 2.0)
     across = np.interp(
         15.0,
-        session.dissection.beam_stations,
+        session.duct.dissection.beam_stations,
         Cubic()
-        .pull(session.dissection.beam, 25.4)
+        .pull(session.duct.dissection.beam, 25.4)
         .to_force(2.0)
-        .sample(session.dissection.beam_stations)
+        .sample(session.duct.dissection.beam_stations)
         .across,
     )
     taken = session.grab(15.0)
     assert taken == pytest.approx(across, rel=1e-9)
     settle(session)
     assert session.reading().deflection == taken
-    assert session.grasp == 15.0
+    assert session.duct.grasp == 15.0
     assert session.grab(math.nan) is None
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-@settings(deadline=None, max_examples=20)
-def test_a_place_on_the_duct_says_where_along_it_it_is(force: float, part: float) -> None:
-    session = Session(phantom(), vertices=300)
-    pull(session, force * 3.0)
-    session.grab(part * 50.8)
-    session.advance()  # the hook's place is the axis's there, as far out as it was
-    x, y, z = session.reading().hook
-    station = session.station_at((x, y, z))
-    assert station == pytest.approx(session.grasp, abs=0.02)  # straight between driving points
-    assert session.station_at((-99.0, y, z)) == 0.0
-    assert session.station_at((999.0, y, z)) == 50.8
 
 
 @pytest.mark.parametrize("name", list(presets()))
@@ -232,8 +214,8 @@ def test_a_hand_tears_every_duct_at_the_deflection_between_two_ticks(name: str) 
     session = Session(phantom(), preset_named(name), vertices=300)
     event = session.reading().breaks_at
     assert event is not None
-    session.grab(session.grasp)
-    lead(session, session.deflection_limit)
+    session.grab(session.duct.grasp)
+    lead(session, session.duct.deflection_limit)
     reading = session.reading()
     assert reading.phase is Phase.TORN
     assert reading.breaks_at is not None
@@ -246,15 +228,15 @@ def test_a_torn_duct_takes_no_hand(session: Session) -> None:
     tear(session)
     before = session.reading()
     session.grab(20.0)
-    session.hand_to(5.0)
-    session.let_go()
+    session.move_hand(5.0)
+    session.release()
     settle(session)
     assert session.reading() == before
 
 
 def test_a_hand_that_holds_nothing_moves_nothing(session: Session) -> None:
-    session.hand_to(5.0)
-    session.let_go()
+    session.move_hand(5.0)
+    session.release()
     settle(session)
     assert session.reading().deflection == 0.0
     assert session.run.seconds == 0.0
@@ -267,11 +249,11 @@ def test_any_number_for_the_hand_is_clamped_or_ignored(value: float, name: str) 
     session.grab(20.0)
     getattr(session, name)(value)
     settle(session)
-    low, high = session.grasp_range
-    assert low <= session.grasp <= high
+    low, high = session.duct.grasp_range
+    assert low <= session.duct.grasp <= high
     reading = session.reading()
     assert math.isfinite(reading.force)
-    assert 0.0 <= reading.deflection <= session.deflection_limit
+    assert 0.0 <= reading.deflection <= session.duct.deflection_limit
 
 
 INPUTS = st.lists(
@@ -292,15 +274,15 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
     inputs: list[tuple[str, float, int]],
 ) -> None:
     session = Session(phantom(), vertices=300)
-    most = 4.0 * session.force_limit  # a hand may pull harder than the slider
+    most = 4.0 * session.duct.force_limit  # a hand may pull harder than the slider
     torn = False
     for name, part, ticks in inputs:
         scale = {
-            "set_force": session.force_limit,
-            "grab": session.dissection.beam.span,
-            "hand_to": session.deflection_limit,
-            "set_grasp": session.dissection.beam.span,
-            "set_threshold": session.threshold_range[1],
+            "set_force": session.duct.force_limit,
+            "grab": session.duct.dissection.beam.span,
+            "hand_to": session.duct.deflection_limit,
+            "set_grasp": session.duct.dissection.beam.span,
+            "set_threshold": session.duct.threshold_range[1],
         }
         if name in scale:
             getattr(session, name)(part * scale[name])
@@ -308,7 +290,7 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
             getattr(session, name)()
         torn = torn and name != "reset"
         for _ in range(ticks):
-            shape = session.shape
+            shape = session.drawn.shape
             session.advance()
             reading = session.reading()
             assert all(map(math.isfinite, (reading.force, reading.deflection, *reading.hook)))
@@ -318,11 +300,11 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
                 assert not (reading.held and reading.check.broken)
             elif not torn:
                 torn = True
-                assert session.shape == shape + 1
+                assert session.drawn.shape == shape + 1
                 assert session.measures().tear is not None
             else:
-                assert session.shape == shape
-    vertices = [surface.vertices for surface in session.surfaces]
+                assert session.drawn.shape == shape
+    vertices = [surface.vertices for surface in session.drawn.surfaces]
     assert all(np.isfinite(each).all() for each in vertices)
     measures = session.measures()
     assert measures.maximum_force_N <= most
@@ -336,9 +318,9 @@ def test_idle_ticks_solve_nothing(session: Session, monkeypatch: pytest.MonkeyPa
     def solve(*_: object) -> None:
         raise AssertionError("an idle tick solves")
 
-    monkeypatch.setattr("app.simulation.grasped_duct.GraspedDuct.bear", solve)
+    monkeypatch.setattr("app.simulation.grasped_beam.GraspedBeam.solve", solve)
     for _ in range(100):
-        assert not session.step(SECONDS)
+        assert not session.advance()
 
 
 def test_uneven_real_time_comes_to_even_ticks() -> None:
@@ -357,7 +339,7 @@ def test_the_same_inputs_at_the_same_ticks_are_the_same_whatever_the_steps() -> 
     for most in (1, 2, 7):
         session = Session(phantom(), vertices=300)
         session.grab(22.0)
-        session.hand_to(7.0)
+        session.move_hand(7.0)
         for done in range(0, 42, most):
             session.advance(min(most, 42 - done))
         readings.append((session.reading(), session.measures()))

@@ -12,9 +12,7 @@ from app.haptics.device import DeviceError, DeviceOptions
 from app.haptics.hand import HandScript, SimulatedHand, Waypoint
 from app.haptics.servo_loop import LoopSettings
 from app.haptics.servo_process import FeltSetting, HookSnapshot, ServoProcess
-from app.simulation.reading import Phase
-from app.simulation.replay import Replay
-from app.simulation.session import Session
+from app.simulation import Phase, Replay, Session
 from app.trainer.client.client_state import ClientState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from physics import Exact, TautString
@@ -70,10 +68,10 @@ class Page:
         self.said.append(reason)
 
     def grab_by_device(self) -> bool:
-        return self.session.grab(self.session.grasp) is not None
+        return self.session.grab(self.session.duct.grasp) is not None
 
     def release(self) -> None:
-        self.session.let_go()
+        self.session.release()
 
 
 @pytest.fixture
@@ -189,7 +187,9 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
         until(lambda: servo.snapshot().deflection > 4.0)
         hook = servo.snapshot()
         assert hook.force == pytest.approx(
-            session.theory.pull(setting.beam, setting.grasp).to_deflection(hook.deflection).force,
+            session.duct.theory.pull(setting.beam, setting.grasp)
+            .to_deflection(hook.deflection)
+            .force,
             rel=1e-6,
         )
         assert hook.peak >= hook.deflection

@@ -15,7 +15,7 @@ from app.haptics.hand import read_hand
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_process import FeltSetting
-from app.simulation.preset import preset_named
+from app.simulation import preset_named
 from physics import Cubic
 
 ROOT = Path(__file__).parents[2]

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import SECONDS, phantom, settle
+from simulated import phantom, settle
 
-from app.simulation.clock import TICK_SECONDS
+from app.simulation import TICK_SECONDS, Phase, Replay, Session, loading_rates
 from app.simulation.measures import MeasureTaker
-from app.simulation.replay import Replay, loading_rates
-from app.simulation.session import Phase, Session
 from physics import BreakEvent, Cubic, RuptureCheck
 
 
@@ -103,7 +101,7 @@ def test_no_run_that_is_cut_short_is_smoother_than_a_movement_can_be(
 
 def test_a_yank_to_the_tear_has_no_smoothness_and_a_whole_pull_has_one() -> None:
     session = Session(phantom(), vertices=300)
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     while not session.run.over:
         session.advance()
     assert session.measures().tear is not None
@@ -111,7 +109,7 @@ def test_a_yank_to_the_tear_has_no_smoothness_and_a_whole_pull_has_one() -> None
     settle(session)
     session.reset()
     session.grab(25.4)
-    session.hand_to(6.0)
+    session.move_hand(6.0)
     settle(session)
     smoothness = session.measures().smoothness
     assert smoothness is not None
@@ -134,10 +132,10 @@ def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
     session = Session(phantom(), vertices=300)
     session.grab(25.4)
     for way in (2.0, 7.0, 4.0, 8.0):
-        session.hand_to(way)
+        session.move_hand(way)
         session.advance(9)
         if way == 4.0:
-            session.let_go()
+            session.release()
             session.advance(4)
             session.grab(25.4)
     run = session.run_file()
@@ -206,11 +204,12 @@ def test_a_session_s_measures_are_those_of_its_script() -> None:
     breaks = session.reading().breaks_at
     assert breaks is not None
     step = breaks.force / 0.75 / 30.0
-    session.set_force(1.0)
+    session.set_target_force(1.0)
     session.advance(30)
     forces = [min(step * tick, 1.0) for tick in range(1, 31)]
     deflections = [
-        Cubic().pull(session.dissection.beam, 25.4).to_force(force).deflection for force in forces
+        Cubic().pull(session.duct.dissection.beam, 25.4).to_force(force).deflection
+        for force in forces
     ]
     measures = session.measures()
     assert measures.time_s == 30 * TICK_SECONDS
@@ -231,10 +230,10 @@ def test_a_run_starts_with_the_first_pull_and_is_over_with_the_tear() -> None:
     session.set_grasp(20.0)
     session.advance(50)
     assert session.run.seconds == 0.0
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     while session.reading().phase is Phase.INTACT:
         assert not session.run.over
-        session.step(SECONDS)
+        session.advance()
     assert session.run.over
     measures, event = session.measures(), session.reading().breaks_at
     assert event is not None
@@ -251,7 +250,7 @@ def test_a_run_starts_with_the_first_pull_and_is_over_with_the_tear() -> None:
 
 def test_idle_time_under_a_held_force_still_counts() -> None:
     session = Session(phantom(), vertices=300)
-    session.set_force(1.0)
+    session.set_target_force(1.0)
     settle(session)
     before = session.measures()
     assert not session.advance(30)

@@ -11,8 +11,7 @@ from own_organ import said
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation.preset import OrganBeam
-from app.simulation.preset_file import read_preset
+from app.simulation import OrganBeam, read_preset
 from app.trainer.server.trainer import Trainer
 from organ_geometry.organ_file import read_organ
 from physics import THEORIES
@@ -62,7 +61,7 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
     """The thesis's 50.8 mm and 3.56 N are not those of an organ of 58 mm."""
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
-        assert view.session.dissection.preset.name == "thesis-bile-duct"
+        assert view.session.duct.dissection.preset.name == "thesis-bile-duct"
         view.state.practise_on(read_organ(tube_file))
         duct = tab.page.get_by_test_id("duct")
         expect(duct).to_contain_text("hollow, 58", timeout=PATIENCE)
@@ -70,7 +69,10 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
         expect(duct).not_to_contain_text("50.8")
         found = solved("--organ", tube_file, "--force", 0.1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")
-        assert view.session.dissection.clamps == (0.0, view.session.dissection.organ.length)
+        assert view.session.duct.dissection.clamps == (
+            0.0,
+            view.session.duct.dissection.organ.length,
+        )
         # The bar can still be had, and then says what it is.
         tab.open("Model")
         tab.choose("Duct", "Bile duct of the thesis")
@@ -87,7 +89,7 @@ def test_page_and_solve_show_the_same_digits(
         tab.open("Compare")
         tab.choose("Theory", label)
         session = newest(own_trainer).session
-        tab.wait_until(lambda: session.theory == THEORIES[name]())
+        tab.wait_until(lambda: session.duct.theory == THEORIES[name]())
         tab.open("Train")
         tab.slide("Force F (N)", 0.4)
         tab.wait_for_force(0.4)
@@ -144,17 +146,17 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         assert preset.beam.clamps_mm == (4.0, 54.5)
         assert preset.source.startswith("Yours: modulus, Poisson's ratio, strength, wall, clamps.")
         tab.press("Use these figures")
-        tab.wait_until(lambda: session.dissection.preset == preset)
-        assert session.dissection.clamps == (4.0, 54.5)
+        tab.wait_until(lambda: session.duct.dissection.preset == preset)
+        assert session.duct.dissection.clamps == (4.0, 54.5)
         found = solved("--organ", tube_file, "--preset", file, "--force", 0.1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")
         duct = tab.page.get_by_test_id("duct")
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
         # Another preset, and back from the file.
         tab.choose("Duct", "Own sections, assumed tissue")
-        tab.wait_until(lambda: session.dissection.preset.ships)
+        tab.wait_until(lambda: session.duct.dissection.preset.ships)
         tab.page.locator("input[type=file]").last.set_input_files(file)
-        tab.wait_until(lambda: session.dissection.preset == preset)
+        tab.wait_until(lambda: session.duct.dissection.preset == preset)
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
         # What cannot be is said, and not taken.
         tab.slide("Wall (mm)", 9.0)
@@ -166,7 +168,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         tab.page.locator("input[type=file]").last.set_input_files(bad)
         notice = tab.page.get_by_role("alert").filter(has_text="Not possible")
         expect(notice.first).to_contain_text("bad.toml is no preset")
-        assert session.dissection.preset == preset
+        assert session.duct.dissection.preset == preset
 
 
 def test_every_theory_s_threshold_is_shown(browser: Browser, trainer: Trainer) -> None:

@@ -10,8 +10,7 @@ from own_organ import DISTANCE, IMAGES, built_bar, said
 from program import refused, run
 from simulated import phantom
 
-from app.simulation.preset import presets
-from app.simulation.session import Session
+from app.simulation import Session, presets
 from assets import BILE_DUCT
 from organ_geometry.organ_file import read_organ
 from physics import THEORIES
@@ -80,16 +79,16 @@ def test_page_solve_and_export_agree_to_the_digit(
     bar = presets()[preset].beam.__class__.__name__ == "RoundBeam"
     which = () if bar else ("--organ", file)
     event = session.reading().breaks_at
-    force = 0.5 * (session.force_limit / 1.5 if event is None else event.force)
+    force = 0.5 * (session.duct.force_limit / 1.5 if event is None else event.force)
     solved = json.loads(said("solve", *which, *given, "--force", repr(force)))
     path = tmp_path / "curve.csv"
     exported = json.loads(
         said("export", file, "-o", path, *given, "--frames", 3, "--force", repr(force))
     )
-    assert session.threshold == solved["threshold_MPa"] == exported["threshold_MPa"]
+    assert session.duct.threshold == solved["threshold_MPa"] == exported["threshold_MPa"]
     found = None if event is None else event.force
     assert found == solved["breaks_at_N"] == exported["breaks_at_N"]
-    session.set_force(force)
+    session.set_target_force(force)
     while session.advance():
         pass
     reading = session.reading()

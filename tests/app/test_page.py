@@ -17,13 +17,19 @@ from browser import (
 from playwright.sync_api import Browser, Download, Locator, expect
 from simulated import phantom
 
-from app.simulation.exercise import ApproachBreak, GentleDissection
-from app.simulation.feedback import Feedback
-from app.simulation.reading import Phase
-from app.simulation.replay import Replay, series_csv
-from app.simulation.run_log import run_json
-from app.simulation.scripted_hand import CAREFUL, HASTY, do_exercise
-from app.simulation.session import Session
+from app.simulation import (
+    CAREFUL,
+    ApproachBreak,
+    Feedback,
+    GentleDissection,
+    Phase,
+    Replay,
+    Session,
+    do_exercise,
+    run_json,
+    series_csv,
+)
+from app.simulation.scripted_hand import HASTY
 from app.trainer.client.client_state import HAND_ONLY
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
@@ -65,16 +71,16 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         for step in range(1, 7):
             mouse.move(start[0], start[1] - 14.0 * step)
             tab.page.wait_for_timeout(80)
-        tab.wait_until(lambda: session.reading().by_hand and not session.step(0.0))
+        tab.wait_until(lambda: session.reading().by_hand and not session.advance(0))
         tab.page.wait_for_timeout(700)
         reading = session.reading()
         assert reading.deflection > 2.0
         # The hand sets the displacement where it has taken hold, the beam answers with the force.
-        assert session.grasp == pytest.approx(31.4, abs=0.7)
-        force = Cubic().pull(DUCT, session.grasp).to_deflection(reading.deflection).force
+        assert session.duct.grasp == pytest.approx(31.4, abs=0.7)
+        force = Cubic().pull(DUCT, session.duct.grasp).to_deflection(reading.deflection).force
         assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
         assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
-        assert tab.slider("Grasp (mm)") == pytest.approx(session.grasp, abs=0.051)
+        assert tab.slider("Grasp (mm)") == pytest.approx(session.duct.grasp, abs=0.051)
         assert seen(tab, "force")
         expect(tab.page.get_by_text(f"{force:.2f} N", exact=True)).to_be_visible()
         mouse.up()
@@ -129,7 +135,7 @@ def test_force_field_takes_a_wish_at_any_time_and_shows_what_acts(
         assert pause.bounding_box() == before
         field.focus()
         expect(field).not_to_be_focused()
-        assert session.force_wanted == 0.0
+        assert session.grasper.slider_force == 0.0
 
 
 def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer: Trainer) -> None:
@@ -144,7 +150,7 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
         tab.slide("Force F (N)", 2.5)
         tab.wait_for_force(2.5)
         tab.page.wait_for_timeout(500)
-        assert session.force_wanted == 2.5
+        assert session.grasper.slider_force == 2.5
         assert tab.slider("Force F (N)") == 2.5
 
 
@@ -170,7 +176,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         assert held.force == 3.0
         assert held.phase is Phase.INTACT
         shares = [stress.copy() for stress in view._shares(session)]
-        wanted = session.stress(np.empty_like(shares[0])) / session.threshold
+        wanted = session.stress(np.empty_like(shares[0])) / session.duct.threshold
         np.testing.assert_array_equal(shares[0], wanted)
         assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
         tab.page.wait_for_timeout(400)
@@ -196,7 +202,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
 def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
     browser: Browser, trainer: Trainer
 ) -> None:
-    beam = Session(phantom()).dissection.beam
+    beam = Session(phantom()).duct.dissection.beam
     points = ansys_points(beam, 25.4)
     assert points is not None
     first = TABLE_6_3.rows[0]
@@ -208,7 +214,7 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
     with trainer_page(browser, trainer.address) as tab:
         tab.open("Compare")
         tab.choose("Theory", "Finite elements (the thesis's reference)")
-        tab.wait_until(lambda: newest(trainer).session.theory.name == "fem")
+        tab.wait_until(lambda: newest(trainer).session.duct.theory.name == "fem")
         tab.open("Train")
         key = tab.page.get_by_test_id("plot-key")
         expect(key).to_contain_text("exact beam")
@@ -265,7 +271,7 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         tab.wait_until(lambda: seen(tab, "ghost"))
 
         tab.choose("Theory", "Exact beam")
-        tab.wait_until(lambda: session.theory == Exact())
+        tab.wait_until(lambda: session.duct.theory == Exact())
         tab.wait_until(lambda: tab.figure("deflection-mm") == pytest.approx(exact, rel=1e-5))
         tab.choose("Ghost", "None")
         expect(ghost).to_have_count(0)
@@ -418,9 +424,9 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         view.state._paused = True
         run = session.run
         middle = 0.5 * (gentle.low_mm + gentle.high_mm)
-        session.grab(session.grasp)
+        session.grab(session.duct.grasp)
         for tick in range(1, 46):
-            session.hand_to(middle * tick / 45.0)
+            session.move_hand(middle * tick / 45.0)
             session.advance()
         found = []
         while "s to go" in run.standing:
@@ -559,7 +565,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         )
         tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
-        tab.wait_until(lambda: session.threshold == pytest.approx(0.3))
+        tab.wait_until(lambda: session.duct.threshold == pytest.approx(0.3))
         tab.open("Learn")
         tab.page.keyboard.press("h")
         tab.page.get_by_test_id("heat-legend").wait_for()
@@ -574,7 +580,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         expect(tab.page.get_by_text("Force F (N)", exact=True)).to_have_count(0)
         expect(tab.page.get_by_test_id("plot-key")).to_have_count(0)
         session.grab(25.4)
-        session.hand_to(6.0)
+        session.move_hand(6.0)
         tab.wait_until(lambda: session.reading().deflection > 5.9)
         tab.page.wait_for_timeout(300)
         tab.wait_until(lambda: seen(tab, "skin"))
@@ -587,12 +593,12 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         # Time cannot be held, and the slider that is hidden is not taken from a browser.
         tab.page.keyboard.press("p")
         assert not view.state.paused
-        threshold = session.threshold
+        threshold = session.duct.threshold
         tab.page.evaluate(
             "() => window.__viserMutable.sendMessage({...window.__update, updates: {value: 400}})"
         )
         tab.page.wait_for_timeout(300)
-        assert session.threshold == threshold
+        assert session.duct.threshold == threshold
         tab.open("Learn")
         tab.press("Stop")
         outcome = tab.page.get_by_test_id("outcome")
@@ -629,7 +635,7 @@ def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
         expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
         tab.page.evaluate(WATCH)
         session.grab(25.4)
-        session.hand_to(2.0)
+        session.move_hand(2.0)
         # From 12 s to 18 s the figures are shown for 1.8 s and 1.5 s, and hidden after each.
         session.advance(12 * 30)
         tab.wait_until(lambda: len(tab.page.evaluate("() => window.__hidden")) >= 4)

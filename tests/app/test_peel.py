@@ -10,8 +10,8 @@ import pytest
 from program import refused, run
 
 from app.command_line.load import BED_NAMES
-from app.simulation.bed_preset import bed_presets
-from app.simulation.peel_scene import BeamTable, BedTable, HandTable, RodTable, StrandTable
+from app.simulation.bed.preset import bed_presets
+from app.simulation.bed.scene import BeamTable, BedTable, HandTable, RodTable, StrandTable
 
 ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "peel.md").read_text()

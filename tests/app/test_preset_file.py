@@ -10,20 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from own_organ import said
 from program import refused
-from simulated import phantom, pull, tear
+from simulated import phantom, pull, replayed, tear
 
-from app.simulation.preset import (
+from app.simulation import (
     LIMITS,
     OrganBeam,
     Preset,
     RoundBeam,
+    Session,
+    chosen_preset,
     preset_named,
+    preset_toml,
     presets,
+    read_preset,
+    read_run,
+    run_json,
 )
-from app.simulation.preset_file import chosen_preset, preset_toml, read_preset
-from app.simulation.replay import replayed
-from app.simulation.run_log import read_run, run_json
-from app.simulation.session import Session
 
 OWN = Preset(
     "mine",
@@ -164,8 +166,8 @@ def test_a_run_with_a_preset_of_one_s_own_is_made_again_to_the_bit(
 ) -> None:
     preset = msgspec.structs.replace(OWN, beam=beam)
     session = Session(phantom(), preset, vertices=300)
-    pull(session, 0.3 * session.force_limit)
-    session.set_grasp(0.4 * session.dissection.beam.span)
+    pull(session, 0.3 * session.duct.force_limit)
+    session.set_grasp(0.4 * session.duct.dissection.beam.span)
     tear(session)
     run = session.run_file()
     assert run.measures.tear is not None

@@ -13,24 +13,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program import refused, run
-from simulated import phantom, settle
+from simulated import phantom, replayed, settle
 
 from app.command_line.replay import replay
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.feedback import Feedback
-from app.simulation.preset import preset_named, presets
-from app.simulation.reading import Reading
-from app.simulation.replay import Replay, replayed, series_csv
-from app.simulation.run_log import (
+from app.simulation import (
+    CAREFUL,
+    TICK_SECONDS,
+    Feedback,
     OrganIdentity,
+    Phase,
+    Reading,
+    Replay,
     RunFile,
     RunFileError,
+    Session,
+    TheoryChoice,
+    do_exercise,
+    preset_named,
+    presets,
     read_run,
     run_json,
+    series_csv,
 )
-from app.simulation.scripted_hand import CAREFUL, do_exercise
-from app.simulation.session import Phase, Session
-from app.simulation.theory_choice import TheoryChoice
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry import Promise
@@ -52,22 +56,22 @@ def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
             if readings is not None:
                 readings.append(session.reading())
 
-    limit = session.deflection_limit / 1.15
-    session.grab(0.4 * session.dissection.beam.span)
+    limit = session.duct.deflection_limit / 1.15
+    session.grab(0.4 * session.duct.dissection.beam.span)
     for drag in range(12):
-        session.hand_to(limit * (0.3 + 0.2 * math.sin(0.7 * drag)))
+        session.move_hand(limit * (0.3 + 0.2 * math.sin(0.7 * drag)))
         advance(1 + drag % 3)
-    session.let_go()
+    session.release()
     advance(4)
-    session.set_force(0.2 * session.force_limit)
+    session.set_target_force(0.2 * session.duct.force_limit)
     advance(9)
-    session.set_grasp(0.55 * session.dissection.beam.span)
-    session.set_threshold(0.9 * session.threshold)
+    session.set_grasp(0.55 * session.duct.dissection.beam.span)
+    session.set_threshold(0.9 * session.duct.threshold)
     advance(3)
     session.choose_theory(Exact())
     advance(5)
-    session.grab(0.5 * session.dissection.beam.span)
-    session.hand_to(2.0 * limit)
+    session.grab(0.5 * session.duct.dissection.beam.span)
+    session.move_hand(2.0 * limit)
     while not session.run.over:
         advance(1)
     return session.run_file()
@@ -96,19 +100,19 @@ def test_a_run_made_again_is_equal_to_the_bit_through_json(name: str) -> None:
 def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
     session = Session(phantom(), vertices=300)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_force(0.5 * session.force_limit)
+    session.set_target_force(0.5 * session.duct.force_limit)
     session.advance(40)
     session.reset()
     session.set_grasp(20.0)
     session.advance(3)
     session.set_grasp(22.0)
     session.grab(21.0)
-    session.hand_to(6.3)
+    session.move_hand(6.3)
     session.advance(17)
-    session.set_force(1.1)
+    session.set_target_force(1.1)
     session.advance(12)
     session.finish()
-    session.set_force(0.0)
+    session.set_target_force(0.0)
     session.advance(5)
     original = session.run_file()
     assert original.log.ticks == 29
@@ -120,40 +124,36 @@ def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
 def test_a_pull_right_after_a_reset_starts_from_a_duct_never_pulled(label: str) -> None:
     session = Session(phantom(), vertices=300)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_force(0.5 * session.force_limit)
+    session.set_target_force(0.5 * session.duct.force_limit)
     session.advance(40)
     session.reset()
-    assert session.grab(session.grasp) == 0.0
-    session.hand_to(4.7)
+    assert session.grab(session.duct.grasp) == 0.0
+    session.move_hand(4.7)
     session.advance(9)
     original = session.run_file()
     assert replayed(original, phantom()) == original
 
 
-def test_a_reset_does_not_take_the_last_run_away() -> None:
+def test_a_run_is_made_again_after_a_reset_and_another_preset() -> None:
     session = Session(phantom(), vertices=300)
-    assert session.last_run_file() is None
-    session.reset()
-    assert session.last_run_file() is None
     first = dragged(session)
     session.reset()
     session.reset()
-    assert session.last_run_file() == first
-    session.set_force(1.0)
+    assert replayed(first, phantom()) == first
+    session.set_target_force(1.0)
     session.advance(7)
     second = session.run_file()
     session.choose_preset("thesis-rubber")
     session.advance(3)
-    assert session.last_run_file() == second
     assert replayed(second, phantom()) == second
 
 
 def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
     session = Session(phantom(), vertices=300)
-    session.set_force(2.0)
+    session.set_target_force(2.0)
     session.advance(11)
     first = session.run_file()
-    session.set_force(0.5)
+    session.set_target_force(0.5)
     session.advance(5)
     assert replayed(first, phantom()) == first
     assert replayed(session.run_file(), phantom()) == session.run_file()
@@ -176,17 +176,17 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
     theories = (Cubic(), Exact(), TautString())
     for kind, part, ticks in inputs:
         if kind == "force":
-            session.set_force(part * session.force_limit)
+            session.set_target_force(part * session.duct.force_limit)
         elif kind == "grab":
             session.grab(part * 50.8)
         elif kind == "hand":
-            session.hand_to(part * session.deflection_limit)
+            session.move_hand(part * session.duct.deflection_limit)
         elif kind == "let-go":
-            session.let_go()
+            session.release()
         elif kind == "grasp":
             session.set_grasp(part * 50.8)
         elif kind == "threshold":
-            session.set_threshold(part * session.threshold_range[1])
+            session.set_threshold(part * session.duct.threshold_range[1])
         else:
             session.choose_theory(theories[min(int(3 * part), 2)])
         session.advance(ticks)
@@ -198,14 +198,14 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
 
 def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
     session = Session(phantom(), vertices=300)
-    session.set_threshold(session.threshold_range[1])
+    session.set_threshold(session.duct.threshold_range[1])
     over = threading.Event()
 
     def write(seed: int) -> None:
         random = np.random.default_rng(seed)
         while not over.is_set():
-            session.hand_to(0.5 * float(random.random()))
-            session.set_force(float(random.random()))
+            session.move_hand(0.5 * float(random.random()))
+            session.set_target_force(float(random.random()))
             session.grab(50.8 * float(random.random()))
             session.set_grasp(50.8 * float(random.random()))
             over.wait(0.002)
@@ -278,22 +278,24 @@ def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
 def test_torn_pieces_go_on_tick_by_tick_and_a_jump_back_shows_the_duct_at_rest() -> None:
     log = dragged(Session(phantom(), vertices=300)).log
     stepped, jumped = (Replay(log, phantom(), vertices=300) for _ in range(2))
-    rest = [surface.vertices.copy() for surface in stepped.session.surfaces]
+    rest = [surface.vertices.copy() for surface in stepped.session.drawn.surfaces]
     fronts: list[float] = []
     for tick in range(log.ticks, log.ticks + 60):
         stepped.seek_tick(tick)
-        front = stepped.session.tear_front
-        assert front is not None
-        fronts.append(front)
+        tear = stepped.session.duct.tear
+        assert tear is not None
+        fronts.append(tear.front)
     assert fronts[0] == 0.0
     assert fronts[-1] == 2.0
     assert all(np.diff(fronts) >= 0.0)
     jumped.seek_tick(log.ticks + 59)
-    for ours, other in zip(stepped.session.surfaces, jumped.session.surfaces, strict=True):
+    for ours, other in zip(
+        stepped.session.drawn.surfaces, jumped.session.drawn.surfaces, strict=True
+    ):
         assert ours.vertices.tobytes() == other.vertices.tobytes()
     stepped.seek_tick(0)
-    assert stepped.session.tear_front is None
-    (whole,) = stepped.session.surfaces
+    assert stepped.session.duct.tear is None
+    (whole,) = stepped.session.drawn.surfaces
     assert whole.vertices.tobytes() == rest[0].tobytes()
 
 
@@ -301,13 +303,13 @@ def test_the_torn_rim_is_the_one_that_was_seen() -> None:
     found = []
     for seed in (1, 7):
         session = Session(phantom(), vertices=600, seed=seed)
-        session.set_force(session.force_limit)
+        session.set_target_force(session.duct.force_limit)
         settle(session)
         again = Replay(session.run_file().log, phantom(), vertices=600)
         again.seek(1e9)
-        for own, other in zip(session.surfaces, again.session.surfaces, strict=True):
+        for own, other in zip(session.drawn.surfaces, again.session.drawn.surfaces, strict=True):
             assert own.vertices.tobytes() == other.vertices.tobytes()
-        found.append(session.surfaces[0].vertices.copy())
+        found.append(session.drawn.surfaces[0].vertices.copy())
     assert found[0].shape != found[1].shape or not np.array_equal(found[0], found[1])
 
 
@@ -373,13 +375,13 @@ def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None
     session.grab(25.4)
     for _ in range(100):
         for part in (0.1, 0.2, 0.3):  # between two ticks only the last one counts
-            session.hand_to(part * session.deflection_limit)
+            session.move_hand(part * session.duct.deflection_limit)
         session.set_grasp(25.4)
         session.advance()
     inputs = session.run_file().log.inputs
     assert len(inputs) <= 1 + 100
     for _ in range(100):
-        session.hand_to(1.0)
+        session.move_hand(1.0)
         session.advance()
     assert len(session.run_file().log.inputs) == len(inputs) + 1
 
@@ -390,7 +392,7 @@ def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None
 def good() -> dict[str, Any]:
     session = Session(phantom(), vertices=300)
     session.grab(20.0)
-    session.hand_to(5.0)
+    session.move_hand(5.0)
     session.advance(6)
     return json.loads(run_json(session.run_file()))
 
@@ -502,7 +504,7 @@ def test_the_command_takes_the_organ_s_own_file(
     ).organ
     write_organ(coarser, tmp_path / "own.organ")
     session = Session(read_organ(tmp_path / "own.organ"), vertices=300)
-    session.set_force(1.0)
+    session.set_target_force(1.0)
     session.advance(20)
     path = tmp_path / "run.json"
     path.write_bytes(run_json(session.run_file()))

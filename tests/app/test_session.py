@@ -9,10 +9,9 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import SECONDS, phantom, pull, settle, tear
+from simulated import phantom, pull, settle, tear
 
-from app.simulation.preset import preset_named, presets
-from app.simulation.session import Phase, Session
+from app.simulation import Clock, Phase, Session, preset_named, presets
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from organ_geometry.mesh.tear import SAG
 from organ_geometry.organ import Organ
@@ -39,7 +38,7 @@ def session() -> Session:
 def closed(session: Session) -> list[trimesh.Trimesh]:
     meshes = [
         trimesh.Trimesh(surface.vertices, surface.skin.faces, process=False)
-        for surface in session.surfaces
+        for surface in session.drawn.surfaces
     ]
     assert all(mesh.is_watertight and mesh.is_winding_consistent for mesh in meshes)
     return meshes
@@ -47,7 +46,7 @@ def closed(session: Session) -> list[trimesh.Trimesh]:
 
 def test_starts_at_rest_with_the_organ_to_the_bit(session: Session) -> None:
     settle(session)
-    surface = session.surfaces[0]
+    surface = session.drawn.surfaces[0]
     assert surface.vertices.tobytes() == surface.skin.vertices.tobytes()
     reading = session.reading()
     assert (reading.phase, reading.force, reading.deflection) == (Phase.INTACT, 0.0, 0.0)
@@ -62,7 +61,9 @@ def test_bends_by_what_the_beam_says(label: str, grasp: float) -> None:
     session.choose_theory(theory)
     session.set_grasp(grasp)
     pull(session, 1.5)
-    solved = theory.pull(session.dissection.beam, grasp).to_force(1.5).sample(np.array([grasp]))
+    solved = (
+        theory.pull(session.duct.dissection.beam, grasp).to_force(1.5).sample(np.array([grasp]))
+    )
     expected = solved.deflection
     reading = session.reading()
     assert reading.force == 1.5
@@ -70,10 +71,10 @@ def test_bends_by_what_the_beam_says(label: str, grasp: float) -> None:
     assert reading.hook[2] == pytest.approx(expected, abs=0.1)  # the axis's own unevenness
     assert reading.hook[0] == pytest.approx(solved.along[0], abs=0.02)  # it slides with the duct
     # The skin's ring at the grasp has moved by as much, along the pull and no other way.
-    surface = session.surfaces[0]
-    away = np.abs(surface.skin.stations - session.dissection.clamps[0] - grasp)
+    surface = session.drawn.surfaces[0]
+    away = np.abs(surface.skin.stations - session.duct.dissection.clamps[0] - grasp)
     moved = (surface.vertices - surface.skin.vertices)[away < away.min() + 1e-6].mean(axis=0)
-    frame = session.dissection.frame
+    frame = session.duct.dissection.frame
     assert moved @ frame[:, 2] == pytest.approx(expected, rel=0.03)  # half a ring off the grasp
     assert moved @ frame[:, 1] == pytest.approx(0.0, abs=1e-5)
     closed(session)
@@ -94,7 +95,7 @@ def test_default_duct_bears_the_force_below_the_thesis_s_break_and_tears_at_it()
 
 
 def test_a_jump_past_the_break_tears_at_the_break_not_at_the_jump(session: Session) -> None:
-    pull(session, session.force_limit)
+    pull(session, session.duct.force_limit)
     reading = session.reading()
     assert reading.breaks_at is not None
     assert reading.breaks_at.force == pytest.approx(BREAK, rel=1e-5)
@@ -104,16 +105,16 @@ def test_a_jump_past_the_break_tears_at_the_break_not_at_the_jump(session: Sessi
 def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
     session: Session,
 ) -> None:
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     while session.reading().phase is Phase.INTACT:
-        session.step(SECONDS)
-    assert [surface.name for surface in session.surfaces] == ["first_piece", "second_piece"]
-    up = session.dissection.frame[:, 2]
-    along = session.dissection.frame[:, 0]
+        session.advance()
+    assert [surface.name for surface in session.drawn.surfaces] == ["first_piece", "second_piece"]
+    up = session.duct.dissection.frame[:, 2]
+    along = session.duct.dissection.frame[:, 0]
     gaps: list[tuple[float, float]] = []
     while session.reading().phase is Phase.TEARING:
         assert session.reading().force == pytest.approx(BREAK, rel=1e-5)  # still pulled
-        first, second = session.surfaces
+        first, second = session.drawn.surfaces
         rim = first.skin.stations > first.skin.stations.max() - 1.5
         other = second.skin.stations < second.skin.stations.min() + 1.5
         gap = []
@@ -130,7 +131,7 @@ def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
             gap.append(ends[1] - ends[0])
         gaps.append((gap[0], gap[1]))
         closed(session)
-        session.step(SECONDS)
+        session.advance()
     opened = np.array(gaps) - gaps[0]
     assert (opened[len(opened) // 2 :, 0] > opened[len(opened) // 2 :, 1]).all()
     assert np.all(np.diff(opened[:, 0]) > 0.0)
@@ -138,15 +139,15 @@ def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
     assert session.reading().force == 0.0
 
     swung = []
-    while session.step(SECONDS):
+    while session.advance():
         closed(session)
-        swung.append((session.surfaces[0].vertices @ up).max())
+        swung.append((session.drawn.surfaces[0].vertices @ up).max())
     assert np.argmin(swung) < len(swung) - 5  # it swings past rest and comes back
     meshes = closed(session)
     assert meshes[0].bounds[1, 0] < meshes[1].bounds[0, 0]
     torn_at = session.reading().check.station
-    hang = SAG * session.dissection.organ.mean_radius
-    for surface in session.surfaces:  # nothing is left of the pull, and free ends hang down
+    hang = SAG * session.duct.dissection.organ.mean_radius
+    for surface in session.drawn.surfaces:  # nothing is left of the pull, and free ends hang down
         behind = np.abs(surface.skin.stations - torn_at) > 7.0  # mm: the rim is flared
         left = (surface.vertices - surface.skin.vertices)[behind] @ up
         assert left.max() == pytest.approx(0.0, abs=0.05)
@@ -155,22 +156,22 @@ def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
 
 def test_only_reset_brings_a_torn_duct_back(session: Session) -> None:
     tear(session)
-    shape = session.shape
-    session.set_force(1.0)
+    shape = session.drawn.shape
+    session.set_target_force(1.0)
     session.set_grasp(10.0)
     session.set_threshold(1.0)
     session.choose_theory(theory_named("string"))
     session.choose_preset("thesis-rubber")
     settle(session)
     assert session.reading().phase is Phase.TORN
-    assert session.dissection.preset.name == "thesis-bile-duct"
-    assert session.theory == Cubic()
-    assert session.shape == shape
+    assert session.duct.dissection.preset.name == "thesis-bile-duct"
+    assert session.duct.theory == Cubic()
+    assert session.drawn.shape == shape
     session.reset()
     settle(session)
     assert session.reading().phase is Phase.INTACT
     assert session.reading().breaks_at is not None
-    surface = session.surfaces[0]
+    surface = session.drawn.surfaces[0]
     assert surface.vertices.tobytes() == surface.skin.vertices.tobytes()
     pull(session, 2.0)
     assert session.reading().phase is Phase.INTACT
@@ -178,7 +179,7 @@ def test_only_reset_brings_a_torn_duct_back(session: Session) -> None:
 
 def test_lowered_threshold_tears_a_pulled_duct_at_the_force_it_is_under(session: Session) -> None:
     pull(session, 3.0)
-    session.set_threshold(0.5 * session.threshold)
+    session.set_threshold(0.5 * session.duct.threshold)
     settle(session)
     event = session.reading().breaks_at
     assert session.reading().phase is Phase.TORN
@@ -203,12 +204,14 @@ def test_any_number_from_a_browser_is_clamped_or_ignored(value: float, name: str
     getattr(session, f"set_{name}")(value)
     settle(session)
     reading = session.reading()
-    assert 0.0 <= reading.force <= session.force_limit
-    assert session.grasp_range[0] <= session.grasp <= session.grasp_range[1]
-    assert session.threshold_range[0] <= session.threshold <= session.threshold_range[1]
-    assert all(np.isfinite(surface.vertices).all() for surface in session.surfaces)
+    assert 0.0 <= reading.force <= session.duct.force_limit
+    assert session.duct.grasp_range[0] <= session.duct.grasp <= session.duct.grasp_range[1]
+    assert (
+        session.duct.threshold_range[0] <= session.duct.threshold <= session.duct.threshold_range[1]
+    )
+    assert all(np.isfinite(surface.vertices).all() for surface in session.drawn.surfaces)
     if not math.isfinite(value):
-        assert (reading.force, session.grasp) == (0.0, 25.4)
+        assert (reading.force, session.duct.grasp) == (0.0, 25.4)
 
 
 @pytest.mark.parametrize("name", list(presets()))
@@ -218,7 +221,7 @@ def test_every_preset_can_be_pulled_to_its_break_by_every_theory(name: str, labe
     session.choose_theory(OFFERED_THEORIES[label])
     event = session.reading().breaks_at
     assert event is not None
-    assert event.force < session.force_limit
+    assert event.force < session.duct.force_limit
     tear(session)
     torn = session.reading().breaks_at
     assert torn is not None
@@ -252,13 +255,13 @@ class EndingPull(CubicPull):
 
 def test_a_pull_stops_where_the_law_ends(session: Session) -> None:
     session.choose_theory(Ending(13.0))
-    session.set_threshold(session.threshold_range[1])
-    pull(session, session.force_limit)
+    session.set_threshold(session.duct.threshold_range[1])
+    pull(session, session.duct.force_limit)
     reading = session.reading()
     assert reading.breaks_at is None
     assert reading.phase is Phase.INTACT
     assert 12.0 < reading.deflection <= 13.0
-    assert session.force_wanted == reading.force
+    assert session.grasper.slider_force == reading.force
     deflections, forces = session.curve()
     assert len(deflections) == len(forces) > 2
     assert deflections[-1] <= 13.0
@@ -272,27 +275,27 @@ def test_a_law_that_ends_before_the_break_is_refused(session: Session) -> None:
     before = session.reading()
     with pytest.raises(NoEquilibrium):
         session.choose_theory(Ending(12.0))  # the duct breaks at 12.8 mm
-    assert session.theory == Cubic()
+    assert session.duct.theory == Cubic()
     settle(session)
     assert session.reading() == before
-    assert session.threshold == 0.15
+    assert session.duct.threshold == 0.15
 
 
 def test_a_grasp_that_the_law_cannot_carry_eases_the_pull(session: Session) -> None:
     session.choose_theory(Ending(13.0))
-    session.set_threshold(session.threshold_range[1])
+    session.set_threshold(session.duct.threshold_range[1])
     session.set_grasp(8.0)
     pull(session, 3.0)
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     settle(session)
     force = session.reading().force
     session.set_grasp(25.4)
     settle(session)
     reading = session.reading()
-    assert session.grasp == 25.4
+    assert session.duct.grasp == 25.4
     assert 0.0 < reading.force < force
     assert reading.deflection <= 13.0
-    assert session.force_wanted == reading.force
+    assert session.grasper.slider_force == reading.force
 
 
 def test_a_long_thin_organ_is_drawn_with_coarser_triangles() -> None:
@@ -300,18 +303,18 @@ def test_a_long_thin_organ_is_drawn_with_coarser_triangles() -> None:
         phantom().axis * [60.0, 1.0, 1.0], phantom().frames, phantom().keys, phantom().outer
     )
     session = Session(long, vertices=600)
-    assert len(session.surfaces[0].vertices) > 600
+    assert len(session.drawn.surfaces[0].vertices) > 600
     closed(session)
 
 
 def test_each_theory_has_its_own_threshold_for_the_same_break(session: Session) -> None:
-    beam = session.dissection.beam
-    cubic = session.threshold
+    beam = session.duct.dissection.beam
+    cubic = session.duct.threshold
     session.choose_theory(theory_named("string"))
-    assert session.threshold == pytest.approx(
+    assert session.duct.threshold == pytest.approx(
         calibrated_threshold(TautString().pull(beam, 25.4), BREAK), rel=1e-6
     )
-    assert session.threshold != pytest.approx(cubic, rel=0.1)
+    assert session.duct.threshold != pytest.approx(cubic, rel=0.1)
     tear(session)
     event = session.reading().breaks_at
     assert event is not None
@@ -329,26 +332,26 @@ def test_unknown_choices_change_nothing(session: Session) -> None:
 def test_curve_is_the_theory_s_and_passes_the_break(session: Session) -> None:
     deflections, forces = session.curve()
     expected = [
-        Cubic().pull(session.dissection.beam, 25.4).to_deflection(d).force for d in deflections
+        Cubic().pull(session.duct.dissection.beam, 25.4).to_deflection(d).force for d in deflections
     ]
     assert forces == pytest.approx(expected)
     event = session.reading().breaks_at
     assert event is not None
     assert deflections[0] == 0.0
     assert deflections[-1] > event.deflection
-    session.set_threshold(session.threshold_range[1])
-    pull(session, session.force_limit)
+    session.set_threshold(session.duct.threshold_range[1])
+    pull(session, session.duct.force_limit)
     deepest = session.reading().deepest
-    session.set_threshold(0.6 * session.threshold)  # the break is now far behind
+    session.set_threshold(0.6 * session.duct.threshold)  # the break is now far behind
     assert session.curve()[0][-1] > deepest
 
 
 def test_steps_of_any_length_lead_to_the_same_rest() -> None:
     readings = []
     for seconds in (1 / 240, 1 / 30, 0.1):
-        session = Session(phantom(), vertices=300)
-        session.set_force(2.0)
-        while session.step(seconds):
+        session, clock = Session(phantom(), vertices=300), Clock()
+        session.set_target_force(2.0)
+        while session.advance(clock.ticks(seconds)):
             pass
         readings.append(session.reading())
     assert readings[0] == readings[1] == readings[2]
@@ -356,9 +359,9 @@ def test_steps_of_any_length_lead_to_the_same_rest() -> None:
 
 def test_idle_steps_say_so_and_change_nothing(session: Session) -> None:
     pull(session, 1.0)
-    vertices = session.surfaces[0].vertices.copy()
-    assert not session.step(SECONDS)
-    assert np.array_equal(session.surfaces[0].vertices, vertices)
+    vertices = session.drawn.surfaces[0].vertices.copy()
+    assert not session.advance()
+    assert np.array_equal(session.drawn.surfaces[0].vertices, vertices)
 
 
 def test_sessions_do_not_share_state() -> None:

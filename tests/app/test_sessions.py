@@ -3,10 +3,10 @@
 import tracemalloc
 
 import pytest
-from simulated import SECONDS, phantom, pull
+from simulated import phantom, pull
 
-from app.simulation.session import Session
-from app.simulation.sessions import Sessions, SessionsFullError
+from app.simulation import Session
+from app.trainer.server.sessions import Sessions, SessionsFullError
 
 
 class Time:
@@ -103,12 +103,12 @@ def test_pulling_for_long_allocates_nothing_that_stays() -> None:
 
     def drag(ticks: int) -> None:
         for tick in range(ticks):
-            session.hand_to(3.0 + 2.0 * (tick % 7))
-            session.step(SECONDS)
+            session.move_hand(3.0 + 2.0 * (tick % 7))
+            session.advance()
             session.reading()
             session.measures()
 
-    session.set_threshold(session.threshold_range[1])
+    session.set_threshold(session.duct.threshold_range[1])
     drag(300)
     tracemalloc.start()
     try:

@@ -22,7 +22,7 @@ from program import ENTRY, command, refused
 from simulated import phantom
 from viser import CameraHandle, ClientHandle
 
-from app.simulation.session import Phase, Session
+from app.simulation import Phase, Session
 from app.trainer.server import trainer as server
 from app.trainer.server.trainer import AddressTakenError, Trainer
 from organ_geometry.organ_file import write_organ
@@ -94,7 +94,7 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
             field.focus()
             expect(field).not_to_be_focused()  # and take nothing
         session = newest(trainer)
-        tab.wait_until(lambda: not session.step(0.0))  # the pieces have stopped swinging
+        tab.wait_until(lambda: not session.advance(0))  # the pieces have stopped swinging
         gap = _gap(*drawn(trainer))
         tab.wait_until(lambda: _drawn_gap(tab) == pytest.approx(gap, abs=SINGLE_PRECISION))
         assert gap > 1.0  # mm between the longest of what is frayed
@@ -145,7 +145,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
         tab.page.locator("[data-testid=readout][data-threshold-kpa='300']").wait_for()
-        assert session.threshold == pytest.approx(0.3)
+        assert session.duct.threshold == pytest.approx(0.3)
 
         tab.open("Compare")
         tab.choose("Theory", "String (very large deflection)")
@@ -156,7 +156,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.open("Model")
         tab.choose("Duct", "Porcine gallbladder wall, pulled fast")
         tab.wait_for_force(0.0)
-        assert session.dissection.preset.name == "porcine-gallbladder"
+        assert session.duct.dissection.preset.name == "porcine-gallbladder"
         tab.open("Train")
         tab.slide("Force F (N)", 5.0)
         tab.wait_for_force(5.0)
@@ -179,8 +179,8 @@ def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer
         tab.wait_for_force(1.0)
         message = "{...window.__update, updates: {value: %s}}"
         for value, force in (
-            ("1e9", session.force_limit),
-            ("NaN", session.force_limit),
+            ("1e9", session.duct.force_limit),
+            ("NaN", session.duct.force_limit),
             ("-5", 0.0),
             ("Infinity", 0.0),
             ("'text'", 0.0),
@@ -357,7 +357,7 @@ def test_one_camera_callback_whatever_the_duct(
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
             tab.wait_until(
-                lambda name=preset: view._scene._clamps == view.session.dissection.clamps
+                lambda name=preset: view._scene._clamps == view.session.duct.dissection.clamps
             )
         assert len(callbacks) == 1
 

@@ -9,7 +9,7 @@ from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
 from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
-from app.simulation.session import Session
+from app.simulation import Session
 from app.trainer.server.client_view import ClientView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
@@ -325,7 +325,7 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
 
 
 def _wished(session: Session) -> float:
-    return session.force_wanted
+    return session.grasper.slider_force
 
 
 def test_targets_are_large_enough_and_motion_is_reduced_where_that_is_wanted(

@@ -9,8 +9,7 @@ from simulated import phantom
 from app.export.motion import Motion
 from app.export.order import Order
 from app.export.rigged_organ import rigged_organ
-from app.simulation.dissection import PIECES, Dissection
-from app.simulation.preset import preset_named
+from app.simulation import PIECES, Dissection, preset_named
 from organ_geometry.mesh.gltf_file import metres
 from organ_geometry.mesh.skin import Skin, organ_skin
 from organ_geometry.mesh.tear import TornPiece

@@ -18,8 +18,7 @@ from test_recorded_run import VERTICES, again, played, recorded
 from test_rigged_organ import SPECK
 
 from app.export.recorded_run import RUN
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import PIECES
+from app.simulation import PIECES, TICK_SECONDS
 from app.simulation.drawn_duct import DrawnDuct
 
 pytestmark = pytest.mark.long
@@ -184,7 +183,7 @@ def test_a_recorded_run_ends_as_the_session_drew_it(seen: dict[str, Seen]) -> No
     again(torn=True).seek_tick(10**6)
     last = seen["run"].shown(RUN)[-1][1]
     radius = 1e-3 * phantom().mean_radius
-    for surface in session.surfaces:
+    for surface in session.drawn.surfaces:
         drawn = walls(surface.skin, surface.vertices)
         assert largest(last[surface.name], drawn) < OF_RADIUS * radius
     seconds = recorded(torn=False).log.ticks * TICK_SECONDS

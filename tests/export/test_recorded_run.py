@@ -15,13 +15,17 @@ from simulated import phantom
 from app.command_line.replay import replay
 from app.export.motion import WHOLE
 from app.export.recorded_run import RUN, RecordedRun
-from app.simulation.clock import TICK_SECONDS
+from app.simulation import (
+    AFTER_TEAR,
+    SETTLED_SECONDS,
+    TICK_SECONDS,
+    Phase,
+    Replay,
+    RunFile,
+    Session,
+    run_json,
+)
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.reading import Phase
-from app.simulation.replay import AFTER_TEAR, Replay
-from app.simulation.run_log import RunFile, run_json
-from app.simulation.session import Session
-from app.simulation.tear_course import SETTLED_SECONDS
 from physics import Exact
 
 OF_RADIUS = 1e-4
@@ -36,17 +40,17 @@ def recorded(*, torn: bool) -> RunFile:
     session = Session(phantom(), vertices=300, seed=SEED)
     session.grab(20.0)
     for drag in (3.0, 5.0, 2.0, 6.0):
-        session.hand_to(drag)
+        session.move_hand(drag)
         session.advance(6)
-    session.let_go()
+    session.release()
     session.advance(8)
-    session.set_force(1.5)
+    session.set_target_force(1.5)
     session.advance(12)
     session.set_grasp(28.0)
     session.choose_theory(Exact())
     session.advance(10)
     if torn:
-        session.set_force(session.force_limit)
+        session.set_target_force(session.duct.force_limit)
         while not session.run.over:
             session.advance()
     return session.run_file()
@@ -75,7 +79,7 @@ def test_a_viewer_shows_the_vertices_that_the_session_drew(torn: bool) -> None:
         if tick > ticks and not torn:
             continue
         again(torn=torn).seek_tick(tick)
-        for surface in session.surfaces:
+        for surface in session.drawn.surfaces:
             name = "organ" if surface.name == "skin" else surface.name
             shown = gltf.vertices(name, RUN, float(np.float32(tick * TICK_SECONDS)))
             drawn = walls(surface.skin, surface.vertices)
@@ -131,7 +135,7 @@ def test_pieces_have_the_rim_that_was_seen() -> None:
     edge_length = DrawnDuct(phantom(), VERTICES).edge_length
     pieces = played(torn=True).pieces(edge_length=edge_length)
     assert pieces is not None
-    for surface, piece in zip(again(torn=True).session.surfaces, pieces, strict=True):
+    for surface, piece in zip(again(torn=True).session.drawn.surfaces, pieces, strict=True):
         assert surface.skin.vertices.tobytes() == piece.skin.vertices.tobytes()
 
 
@@ -143,7 +147,7 @@ def test_too_few_or_too_many_frames_are_refused(frames: int) -> None:
 
 def test_a_run_of_no_ticks_is_refused() -> None:
     session = Session(phantom(), vertices=300)
-    session.set_force(1.0)
+    session.set_target_force(1.0)
     with pytest.raises(ValueError, match="no ticks has nothing to play"):
         RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=10)
 

@@ -12,7 +12,7 @@ from rigged import Rigged, keys_to_see, rigged
 
 from app.export.motion import Motion, MotionKey
 from app.export.rigged_organ import LEAD, rigged_organ
-from app.simulation.dissection import PIECES
+from app.simulation import PIECES
 from organ_geometry.mesh.gltf_file import metres
 
 OF_RADIUS = 1e-4

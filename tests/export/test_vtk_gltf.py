@@ -10,7 +10,7 @@ from test_rigged_organ import OF_RADIUS, SPECK, largest, size
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
-from app.simulation.dissection import PIECES
+from app.simulation import PIECES
 
 
 def blocks(path: Path, animation: str | None = None, time: float = 0.0) -> list[np.ndarray]:

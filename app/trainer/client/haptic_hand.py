@@ -6,8 +6,7 @@ measures, tear and replay see no difference.
 """
 
 from app.haptics.servo_process import FeltSetting, ServoProcess
-from app.simulation.reading import Phase
-from app.simulation.session import Session
+from app.simulation import Phase, Session
 from app.trainer.client.client_state import ClientState
 
 __all__ = ["HapticHand", "felt_in"]
@@ -18,7 +17,12 @@ TAKEN, LEFT = 0.3, 0.05
 
 def felt_in(session: Session) -> FeltSetting:
     """Return what a hand feels of a session's duct."""
-    return FeltSetting(session.theory, session.dissection.beam, session.grasp, session.threshold)
+    return FeltSetting(
+        session.duct.theory,
+        session.duct.dissection.beam,
+        session.duct.grasp,
+        session.duct.threshold,
+    )
 
 
 class HapticHand:
@@ -86,7 +90,7 @@ class HapticHand:
         if not self._holds:
             return
         # To the hand it has torn: the session follows, and tears at the same stress.
-        session.hand_to(session.deflection_limit if hook.torn else hook.peak)
+        session.move_hand(session.duct.deflection_limit if hook.torn else hook.peak)
         if hook.peak <= LEFT and not hook.torn:
             self._holds = False
             state.release()

@@ -20,8 +20,7 @@ from app.compression.organ_workbench import (
     OrganWorkbench,
 )
 from app.compression.report import DOUBTFUL
-from app.simulation.dissection import default_preset, fits
-from app.simulation.preset import presets
+from app.simulation import default_preset, fits, presets
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import figure, note, number, on_click, on_input
 from app.trainer.panel.dialog import Dialog

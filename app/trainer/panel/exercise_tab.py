@@ -4,9 +4,7 @@ import html
 
 import viser
 
-from app.simulation.exercise import Exercise, ExerciseInputs
-from app.simulation.feedback import Feedback
-from app.simulation.run_log import RunFile
+from app.simulation import Exercise, ExerciseInputs, Feedback, RunFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
@@ -86,7 +84,12 @@ class ExerciseTab:
     def take_offers(self) -> None:
         """Offer the exercises of the duct, for the grasp that they are set for."""
         session = self._state.session
-        key = (session.dissection, session.theory, session.task_grasp, session.threshold)
+        key = (
+            session.duct.dissection,
+            session.duct.theory,
+            session.task_grasp,
+            session.duct.threshold,
+        )
         if key == self._key:
             return
         self._key = key

@@ -4,8 +4,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from app.simulation.measures import Measures
-from app.simulation.trial import Outcome
+from app.simulation import Measures, Outcome
 from app.trainer.panel.controls import KPA_PER_MPA, figure
 
 __all__ = ["measures_html", "outcome_html"]

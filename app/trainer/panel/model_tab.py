@@ -1,13 +1,10 @@
-"""Model: which duct it is, when it tears, what is computed, and where its figures come from."""
+"""BeamModel: which duct it is, when it tears, what is computed, and where its figures come from."""
 
 import html
 
 import viser
 
-from app.simulation.dissection import fits
-from app.simulation.model import Model
-from app.simulation.preset import Preset
-from app.simulation.reading import Phase, Reading
+from app.simulation import BeamModel, Phase, Preset, Reading, fits
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.controls import (
@@ -78,7 +75,7 @@ class ModelTab:
         gui.add_html(note(_POINTS))
         self._thresholds = gui.add_html("")
         self._about = gui.add_html(self._about_html())
-        self._model: object = (session.dissection, session.theory)
+        self._model: object = (session.duct.dissection, session.duct.theory)
         self._solve_thresholds()
         on_work(self._preset, self._choose_preset)
         on_input(
@@ -100,7 +97,7 @@ class ModelTab:
     def take_ranges(self) -> None:
         """Bring the inputs and the text in line with the session's model."""
         session = self._state.session
-        model = (session.dissection, session.theory)
+        model = (session.duct.dissection, session.duct.theory)
         if model == self._model:
             return
         self._model = model
@@ -119,9 +116,9 @@ class ModelTab:
     def _offered(self) -> dict[str, Preset]:
         """Return the presets to choose from, by title; the last one of one's own is kept."""
         session = self._state.session
-        presets, organ = session.presets_offered(), session.dissection.organ
-        if not session.dissection.preset.ships:
-            self._own = session.dissection.preset
+        presets, organ = session.presets_offered(), session.duct.dissection.organ
+        if not session.duct.dissection.preset.ships:
+            self._own = session.duct.dissection.preset
         elif self._own is not None and fits(organ, self._own):
             presets.append(self._own)
         offered: dict[str, Preset] = {}
@@ -132,7 +129,7 @@ class ModelTab:
 
     def _title(self) -> str:
         """Return the title of the preset that is solved."""
-        now = self._state.session.dissection.preset
+        now = self._state.session.duct.dissection.preset
         titles = (title for title, preset in self._titles.items() if preset == now)
         return next(titles, now.label)
 
@@ -143,7 +140,7 @@ class ModelTab:
     def _choose_preset(self, title: object) -> None:
         state, preset = self._state, self._titles.get(str(title))
         session = state.session
-        if preset is None or preset == session.dissection.preset or state.in_exercise:
+        if preset is None or preset == session.duct.dissection.preset or state.in_exercise:
             return
         state.keep_run()
         state.attempt("Preparing the duct.", lambda: session.choose_preset(preset))
@@ -152,9 +149,9 @@ class ModelTab:
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
         """Return the threshold slider's ends, step and value, kPa, in round numbers."""
-        low, high = (KPA_PER_MPA * end for end in self._state.session.threshold_range)
+        low, high = (KPA_PER_MPA * end for end in self._state.session.duct.threshold_range)
         step = slider_step(high)
-        value = KPA_PER_MPA * self._state.session.threshold
+        value = KPA_PER_MPA * self._state.session.duct.threshold
         low, high, value = (round(step * round(end / step), 9) for end in (low, high, value))
         return low, high, step, value
 
@@ -166,7 +163,7 @@ class ModelTab:
             rows: list[str] = []
             for label, theory in OFFERED_THEORIES.items():
                 try:
-                    found = Model.of(state.session.dissection, theory)
+                    found = BeamModel.of(state.session.duct.dissection, theory)
                 except ValueError:
                     threshold, force = "–", "ends before"
                 else:
@@ -190,9 +187,9 @@ class ModelTab:
 
     def _about_html(self) -> str:
         session = self._state.session
-        preset, beam = session.dissection.preset, session.dissection.beam
+        preset, beam = session.duct.dissection.preset, session.duct.dissection.beam
         geometry = (
-            f"{session.dissection.section(session.theory)}. Area {beam.area:.1f} mm², "
+            f"{session.duct.dissection.section(session.duct.theory)}. Area {beam.area:.1f} mm², "
             f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "
             f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
             f"Poisson's ratio {beam.poisson_ratio:g}."

@@ -3,8 +3,7 @@
 import viser
 from viser import theme
 
-from app.simulation.reading import Reading
-from app.simulation.run_log import RunFile
+from app.simulation import Reading, RunFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
@@ -110,7 +109,7 @@ class Panel:
         set_if_changed(self._duct, content=duct_html(state.shown, figures=visible))
         self._legend.show(
             state.heat and visible,
-            state.shown.stress_range[1],
+            state.shown.duct.threshold,
             state.client.camera.aspect,
         )
         self._train.show(reading)

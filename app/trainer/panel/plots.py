@@ -7,8 +7,7 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from app.simulation.exercise import ApproachBreak, Exercise
-from app.simulation.replay import Series, loading_rates
+from app.simulation import ApproachBreak, Exercise, Series, loading_rates
 
 __all__ = ["Curve", "add_series_plots", "area", "axes", "dots", "key_html", "line"]
 

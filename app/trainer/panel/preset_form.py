@@ -6,10 +6,15 @@ from typing import Any
 import msgspec
 import viser
 
-from app.simulation.dissection import Dissection
-from app.simulation.model import Model
-from app.simulation.preset import LIMITS, OrganBeam, Preset
-from app.simulation.preset_file import preset_toml, read_preset
+from app.simulation import (
+    LIMITS,
+    BeamModel,
+    Dissection,
+    OrganBeam,
+    Preset,
+    preset_toml,
+    read_preset,
+)
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import (
     KPA_PER_MPA,
@@ -105,12 +110,12 @@ class PresetForm:
 
     def show(self) -> None:
         """Put the figures of the preset that is solved into the fields, if it is another."""
-        dissection = self._state.session.dissection
+        dissection = self._state.session.duct.dissection
         if dissection is self._dissection:
             return
         self._dissection, preset = dissection, dissection.preset
         first, second = dissection.clamps
-        model = Model.of(dissection, self._state.session.theory)
+        model = BeamModel.of(dissection, self._state.session.duct.theory)
         stress, force = preset.break_stress_MPa, preset.break_force_N
         figures = {
             "modulus": KPA_PER_MPA * preset.modulus_MPa,
@@ -135,13 +140,13 @@ class PresetForm:
         self._state.workers.background.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
-        dissection, theory = self._dissection, self._state.session.theory
+        dissection, theory = self._dissection, self._state.session.duct.theory
         if dissection is None:
             return
         try:
             preset, own = self._edited(dissection)
-            after = Model.of(Dissection.of(dissection.organ, preset), theory)
-            content = _change_html(Model.of(dissection, theory), after, own)
+            after = BeamModel.of(Dissection.of(dissection.organ, preset), theory)
+            content = _change_html(BeamModel.of(dissection, theory), after, own)
             fits = bool(own)
         except ValueError as error:
             content, fits = note(html.escape(str(error)), "figures-wrong"), False
@@ -257,7 +262,7 @@ def _told(preset: Preset, own: list[str]) -> dict[str, str]:
     }
 
 
-def _change_html(now: Model, after: Model, own: list[str]) -> str:
+def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
     """Return what other figures change, as HTML."""
     rows = "".join(
         f"<tr><td style='padding:1px 8px 1px 0;opacity:.8'>{name}</td>"
@@ -276,7 +281,7 @@ def _change_html(now: Model, after: Model, own: list[str]) -> str:
     )
 
 
-def _results(model: Model) -> tuple[tuple[str, float, str], ...]:
+def _results(model: BeamModel) -> tuple[tuple[str, float, str], ...]:
     """Return what follows from a preset's figures: name, value and unit."""
     beam = model.dissection.beam
     # Of a pull too small to stretch the beam.

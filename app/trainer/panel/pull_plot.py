@@ -7,11 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.simulation.dissection import Dissection
-from app.simulation.grasped_duct import GraspedDuct
-from app.simulation.model import Model
-from app.simulation.reading import Reading
-from app.simulation.session import Session
+from app.simulation import BeamModel, Dissection, GraspedBeam, Reading, Session
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.panel.plots import Curve, area, axes, dots, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
@@ -117,7 +113,12 @@ class PullPlot:
         event = reading.breaks_at
         self._take_others(session)
         with self._lock:
-            key = (session.dissection, session.theory, session.grasp, event and event.force)
+            key = (
+                session.duct.dissection,
+                session.duct.theory,
+                session.duct.grasp,
+                event and event.force,
+            )
             if key != self._key or reading.deepest > self._curve[0][-1]:
                 self._key = key
                 self._curve = session.curve()
@@ -136,12 +137,12 @@ class PullPlot:
 
     def _take_others(self, session: Session) -> None:
         """Have the thesis's cubic and the exact beam solved for another duct or grasp."""
-        dissection, grasp, chosen = session.dissection, session.grasp, session.theory
-        key = (dissection, grasp, chosen, session.threshold)
+        dissection, grasp, chosen = session.duct.dissection, session.duct.grasp, session.duct.theory
+        key = (dissection, grasp, chosen, session.duct.threshold)
         if key == self._others_key:
             return
         self._others_key = key
-        threshold = session.threshold
+        threshold = session.duct.threshold
 
         def solve() -> None:
             cubic = _curve(dissection, Cubic(), chosen, grasp, threshold)
@@ -204,6 +205,6 @@ def _curve(
     if theory == chosen:
         return None
     with suppress(ValueError):
-        duct = GraspedDuct(Model.of(dissection, theory), grasp, threshold)
+        duct = GraspedBeam(BeamModel.of(dissection, theory), grasp, threshold)
         return duct.curve(REFERENCE_POINTS)
     return None

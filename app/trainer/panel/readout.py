@@ -2,8 +2,7 @@
 
 import html
 
-from app.simulation.reading import Phase, Reading
-from app.simulation.session import Session
+from app.simulation import Phase, Reading, Session
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
 __all__ = ["duct_html", "hidden_readout_html", "readout_html", "zone", "zone_told"]
@@ -107,7 +106,7 @@ def readout_html(reading: Reading, state: str = "") -> str:
 
 def duct_html(session: Session, *, figures: bool) -> str:
     """Return which organ and which section of it are solved, and the strength as it is given."""
-    dissection, organ = session.dissection, session.dissection.organ
+    dissection, organ = session.duct.dissection, session.duct.dissection.organ
     own = dissection.own_sections
     name = html.escape(organ.name or "Your organ")
     shape = (
@@ -118,14 +117,16 @@ def duct_html(session: Session, *, figures: bool) -> str:
     strength = ""
     if figures:
         given = dissection.preset.strength
-        if session.threshold != session.given_threshold:
-            given = f"{given}; T moved by you from {KPA_PER_MPA * session.given_threshold:.6g} kPa"
+        if session.duct.threshold != session.duct.model.threshold:
+            given = (
+                f"{given}; T moved by you from {KPA_PER_MPA * session.duct.model.threshold:.6g} kPa"
+            )
         strength = f"<div data-testid='strength'>Strength as given: {html.escape(given)}.</div>"
     return (
         f"<div data-testid='duct' data-own-sections='{int(own)}' style='padding:0 14px 6px;"
         f"font-size:11px;line-height:1.35'><div><b>{name}</b>: {shape}.</div>"
         f"<div style='color:{colour}'>Solved as "
-        f"{html.escape(dissection.section(session.theory))}.</div>{strength}</div>"
+        f"{html.escape(dissection.section(session.duct.theory))}.</div>{strength}</div>"
     )
 
 

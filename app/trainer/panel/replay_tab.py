@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.simulation.run_log import RunFile, read_run, run_json
+from app.simulation import RunFile, read_run, run_json
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.result_page import run_csv, run_name

@@ -7,11 +7,17 @@ from typing import Literal
 import msgspec
 import viser
 
-from app.simulation.exercise import ApproachBreak
-from app.simulation.measures import Measures
-from app.simulation.replay import Replay, Series, series_csv
-from app.simulation.run_log import RunFile, run_json
-from app.simulation.scripted_hand import CAREFUL, do_exercise
+from app.simulation import (
+    CAREFUL,
+    ApproachBreak,
+    Measures,
+    Replay,
+    RunFile,
+    Series,
+    do_exercise,
+    run_json,
+    series_csv,
+)
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
@@ -32,7 +38,7 @@ _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
 def _series(run: RunFile, state: ClientState) -> Series:
-    organ = state.session.dissection.organ
+    organ = state.session.duct.dissection.organ
     return Replay(run.log, organ, vertices=FEW).series()
 
 
@@ -41,7 +47,7 @@ def _expert(run: RunFile, state: ClientState) -> Measures | None:
     if run.log.exercise is None:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = Replay(waiting, state.session.dissection.organ, vertices=FEW).session
+    session = Replay(waiting, state.session.duct.dissection.organ, vertices=FEW).session
     if session.goal is None:
         return None
     do_exercise(session, CAREFUL)

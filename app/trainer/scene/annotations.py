@@ -3,9 +3,7 @@
 import numpy as np
 import viser
 
-from app.simulation.dissection import Dissection
-from app.simulation.reading import Phase, Reading
-from app.simulation.session import Session
+from app.simulation import Dissection, Phase, Reading, Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand
@@ -42,7 +40,7 @@ class Annotations:
 
     def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
         """Draw what is wanted as it is now."""
-        dissection, whole = session.dissection, reading.phase is Phase.INTACT
+        dissection, whole = session.duct.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
             if dissection is not self._dissection:
                 self._remove()
@@ -85,23 +83,23 @@ class Annotations:
             return
         if self._goal is None:
             self._goal = GoalBand(self._client.scene)
-        frame = session.dissection.frame
+        frame = session.duct.dissection.frame
         # The duct's upper edge at rest, at the hook.
         rest = np.array(reading.hook) - (0.0, 0.0, reading.deflection)
         edge = self._first + frame @ rest + self._radius * frame[:, 2]
         low, high = (edge + each * frame[:, 2] for each in band)
-        self._goal.show(low, high, HALF_LENGTH * session.dissection.beam.span * frame[:, 0])
+        self._goal.show(low, high, HALF_LENGTH * session.duct.dissection.beam.span * frame[:, 0])
         self.say_standing(session, figures=figures)
 
     def _draw_overlay(self, session: Session, wanted: bool) -> None:
         if self._overlay is None:
             if not wanted:
                 return
-            dissection = session.dissection
+            dissection = session.duct.dissection
             self._overlay = Overlay(self._client.scene, dissection.organ, dissection.driving)
         self._overlay.visible = wanted
         if wanted:
-            self._overlay.show(session.transforms, session.dissection.frame[:, 2])
+            self._overlay.show(session.drawn.transforms, session.duct.dissection.frame[:, 2])
 
     def _draw_ghost(self, session: Session, figures: bool) -> None:
         ghost = session.ghost if figures else None
@@ -122,7 +120,7 @@ class Annotations:
             self._nodes = np.empty_like(chain.places)
         self._chain.visible = chain is not None
         if chain is not None:
-            dissection = session.dissection
+            dissection = session.duct.dissection
             aside = CHAIN_ASIDE * self._radius * dissection.frame[:, 1]
             np.matmul(chain.places, dissection.frame.T, out=self._nodes)
             self._nodes += self._first - aside

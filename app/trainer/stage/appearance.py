@@ -6,8 +6,7 @@ Drawn, not computed: no model of ours says what tissue looks like.
 from dataclasses import dataclass
 from typing import Literal
 
-from app.simulation.dissection import Dissection
-from app.simulation.preset import Preset, RoundBeam
+from app.simulation import Dissection, Preset, RoundBeam
 
 __all__ = [
     "Appearance",

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from app.simulation.bed_preset import bed_named
+from app.simulation.bed.preset import bed_named
 from physics import Beam
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
 from physics.quantity import finite, positive

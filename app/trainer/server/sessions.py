@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
 
-from app.simulation.session import Session
+from app.simulation import Session
 
 __all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
 

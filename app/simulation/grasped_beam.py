@@ -1,0 +1,199 @@
+"""The beam of a dissection by one theory, and its equilibria with the grasper at one place."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.dissection import Dissection
+from app.simulation.grasper import Load
+from physics import (
+    Beam,
+    BreakEvent,
+    NoEquilibrium,
+    Theory,
+    break_of,
+    check_rupture,
+    critical_stations,
+)
+
+__all__ = ["BeamModel", "GraspedBeam"]
+
+FORCE_RANGE = 1.5
+"""Largest force, in forces at break with a grasp in the middle: room to tear it off-centre too."""
+RAMP_SECONDS = 0.75
+"""Time in which the pull can grow from nothing to the force at break."""
+BOUNDLESS_DEFLECTION = 1.0
+"""Deflection, in spans, that sets the range of forces for a duct that cannot be broken."""
+PAST_BREAK = 1.15
+"""How far a hand or a curve goes, in deflections at break."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamModel:
+    """What is solved: found in full before a session takes it, so that a refusal changes nothing.
+
+    Attributes
+    ----------
+    dissection
+        The organ between its clamps.
+    theory
+        The theory that was chosen.
+    threshold
+        The preset's threshold for it, MPa.
+    break_force
+        Force at break with a grasp in the middle, N; the largest there is if it cannot break.
+    """
+
+    dissection: Dissection
+    theory: Theory
+    threshold: float
+    break_force: float
+
+    @classmethod
+    def of(cls, dissection: Dissection, theory: Theory) -> Self:
+        """Return the model of a dissection by a theory."""
+        beam = dissection.beam
+        threshold = dissection.preset.threshold(theory, beam)
+        middle = 0.5 * beam.span
+        event = break_of(theory.pull(beam, middle), threshold)
+        force = (
+            _farthest_force(theory, beam, middle) / FORCE_RANGE if event is None else event.force
+        )
+        return cls(dissection, theory, threshold, force)
+
+    @property
+    def force_limit(self) -> float:
+        """Largest force the grasper gives, N."""
+        return _rounded_up(FORCE_RANGE * self.break_force)
+
+    @property
+    def force_per_second(self) -> float:
+        """How fast the pull grows, N/s."""
+        return self.break_force / RAMP_SECONDS
+
+
+class GraspedBeam:
+    """A model's beam grasped at one place, in its last equilibrium.
+
+    What it comes to is a function of its parameters and of the loads solved so far, to the bit.
+
+    Parameters
+    ----------
+    model
+        What is solved.
+    grasp
+        Distance of the grasp from the first clamp, mm.
+    threshold
+        Stress at which the duct tears, MPa.
+
+    Attributes
+    ----------
+    model, grasp, threshold
+        As given.
+    stations
+        (N,) where the beam is sampled, mm: at the driving points and wherever the stress can be
+        highest, in this order.
+    pulled
+        The last equilibrium, sampled there.
+    driven
+        The same at the driving points.
+    check
+        The same, held against the threshold.
+    """
+
+    def __init__(self, model: BeamModel, grasp: float, threshold: float) -> None:
+        self.model, self.grasp, self.threshold = model, grasp, threshold
+        dissection = model.dissection
+        driving = dissection.beam_stations
+        critical = critical_stations(dissection.beam, grasp)
+        self._driving, self._critical = slice(0, driving.size), slice(driving.size, None)
+        self.stations = np.concatenate([driving, critical])
+        self._grasped = driving.size + int(np.searchsorted(critical, grasp))
+        place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
+        along, sideways, up = (dissection.frame.T @ place).tolist()
+        self._rest = float(along), float(sideways), float(up)
+        self._breaks_at: BreakEvent | None = None
+        self._break_known = False
+        self._pull = model.theory.pull(dissection.beam, grasp)
+        self.solve(Load("force", 0.0))
+
+    def renewed(self) -> "GraspedBeam":
+        """Return the same beam at rest, as if it had never been pulled."""
+        beam = GraspedBeam(self.model, self.grasp, self.threshold)
+        beam._breaks_at, beam._break_known = self._breaks_at, self._break_known
+        return beam
+
+    def solve(self, load: Load) -> None:
+        """Find the equilibrium under a load; a `NoEquilibrium` leaves the last one."""
+        if load.kind == "force":
+            pulled = self._pull.to_force(load.amount).sample(self.stations)
+        else:
+            pulled = self._pull.to_deflection(load.amount).sample(self.stations)
+        self.pulled = pulled
+        self.driven = pulled.part(self._driving)
+        self.check = check_rupture(pulled.part(self._critical), self.threshold)
+
+    @property
+    def breaks_at(self) -> BreakEvent | None:
+        """Load at which the duct would break; None if it cannot."""
+        if not self._break_known:
+            self._breaks_at, self._break_known = self.load_at(1.0), True
+        return self._breaks_at
+
+    def load_at(self, part: float) -> BreakEvent | None:
+        """Return the load under which the highest stress is a part of the threshold."""
+        beam = self.model.dissection.beam
+        return break_of(self.model.theory.pull(beam, self.grasp), part * self.threshold)
+
+    @property
+    def deflection_limit(self) -> float:
+        """Largest deflection that a hand can ask for, mm."""
+        event = self.breaks_at
+        if event is None:
+            return BOUNDLESS_DEFLECTION * self.model.dissection.beam.span
+        return PAST_BREAK * event.deflection
+
+    def hook(self, part: float = 1.0) -> tuple[float, float, float]:
+        """Return where the axis at the grasp is, by a part of the way (`Reading.hook`)."""
+        x, y, z = self._rest
+        slide = float(self.pulled.along[self._grasped]) - self.grasp
+        return x + part * slide, y, z + part * self.pulled.deflection
+
+    def deflection_at(self, station: float) -> float:
+        """Return how far the axis is pulled at a station, mm."""
+        if station == self.grasp:
+            return self.pulled.deflection
+        return float(np.interp(station, self.driven.stations, self.driven.across))
+
+    def curve(
+        self, count: int, *, deepest: float = 0.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return deflections and forces from rest past the break and past a deflection."""
+        last = max(self.deflection_limit, PAST_BREAK * deepest)
+        deflections = np.linspace(0.0, last, count)
+        pull = self.model.theory.pull(self.model.dissection.beam, self.grasp)
+        forces: list[float] = []
+        try:
+            forces.extend(pull.to_deflection(each).force for each in deflections.tolist())
+        except NoEquilibrium:
+            deflections = deflections[: len(forces)]
+        return deflections, np.array(forces)
+
+
+def _farthest_force(theory: Theory, beam: Beam, grasp: float) -> float:
+    """Return the force at a deflection that no duct needs, or where the theory ends, N."""
+    deflection = BOUNDLESS_DEFLECTION * beam.span
+    while True:
+        try:
+            return theory.pull(beam, grasp).to_deflection(deflection).force
+        except NoEquilibrium:
+            deflection *= 0.8
+
+
+def _rounded_up(value: float) -> float:
+    """Return the value rounded up to two digits, for the end of a scale."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit) * unit
