@@ -242,7 +242,7 @@ def test_a_hand_that_holds_nothing_moves_nothing(session: Session) -> None:
     assert session.run.seconds == 0.0
 
 
-@given(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["grab", "hand_to"]))
+@given(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["grab", "move_hand"]))
 @settings(deadline=None, max_examples=30)
 def test_any_number_for_the_hand_is_clamped_or_ignored(value: float, name: str) -> None:
     session = Session(phantom(), vertices=300)
@@ -259,7 +259,7 @@ def test_any_number_for_the_hand_is_clamped_or_ignored(value: float, name: str) 
 INPUTS = st.lists(
     st.tuples(
         st.sampled_from(
-            ["set_force", "grab", "hand_to", "let_go", "set_grasp", "set_threshold", "reset"]
+            ["set_target_force", "grab", "move_hand", "release", "set_grasp", "set_threshold", "reset"]
         ),
         st.floats(0.0, 1.0),
         st.integers(0, 6),
@@ -278,9 +278,9 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
     torn = False
     for name, part, ticks in inputs:
         scale = {
-            "set_force": session.duct.force_limit,
+            "set_target_force": session.duct.force_limit,
             "grab": session.duct.dissection.beam.span,
-            "hand_to": session.duct.deflection_limit,
+            "move_hand": session.duct.deflection_limit,
             "set_grasp": session.duct.dissection.beam.span,
             "set_threshold": session.duct.threshold_range[1],
         }

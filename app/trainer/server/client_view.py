@@ -65,7 +65,7 @@ class ClientView:
         self._panel = Panel(self.state)
         if look != "plain":
             self._watch_pace(may_simplify=look == "auto")
-        self._clock = Clock()  # of a replay
+        self._clock = Clock()
         self._notice: viser.NotificationHandle | None = None
         self.frames = 0
         self._undrawn = False
