@@ -259,7 +259,15 @@ def test_any_number_for_the_hand_is_clamped_or_ignored(value: float, name: str) 
 INPUTS = st.lists(
     st.tuples(
         st.sampled_from(
-            ["set_target_force", "grab", "move_hand", "release", "set_grasp", "set_threshold", "reset"]
+            [
+                "set_target_force",
+                "grab",
+                "move_hand",
+                "release",
+                "set_grasp",
+                "set_threshold",
+                "reset",
+            ]
         ),
         st.floats(0.0, 1.0),
         st.integers(0, 6),

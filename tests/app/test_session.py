@@ -196,7 +196,8 @@ def test_off_centre_pull_tears_at_the_near_clamp(session: Session) -> None:
 
 
 @given(
-    st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["target_force", "grasp", "threshold"])
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.sampled_from(["target_force", "grasp", "threshold"]),
 )
 @settings(deadline=None, max_examples=60)
 def test_any_number_from_a_browser_is_clamped_or_ignored(value: float, name: str) -> None:
