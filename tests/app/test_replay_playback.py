@@ -7,10 +7,7 @@ from threading import Thread
 import pytest
 from simulated import phantom
 
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.replay import Replay
-from app.simulation.run_log import RunFile
-from app.simulation.session import Session
+from app.simulation import TICK_SECONDS, Replay, RunFile, Session
 from app.trainer.client import replay_playback
 from app.trainer.client.replay_playback import ReplayPlayback
 
@@ -18,9 +15,9 @@ from app.trainer.client.replay_playback import ReplayPlayback
 @cache
 def a_run() -> RunFile:
     session = Session(phantom(), vertices=300)
-    session.set_force(0.4 * session.force_limit)
+    session.set_target_force(0.4 * session.duct.force_limit)
     session.advance(60)
-    session.set_force(0.0)
+    session.set_target_force(0.0)
     session.advance(30)
     return session.run_file()
 

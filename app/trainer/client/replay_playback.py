@@ -3,10 +3,7 @@
 import math
 import time
 
-from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.replay import Replay
-from app.simulation.run_log import RunFile
-from app.simulation.session import Session
+from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Replay, RunFile, Session
 from organ_geometry import Organ
 
 __all__ = ["ReplayPlayback"]

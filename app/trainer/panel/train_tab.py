@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from app.simulation.reading import Phase, Reading
+from app.simulation import Phase, Reading
 from app.trainer.client.client_state import HAND_ONLY, ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.pull_plot import PullPlot
@@ -30,13 +30,13 @@ class TrainTab:
         self._state = state
         session = state.session
         self._scale = 0.0
-        low, high = session.grasp_range
+        low, high = session.duct.grasp_range
         self._force = gui.add_slider(
             "Force F (N)",
             min=0.0,
-            max=session.force_limit,
-            step=_force_step(session.force_limit),
-            initial_value=session.force_wanted,
+            max=session.duct.force_limit,
+            step=_force_step(session.duct.force_limit),
+            initial_value=session.grasper.slider_force,
             hint="The grasper's whole force across the duct. Or drag the duct with the mouse.",
         )
         self._grasp = gui.add_slider(
@@ -44,7 +44,7 @@ class TrainTab:
             min=round(low, 1),
             max=round(high, 1),
             step=0.1,
-            initial_value=round(session.grasp, 1),
+            initial_value=round(session.duct.grasp, 1),
             hint="Where the hook holds the duct, from the left clamp",
         )
         self._hand_only = gui.add_html(note(HAND_ONLY, "hand-only"), visible=False)
@@ -73,18 +73,18 @@ class TrainTab:
     def take_ranges(self) -> None:
         """Bring the inputs' ranges in line with the session's."""
         session = self._state.session
-        model = session.dissection, session.theory
+        model = session.duct.dissection, session.duct.theory
         if model == self._model:
             return
         self._model = model
-        limit = session.force_limit
+        limit = session.duct.force_limit
         step = _force_step(limit)
         self._force.max, self._force.step = limit, step
         self._force.precision = max(0, -round(np.log10(step)))
-        low, high = session.grasp_range
+        low, high = session.duct.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
-        self._grasp.value = round(session.grasp, 1)
-        self._force.value = min(session.force_wanted, limit)
+        self._grasp.value = round(session.duct.grasp, 1)
+        self._force.value = min(session.grasper.slider_force, limit)
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -123,12 +123,12 @@ class TrainTab:
         if cause == self._cause and not reading.by_hand:
             return
         self._cause = cause
-        wanted = session.force_wanted if live and visible else 0.0
+        wanted = session.grasper.slider_force if live and visible else 0.0
         step = self._force.step
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
         if abs(self._force.value - force) > 1e-9:  # more than the page rounds a value of its own
             self._force.value = force
-        set_if_changed(self._grasp, value=round(session.grasp, 1))
+        set_if_changed(self._grasp, value=round(session.duct.grasp, 1))
 
 
 def _force_step(limit: float) -> float:

@@ -6,10 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation.clock import Clock
-from app.simulation.reading import Phase, Reading
-from app.simulation.run import Run
-from app.simulation.session import Session
+from app.simulation import Clock, Phase, Reading, Run, Session
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.panel import Panel
@@ -109,10 +106,11 @@ class ClientView:
         if state.take_home():
             self._scene.frame_camera()
         playback = state.playback
+        ticks = self._clock.ticks(seconds)
         if playback is not None:
-            changed = playback.tick(self._clock.ticks(seconds))
+            changed = playback.tick(ticks)
         else:
-            changed = not state.paused and self.session.step(seconds)
+            changed = not state.paused and self.session.advance(ticks)
         visible = state.figures_visible
         changed |= state.take_change() | (visible != self._figures)
         self._figures = visible
@@ -149,12 +147,12 @@ class ClientView:
 
     def _shares(self, session: Session) -> Sequence[NDArray[np.float32]]:
         """Return the stress at the vertices of each surface, in parts of the threshold."""
-        if self._stress_of is not session or self._stress_shape != session.shape:
-            self._stress_of, self._stress_shape = session, session.shape
+        if self._stress_of is not session or self._stress_shape != session.drawn.shape:
+            self._stress_of, self._stress_shape = session, session.drawn.shape
             self._stress = [
-                np.empty(len(surface.vertices), np.float32) for surface in session.surfaces
+                np.empty(len(surface.vertices), np.float32) for surface in session.drawn.surfaces
             ]
-        threshold = session.stress_range[1]
+        threshold = session.duct.threshold
         for index, out in enumerate(self._stress):
             session.stress(out, index)
             out /= threshold

@@ -10,18 +10,14 @@ from collections.abc import Callable, Generator
 import viser
 
 from app.haptics.servo_process import FeltSetting, ServoProcess
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import Dissection, default_preset
-from app.simulation.exercise import ExerciseInputs
-from app.simulation.preset import Preset
-from app.simulation.session import Session
-from app.simulation.sessions import MOST_SESSIONS, Sessions, SessionsFullError
+from app.simulation import TICK_SECONDS, Dissection, ExerciseInputs, Preset, Session, default_preset
 from app.trainer.client.client_state import ClientState, Workers, explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.client_view import ClientView
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
+from app.trainer.server.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
