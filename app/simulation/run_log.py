@@ -15,7 +15,7 @@ from app.simulation.measures import Measures
 from app.simulation.preset import Preset
 from organ_geometry import Organ
 from physics import Cubic, Exact, Theory, theory_named
-from physics.exact import Law
+from physics.theory import LawName
 
 __all__ = [
     "MOST_INPUTS",
@@ -93,7 +93,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
     name: str
     q: float | Literal["fitted"] | None = None
     shear: bool = False
-    law: Law | None = None
+    law: LawName | None = None
 
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
@@ -101,7 +101,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
         if isinstance(theory, Cubic):
             choice = cls(theory.name, q=theory.q)
         elif isinstance(theory, Exact):
-            choice = cls(theory.name, shear=theory.shear, law=theory.law)
+            choice = cls(theory.name, shear=theory.law.shear, law=theory.law.name)
         else:
             choice = cls(theory.name)
         if choice.theory() != theory:

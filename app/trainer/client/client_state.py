@@ -8,11 +8,7 @@ from dataclasses import dataclass, field
 import viser
 
 from app.compression.build_process import BuildProcess
-from app.simulation.exercise import Exercise, ExerciseInputs
-from app.simulation.feedback import Feedback
-from app.simulation.reading import Phase
-from app.simulation.run_log import RunFile
-from app.simulation.session import Session
+from app.simulation import Exercise, ExerciseInputs, Feedback, Phase, RunFile, Session
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
@@ -232,13 +228,13 @@ class ClientState:
     def grab_by_device(self) -> bool:
         """Take the duct with the hand on the device, where the hook is."""
         self._begin_anew(True)
-        return self.session.grab(self.session.grasp) is not None
+        return self.session.grab(self.session.duct.grasp) is not None
 
     def set_target_force(self, force: float) -> None:
         """Set the force that the slider asks for; after a run that is over, as a new run."""
         if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
-            self.session.set_force(force)
+            self.session.set_target_force(force)
             # After the force is set: else the slider would be put back to none.
             self.pulls += renewed
 
@@ -249,7 +245,7 @@ class ClientState:
         self._begin_anew(True)
         event = self.session.reading().breaks_at
         if event is not None:
-            self.session.set_force(PAST_BREAK * event.force)
+            self.session.set_target_force(PAST_BREAK * event.force)
             self._paused = False
         self.pulls += 1
 
@@ -262,16 +258,16 @@ class ClientState:
             self.refuse("A torn duct holds no pull. Press Reset (R) for a new one.")
             return
         self._begin_anew(True)
-        first = session.dissection.clamps[0]
-        station = session.grasp if hold.station is None else hold.station - first
+        first = session.duct.dissection.clamps[0]
+        station = session.duct.grasp if hold.station is None else hold.station - first
         self._held_from = session.grab(station)
         self.move_hand(hold)
 
     def move_hand(self, hold: Hold) -> None:
         """Move the hand that has grabbed the duct."""
         if self._held_from is not None:
-            along_pull = float(hold.moved @ self.session.dissection.frame[:, 2])
-            self.session.hand_to(self._held_from + along_pull)
+            along_pull = float(hold.moved @ self.session.duct.dissection.frame[:, 2])
+            self.session.move_hand(self._held_from + along_pull)
 
     def release_hand(self) -> None:
         """Release the duct, if a hand holds it."""
@@ -281,12 +277,12 @@ class ClientState:
 
     def release(self) -> None:
         """Release the duct, whatever pulls it."""
-        self.session.let_go()
+        self.session.release()
         self.pulls += 1
 
     def start_replay(self, run: RunFile) -> ReplayPlayback:
         """Show a run again instead of the session, which stands still meanwhile."""
-        playback = ReplayPlayback(run, self.session.dissection.organ)
+        playback = ReplayPlayback(run, self.session.duct.dissection.organ)
         self.release_hand()
         playback.play()
         self._playback = playback
