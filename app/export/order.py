@@ -12,10 +12,10 @@ import numpy as np
 from app.export.delivery import Delivery
 from app.export.motion import RUN_STEP, Motion, check_frames, pull_motion, tear_motion
 from app.export.rigged_organ import ORGAN, rigged_organ
+from app.export.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
 from app.export.table import axis_table, curve_table
 from app.export.vtk_series import check_series_path, snapshot_content, write_series
-from app.simulation.dissection import PIECES, Dissection
-from app.simulation.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
+from app.simulation import PIECES, Dissection
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
 from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES

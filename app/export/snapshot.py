@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.simulation import tear_course
-from app.simulation.dissection import PIECES, Dissection
-from app.simulation.surface_stress import Stresses, SurfaceStress
+from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Stresses, SurfaceStress, tear_front
 from organ_geometry.mesh import Surface, organ_skin
 from physics import BreakEvent, Theory, critical_stations
 
@@ -124,7 +122,7 @@ def torn_snapshot(
             f"force of {force:g} N does not tear {dissection.preset.name}, it breaks at "
             f"{event.force:.4g} N; give that or more, or no force"
         )
-    gone = tear_course.front(tear_course.SETTLED_SECONDS)
+    gone = tear_front(SETTLED_SECONDS)
     pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
     surfaces = tuple(
         Surface(name, piece.skin, piece.open(gone, piece.skin.vertices.copy()))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.simulation.snapshot import Snapshot
+from app.export.snapshot import Snapshot
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import pvd_content, vtp_content
 

@@ -7,7 +7,7 @@ What is listed here is the package's public face; other packages import from it 
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits
-from app.simulation.drawn_duct import Stresses, Surface, SurfaceStress
+from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.duct import Duct, Reading
 from app.simulation.exercise import (
     ApproachBreak,
@@ -92,7 +92,6 @@ __all__ = [
     "Series",
     "Session",
     "Stresses",
-    "Surface",
     "SurfaceStress",
     "SwingingChain",
     "TheoryChoice",

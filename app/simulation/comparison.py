@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.drawn_duct import Surface
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Load
-from organ_geometry.mesh import Skin
+from organ_geometry.mesh import Skin, Surface
 from physics import Beam, MassSpringChain, NoEquilibrium, RuptureCheck
 
 __all__ = ["SWINGS_PER_SECOND", "Ghost", "GhostReading", "SwingingChain"]
@@ -71,7 +70,8 @@ class Ghost:
 
     def __init__(self, model: BeamModel, skin: Skin) -> None:
         self.model = model
-        self.surface = Surface("ghost", skin, model.dissection.driving)
+        self.surface = Surface("ghost", skin, skin.vertices.copy())
+        self._bound = skin.bound_to(model.dissection.driving)
         self._transforms = model.dissection.rest_transforms()
         self._axis = model.dissection.driving.positions.copy()
         self._beam: GraspedBeam | None = None
@@ -98,7 +98,7 @@ class Ghost:
         if self._beam is None:
             return
         driven, dissection = self._beam.driven, self.model.dissection
-        self.surface.follow(dissection.move(driven, self._transforms))
+        self._bound.deform(dissection.move(driven, self._transforms), self.surface.vertices)
         frame, positions = dissection.frame, dissection.driving.positions
         moved = np.outer(driven.along - driven.stations, frame[:, 0])
         np.add(positions, moved + np.outer(driven.across, frame[:, 2]), out=self._axis)

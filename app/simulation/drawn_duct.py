@@ -21,47 +21,13 @@ from numpy.typing import NDArray
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.tear import Tear
 from organ_geometry import Organ
-from organ_geometry.driving_points import DrivingPoints
-from organ_geometry.mesh import Skin, organ_skin
-from organ_geometry.mesh.tear import TornPiece
+from organ_geometry.mesh import BoundSkin, Skin, Surface, TornPiece, organ_skin
 from physics import Equilibrium, RuptureCheck
 
-__all__ = ["DrawnDuct", "Stresses", "Surface", "SurfaceStress", "fibre_shares"]
+__all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_shares"]
 
 CLAMP_DEPTH = 0.01
 """Part of the span by which the stress at a clamp goes on behind it."""
-
-
-class Surface:
-    """A closed surface that follows driving points: its faces stay, its vertices move.
-
-    Parameters
-    ----------
-    name
-        "skin" while the duct is whole, else "first_piece" or "second_piece"; "ghost".
-    skin
-        The surface at rest.
-    driving
-        The driving points.
-
-    Attributes
-    ----------
-    name, skin
-        As given.
-    vertices
-        (V, 3) places, mm; overwritten whenever it follows.
-    """
-
-    __slots__ = ("_bound", "name", "skin", "vertices")
-
-    def __init__(self, name: str, skin: Skin, driving: DrivingPoints) -> None:
-        self.name, self.skin = name, skin
-        self.vertices: NDArray[np.float32] = skin.vertices.copy()
-        self._bound = skin.bound_to(driving)
-
-    def follow(self, transforms: NDArray[np.float64]) -> None:
-        """Move the vertices with the driving points' (D, 3, 4) transforms less the identity."""
-        self._bound.deform(transforms, self.vertices)
 
 
 class DrawnDuct:
@@ -100,6 +66,7 @@ class DrawnDuct:
         self.transforms: NDArray[np.float64] = np.empty((0, 3, 4))
         self._seed = seed
         self._pieces: tuple[TornPiece, ...] = ()
+        self._bound: tuple[BoundSkin, ...] = ()
         self._stress: tuple[SurfaceStress, ...] | None = None
 
     def follow(self, dissection: Dissection) -> None:
@@ -110,7 +77,7 @@ class DrawnDuct:
 
     def show_whole(self) -> None:
         """Show the whole organ at rest."""
-        self._show((Surface("skin", self.skin, self._dissection.driving),))
+        self._show((Surface("skin", self.skin, self.skin.vertices.copy()),))
 
     def show_pieces(self, check: RuptureCheck) -> None:
         """Show the two pieces that the organ tears into where a criterion was met."""
@@ -118,7 +85,7 @@ class DrawnDuct:
         pieces = dissection.torn_at(check, edge_length=self.edge_length, seed=self._seed)
         self._show(
             tuple(
-                Surface(name, piece.skin, dissection.driving)
+                Surface(name, piece.skin, piece.skin.vertices.copy())
                 for name, piece in zip(PIECES, pieces, strict=True)
             ),
             pieces,
@@ -128,8 +95,8 @@ class DrawnDuct:
         """Write the surfaces' vertices as the beam has moved the driving points."""
         part = 1.0 if tear is None else tear.swing
         self._dissection.move(driven, self.transforms, part=part)
-        for surface in self.surfaces:
-            surface.follow(self.transforms)
+        for surface, bound in zip(self.surfaces, self._bound, strict=True):
+            bound.deform(self.transforms, surface.vertices)
         if tear is not None:
             for surface, piece in zip(self.surfaces, self._pieces, strict=True):
                 piece.open(tear.front, surface.vertices)
@@ -151,6 +118,7 @@ class DrawnDuct:
 
     def _show(self, surfaces: tuple[Surface, ...], pieces: tuple[TornPiece, ...] = ()) -> None:
         self.surfaces, self._pieces = surfaces, pieces
+        self._bound = tuple(each.skin.bound_to(self._dissection.driving) for each in surfaces)
         self._stress = None
         self.shape += 1
 

@@ -68,7 +68,7 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
         with trainer_page(drawing_browser, trainer.address, width=900, height=600) as tab:
             (view,) = trainer._views.values()
             session = view.session
-            (surface,) = session.surfaces
+            (surface,) = session.drawn.surfaces
             skin = surface.skin
 
             def draw(shares: np.ndarray) -> None:
@@ -85,7 +85,7 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
             shares = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
             share = np.clip(skin.grid(shares), 0.0, 1.0)
             node = "/organ/skin" if look == "full" else "/organ/skin_stress"
-            viewer = session.dissection.frame @ TOWARDS_VIEWER
+            viewer = session.duct.dissection.frame @ TOWARDS_VIEWER
             before, _ = _drawn_light(tab, node, viewer)
             draw(shares)
             tab.wait_until(lambda: (_drawn_light(tab, node, viewer)[0] != before).any())

@@ -12,7 +12,7 @@ from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
 from simulated import phantom, pull, tear
 
-from app.simulation.session import Phase, Session
+from app.simulation import Phase, Session
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.clamps import clamp_glb
@@ -30,8 +30,8 @@ def middle(height: float) -> np.ndarray:
 
 def contact_of(session: Session) -> Contact:
     """The marks on a session's only surface."""
-    dissection = session.dissection
-    skin = session.surfaces[0].skin
+    dissection = session.duct.dissection
+    skin = session.drawn.surfaces[0].skin
     return Contact(
         skin, dissection.organ.axis_at(skin.stations), dissection.frame, dissection.clamps, RADIUS
     )
@@ -39,7 +39,7 @@ def contact_of(session: Session) -> Contact:
 
 def test_clamps_flatten_the_ends_and_leave_the_rest() -> None:
     session = Session(phantom())
-    skin = session.surfaces[0].skin
+    skin = session.drawn.surfaces[0].skin
     contact = contact_of(session)
     contact.mark(skin.vertices, None)
     free = np.linalg.norm(contact._pinch, axis=1)
@@ -54,7 +54,7 @@ def test_clamps_flatten_the_ends_and_leave_the_rest() -> None:
 
 def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
     session = Session(phantom())
-    skin, contact = session.surfaces[0].skin, contact_of(session)
+    skin, contact = session.drawn.surfaces[0].skin, contact_of(session)
     wire, bend = wire_radius(RADIUS), bend_radius(RADIUS)
     depths = []
     contact.mark(skin.vertices, None)
@@ -93,9 +93,9 @@ def test_contact_kernel_is_its_python_form() -> None:
 
 def test_every_surface_knows_its_grids() -> None:
     session = Session(phantom())
-    surfaces = [*session.surfaces]
+    surfaces = [*session.drawn.surfaces]
     tear(session)
-    for surface in [*surfaces, *session.surfaces]:
+    for surface in [*surfaces, *session.drawn.surfaces]:
         skin = surface.skin
         assert skin.wall_size == len(skin.vertices) // 2  # the phantom is hollow
         assert np.all(np.diff(skin.grid(skin.stations), axis=0) > 0.0)
@@ -116,7 +116,7 @@ def test_every_surface_knows_its_grids() -> None:
 
 def tissue_of(scene: viser.SceneApi, session: Session, contact: Contact) -> Tissue:
     """The picture of a session's only surface."""
-    look = appearance_of(session.dissection.preset)
+    look = appearance_of(session.duct.dissection.preset)
     return Tissue(scene, "/organ/skin", contact, look=look, radius=RADIUS)
 
 
@@ -125,7 +125,7 @@ def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_ja
 ) -> None:
     session = Session(phantom())
     pull(session, 2.0)
-    (surface,) = session.surfaces
+    (surface,) = session.drawn.surfaces
     contact = contact_of(session)
     tissue = tissue_of(scene, session, contact)
     contact.mark(surface.vertices, None)
@@ -156,7 +156,7 @@ def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_ja
 def test_jaws_touch_what_they_hold() -> None:
     session = Session(phantom())
     contact = contact_of(session)
-    skin = session.surfaces[0].skin
+    skin = session.drawn.surfaces[0].skin
     contact.mark(skin.vertices, None)
     ring = contact.vertices[: skin.sides]
     clamp = trimesh.load(
@@ -173,7 +173,7 @@ def test_jaws_touch_what_they_hold() -> None:
 
 def test_rings_are_smooth_where_the_half_curves_meet() -> None:
     session = Session(phantom())
-    contact, skin = contact_of(session), session.surfaces[0].skin
+    contact, skin = contact_of(session), session.drawn.surfaces[0].skin
     contact.mark(skin.vertices, None)
     turns = []
     for vertices in (skin.vertices, contact.vertices):
@@ -212,7 +212,7 @@ def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: B
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
             (session,) = trainer.sessions.values()
             at_rest = fine_surface(tab)
-            session.set_force(2.5)
+            session.set_target_force(2.5)
             tab.wait_for_force(2.5)
             pulled = fine_surface(tab)
             moved = np.array(pulled["position"]) - np.array(at_rest["position"])
@@ -268,11 +268,11 @@ def test_slow_page_gets_the_simple_picture_and_a_way_back(
 
 def test_torn_is_said_only_of_pieces_that_are_apart() -> None:
     session = Session(phantom())
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     while session.reading().phase is not Phase.TORN:
         session.step(1.0 / 30.0)
     rims = []
-    for surface, end in zip(session.surfaces, (-1, 0), strict=True):
+    for surface, end in zip(session.drawn.surfaces, (-1, 0), strict=True):
         rims.append(surface.skin.grid(surface.vertices)[end])
     # Both rims have the same shape: what was one place has come apart, most where it tore first.
     gaps = (rims[1] - rims[0])[:, 0]

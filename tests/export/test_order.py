@@ -17,8 +17,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.order import SUFFIXES, Order
-from app.simulation.dissection import Dissection
-from app.simulation.preset import preset_named
+from app.simulation import Dissection, preset_named
 from organ_geometry.mesh.color import stress_colors
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic, check_rupture, critical_stations

@@ -9,8 +9,7 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
-from app.simulation.preset import Preset
-from app.simulation.session import Phase, Reading, Session, Surface
+from app.simulation import Phase, Preset, Reading, Session
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace, sink
@@ -20,6 +19,7 @@ from app.trainer.stage.stage import Stage
 from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from organ_geometry import Organ
+from organ_geometry.mesh import Surface
 
 __all__ = ["DuctScene"]
 
@@ -84,10 +84,12 @@ class DuctScene:
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(self._lift(stage, reading), self._client)
-            if self._session.shape != self._shape:
+            if self._session.drawn.shape != self._shape:
                 self._rebuild()
             if reading.phase is Phase.TORN:
-                stage.spill(appearance_of(self._session.dissection.preset), reading.check.station)
+                stage.spill(
+                    appearance_of(self._session.duct.dissection.preset), reading.check.station
+                )
             else:
                 stage.wipe()
             hook = self._place_hook(stage, reading)
@@ -127,7 +129,7 @@ class DuctScene:
 
     def _offer_hand(self) -> None:
         """Let the duct be held as it is drawn now, whole or in pieces."""
-        hand, dissection = self._hand, self._session.dissection
+        hand, dissection = self._hand, self._session.duct.dissection
         if hand is None:
             return
         hand.let_go()
@@ -142,7 +144,7 @@ class DuctScene:
     @property
     def _radius(self) -> float:
         """Radius of the duct as it is drawn, mm."""
-        return drawn_radius(self._session.dissection)
+        return drawn_radius(self._session.duct.dissection)
 
     def _place_hook(self, stage: Stage, reading: Reading) -> HookPlace | None:
         """Put the hook where it pulls, sunk into the wall, and return where that is."""
@@ -150,7 +152,7 @@ class DuctScene:
             up = LIFT_AFTER_TEAR * stage.radius
             stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)), (0.0, 0.0, 1.0))
             return None
-        dissection = self._session.dissection
+        dissection = self._session.duct.dissection
         share = 1.0 - reading.check.distance_to_break
         center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
         stage.place_hook(center, (0.0, 0.0, 1.0))
@@ -167,7 +169,7 @@ class DuctScene:
 
     def _set_stage(self) -> Stage:
         """Return the stage for the session's clamps, setting it anew when they have moved."""
-        dissection = self._session.dissection
+        dissection = self._session.duct.dissection
         organ, clamps = dissection.organ, dissection.clamps
         preset = dissection.preset
         shown = self._organ is organ and (self._clamps, self._preset) == (clamps, preset)
@@ -216,17 +218,17 @@ class DuctScene:
 
     def _rebuild(self) -> None:
         """Show the session's surfaces instead of those shown so far."""
-        self._shape = self._session.shape
+        self._shape = self._session.drawn.shape
         for drawn in self._drawn:
             drawn.tissue.remove()
-        dissection, scene = self._session.dissection, self._client.scene
+        dissection, scene = self._session.duct.dissection, self._client.scene
         organ, radius = dissection.organ, self._radius
         look = appearance_of(dissection.preset)
         if self._look == "full" and self._finish != (look, radius):
             self._finish = look, radius
             send_finish(scene, look, radius)
         self._drawn = []
-        for surface in self._session.surfaces:
+        for surface in self._session.drawn.surfaces:
             skin, node = surface.skin, f"/organ/{surface.name}"
             torn_end = TORN_ENDS.get(surface.name)
             contact = Contact(

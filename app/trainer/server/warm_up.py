@@ -11,9 +11,7 @@ import threading
 import numpy as np
 import viser
 
-from app.simulation.dissection import Dissection
-from app.simulation.preset import THESIS_PRESET, Preset, preset_named
-from app.simulation.session import Session
+from app.simulation import THESIS_PRESET, Dissection, Preset, Session, preset_named
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
@@ -53,13 +51,13 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
     session = Session(organ, preset)
     session.choose_ghost(Cubic())
     session.show_chain(True)
-    session.grab(session.grasp)
-    session.hand_to(0.5 * session.deflection_limit)
+    session.grab(session.duct.grasp)
+    session.move_hand(0.5 * session.duct.deflection_limit)
     session.advance(5)
     _write_stress(session)
-    session.let_go()
+    session.release()
     session.advance(5)
-    session.set_force(session.force_limit)
+    session.set_target_force(session.duct.force_limit)
     while session.advance():
         pass
     _write_stress(session)
@@ -118,14 +116,14 @@ class WarmUp:
 
 
 def _write_stress(session: Session) -> None:
-    for index, surface in enumerate(session.surfaces):
+    for index, surface in enumerate(session.drawn.surfaces):
         session.stress(np.empty(len(surface.vertices), np.float32), index)
 
 
 def _warm_drawing(session: Session) -> None:
-    dissection, skin = session.dissection, session.surfaces[0].skin
+    dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
     organ, radius = dissection.organ, dissection.organ.mean_radius
     axis = organ.axis_at(skin.stations)
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
-    contact.mark(session.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
+    contact.mark(session.drawn.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
