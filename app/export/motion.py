@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import tear_course
-from app.simulation.dissection import Dissection
-from app.simulation.reading import Phase, Reading
+from app.simulation import Dissection, Phase, Reading
 from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
@@ -51,7 +49,7 @@ class MotionKey:
     reading
         What the instruments show.
     front
-        How far the tear has run (`tear_course.front`); `WHOLE` while there is none.
+        How far the tear has run (`tear_front`); `WHOLE` while there is none.
     """
 
     time: float
@@ -193,17 +191,17 @@ def tear_motion(
     at_break = (
         theory.pull(dissection.beam, grasp).to_force(event.force).sample(dissection.beam_stations)
     )
-    run, settled = tear_course.RUN_SECONDS, tear_course.SETTLED_SECONDS
+    run, settled = FRONT_SECONDS, SETTLED_SECONDS
     elapsed = np.concatenate(
         [
             np.linspace(0.0, run, round(run / run_step) + 1),
             np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
         ]
     )
-    fronts = np.array([tear_course.front(each) for each in elapsed.tolist()])
+    fronts = np.array([tear_front(each) for each in elapsed.tolist()])
     torn = np.zeros((elapsed.size, *pull.transforms.shape[1:]))
     for key, seconds in enumerate(elapsed.tolist()):
-        dissection.move(at_break, torn[key], part=tear_course.swing(seconds))
+        dissection.move(at_break, torn[key], part=tear_swing(seconds))
     # The hook stays where it tore the duct, and what it read is the break's.
     tearing = replace(pull.readings[-1], phase=Phase.TEARING, held=False)
     parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)

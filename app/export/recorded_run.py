@@ -6,10 +6,7 @@ import numpy as np
 
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import Dissection
-from app.simulation.reading import Phase
-from app.simulation.replay import AFTER_TEAR, Replay
+from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Replay
 from organ_geometry.mesh import TornPiece, organ_skin
 
 __all__ = ["RUN", "RecordedRun"]
@@ -44,7 +41,7 @@ class RecordedRun:
         if not ticks:
             raise ValueError("a run of no ticks has nothing to play; pull, and wait a moment")
         replay.seek_tick(0)
-        dissection = session.dissection
+        dissection = session.duct.dissection
         shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
         # The first key is rest itself, to the bit.
         keys = [MotionKey(0.0, dissection.rest_transforms(), session.reading())]
@@ -52,10 +49,11 @@ class RecordedRun:
         while tick < last:
             tick += 1
             replay.seek_tick(tick)
-            front, time = session.tear_front, tick * TICK_SECONDS
+            tear, time = session.duct.tear, tick * TICK_SECONDS
+            front = None if tear is None else tear.front
             if front is None and tick not in shown:
                 continue
-            transforms, reading = session.transforms.copy(), session.reading()
+            transforms, reading = session.drawn.transforms.copy(), session.reading()
             if front is not None and keys[-1].front == WHOLE:
                 last = tick + AFTER_TEAR - 1
                 keys.append(MotionKey(time, transforms, reading))  # the whole organ as it breaks

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.motion import Motion
-from app.simulation.dissection import Dissection
+from app.simulation import Dissection
 from physics import Pull, critical_stations
 
 __all__ = ["axis_table", "curve_table"]

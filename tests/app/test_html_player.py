@@ -10,9 +10,7 @@ from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
 from app.export.order import Order
-from app.simulation.dissection import PIECES, Dissection
-from app.simulation.preset import preset_named
-from app.simulation.tear_course import SETTLED_SECONDS
+from app.simulation import PIECES, SETTLED_SECONDS, Dissection, preset_named
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, page_edge_length, pull_page
 from app.trainer.viser_bridge import recording_page
 from organ_geometry.mesh.skin import organ_skin

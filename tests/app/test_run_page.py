@@ -10,10 +10,7 @@ from simulated import phantom
 from test_html_player import AT_TOP, LARGEST
 
 from app.export.recorded_run import RecordedRun
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import PIECES
-from app.simulation.replay import Replay
-from app.simulation.session import Session
+from app.simulation import PIECES, TICK_SECONDS, Replay, Session
 from app.trainer.pages.html_player import REST_SECONDS, run_page
 from organ_geometry.mesh.skin import organ_skin
 
@@ -24,12 +21,12 @@ FIRST_TICK, SEEN_TICK = 10, 25
 def run(*, torn: bool = True) -> RecordedRun:
     session = Session(phantom(), vertices=300)
     session.grab(20.0)
-    session.hand_to(6.0)
+    session.move_hand(6.0)
     session.advance(FIRST_TICK)
-    session.hand_to(3.0)
+    session.move_hand(3.0)
     session.advance(20)
     if torn:
-        session.set_force(session.force_limit)
+        session.set_target_force(session.duct.force_limit)
         while not session.run.over:
             session.advance()
     return RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=2000)

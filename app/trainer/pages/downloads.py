@@ -4,8 +4,7 @@ import re
 from dataclasses import dataclass, replace
 
 from app.export.order import Order
-from app.simulation.reading import Phase
-from app.simulation.session import Session
+from app.simulation import Phase, Session
 from app.trainer.pages.html_player import page_edge_length, pull_page
 
 __all__ = ["SUFFIXES", "Download", "download", "order_on_screen"]
@@ -41,13 +40,13 @@ class Download:
 
 def order_on_screen(session: Session) -> Order:
     """Return a session's duct as an order: its theory, grasp, force and threshold, or its tear."""
-    dissection, grasp, reading = session.dissection, session.grasp, session.reading()
+    dissection, grasp, reading = session.duct.dissection, session.duct.grasp, session.reading()
     order = Order(
         dissection,
-        session.theory,
+        session.duct.theory,
         grasp,
         torn=reading.phase is not Phase.INTACT,
-        threshold=session.threshold,
+        threshold=session.duct.threshold,
         edge_length=page_edge_length(dissection.organ, VERTICES),
         seed=session.seed,
     )
@@ -70,7 +69,7 @@ def download(session: Session, suffix: str) -> Download:
 
 
 def _content(session: Session, suffix: str) -> bytes:
-    organ = session.dissection.organ
+    organ = session.duct.dissection.organ
     if suffix == ".organ":
         if not organ.encoded:
             raise ValueError("only an organ that was built from images has an organ file")
@@ -78,7 +77,7 @@ def _content(session: Session, suffix: str) -> bytes:
     order = order_on_screen(session)
     if suffix in (".stl", ".vtp"):
         return order.content(suffix)
-    order = _moving(order, session.force_limit, whole_curve=suffix == ".csv")
+    order = _moving(order, session.duct.force_limit, whole_curve=suffix == ".csv")
     if suffix == ".html":
         return pull_page(replace(order, edge_length=page_edge_length(organ))).encode()
     return order.content(suffix)
@@ -94,5 +93,5 @@ def _moving(order: Order, most: float, *, whole_curve: bool) -> Order:
 
 def _file_name(session: Session) -> str:
     """Return a name that every system takes."""
-    name = re.sub(r"[^\w-]+", "_", session.dissection.organ.name, flags=re.ASCII).strip("_")
+    name = re.sub(r"[^\w-]+", "_", session.duct.dissection.organ.name, flags=re.ASCII).strip("_")
     return name or "organ"
