@@ -10,7 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import Dissection, Phase, Reading
+from app.simulation import (
+    FRONT_SECONDS,
+    SETTLED_SECONDS,
+    Dissection,
+    Phase,
+    Reading,
+    tear_front,
+    tear_swing,
+)
 from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
