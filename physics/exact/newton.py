@@ -155,7 +155,7 @@ def _up(
     return beyond, largest, size
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def _half_step(
     nodes: Array,
     elements: Array,
@@ -193,7 +193,7 @@ def _half_step(
     return forces, _turn(largest, size)
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def _whole_step(
     nodes: Array,
     elements: Array,
@@ -354,7 +354,7 @@ def _three_part_step(
     return forces, _turn(max(max(largest, largest1), largest2), max(max(size, size1), size2))
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def _turn(largest: float, size: float) -> float:
     # Infinite where Newton's method has strayed.
     if largest > LARGEST_TURN or size > FARTHEST_TURN:
@@ -393,7 +393,7 @@ def newton(
     return LOST
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def _verdict(points: Array, fibres: Array | None, line: Array, grasp: int) -> int:
     """Return whether converged rotations are an equilibrium that pulling leads to."""
     if fibres is not None:
@@ -446,7 +446,7 @@ def rest(state: State, fibres: Array | None) -> None:
             fibres[VOLUME, i] = 1.0
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def climb(state: State, fibres: Array | None, grasp: int, control: int, target: float) -> int:
     """Pull the beam from rest until it meets the target; return the outcome."""
     _, _, _, line, memory, kept = state
@@ -481,7 +481,7 @@ def climb(state: State, fibres: Array | None, grasp: int, control: int, target: 
     return OUT_OF_REACH
 
 
-@njit(**KERNEL, inline="always")
+@njit(**KERNEL)
 def _copy(given: Array, into: Array) -> None:
     for i in range(given.size):
         into[i] = given[i]
