@@ -49,7 +49,7 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
 
         tab.slide("Threshold (px)", 0.1)
         expect(tab.page.get_by_test_id("build-status")).to_contain_text(
-            "the smallest that can is", timeout=PATIENCE
+            "the smallest that can is", timeout=3 * PATIENCE
         )
         expect(result).to_have_count(0, timeout=PATIENCE)
         tab.slide("Threshold (px)", 1.6)
