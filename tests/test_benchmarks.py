@@ -81,7 +81,7 @@ def test_hand_never_lets_the_duct_rest_nor_tears_it() -> None:
 def test_slopes_are_those_of_straight_lines() -> None:
     samples = [
         Takings(
-            beats=0, missed=0, frames={}, processor_s=0.0, resident_bytes=1000 + 30 * index,
+            ticks=0, missed=0, frames={}, processor_s=0.0, resident_bytes=1000 + 30 * index,
             blocks=500 - index, traced_bytes=7, log_inputs=600 * index,
         )
         for index in range(10)

@@ -81,7 +81,7 @@ def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
 
 
 def test_contact_kernel_is_its_python_form() -> None:
-    skin = Session(phantom(), vertices=500).surfaces[0].skin
+    skin = Session(phantom(), vertices=500).drawn.surfaces[0].skin
     arguments = (middle(0.6), np.eye(3), bend_radius(RADIUS), wire_radius(RADIUS))
     compiled, plain = skin.vertices.copy(), skin.vertices.copy()
     shades = np.ones((2, len(skin.vertices)), np.float32)
@@ -270,7 +270,7 @@ def test_torn_is_said_only_of_pieces_that_are_apart() -> None:
     session = Session(phantom())
     session.set_target_force(session.duct.force_limit)
     while session.reading().phase is not Phase.TORN:
-        session.step(1.0 / 30.0)
+        session.advance()
     rims = []
     for surface, end in zip(session.drawn.surfaces, (-1, 0), strict=True):
         rims.append(surface.skin.grid(surface.vertices)[end])
