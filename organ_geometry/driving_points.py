@@ -3,10 +3,10 @@
 import itertools
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.organ import Organ
 
 
@@ -120,7 +120,7 @@ class DrivingPoints:
         return out
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _rigid_transforms(
     positions: NDArray[np.float64],
     along: NDArray[np.float64],

@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.contours.contour import SectionContour
 from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.curves.outline_distance import outline_feet
@@ -149,7 +149,7 @@ def root_mean_squares(distances: Sequence[NDArray[np.float64]]) -> NDArray[np.fl
     return np.array([math.sqrt(float(away @ away) / len(away)) for away in distances])
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _located(
     points: NDArray[np.float64],
     near: NDArray[np.float64],

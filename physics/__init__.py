@@ -1,6 +1,5 @@
 """Beams under a pull: deflection, stress and rupture, in mm, N, MPa and rad."""
 
-import physics.kernel_cache  # noqa: F401 # pyright: ignore[reportUnusedImport] (before kernels)
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium

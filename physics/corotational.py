@@ -15,8 +15,9 @@ moments of a stretched chord, and what the energy's derivative gives, is (M1 + M
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 __all__ = ["LAST_OF_HALF", "LAST_OF_SPAN", "element_state", "pull_from_rest"]
 

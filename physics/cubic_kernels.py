@@ -9,8 +9,9 @@ called, so that the loop over an array runs in vectors.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 __all__ = ["cubic_deflection", "fill_cubic_deflections"]
 

@@ -8,8 +8,9 @@ held mass with a velocity is one that is led.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 __all__ = ["euler", "leapfrog", "runge_kutta", "settle", "spring_forces"]
 

@@ -15,8 +15,9 @@ period loses, and what the damper and the bounds take.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 __all__ = [
     "ALLOWED", "BRAKED", "LEAST", "MADE", "MODELLED", "SAMPLED", "WITHHELD", "WORK", "Regulator",

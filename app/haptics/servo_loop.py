@@ -8,12 +8,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
 from app.haptics.felt_duct import FeltModel
 from app.haptics.regulator import Regulator
+from kernel_cache import njit
 
 __all__ = ["CLUTCH", "FRESH", "LIVE", "PLACE_UNIT", "TAKE", "LoopSettings", "ServoLoop"]
 

@@ -10,10 +10,10 @@ bit whenever the same forces act for the same numbers of steps.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from app.haptics.hand import HandScript
+from kernel_cache import njit
 
 __all__ = ["STEP", "SimulatedDevice"]
 

@@ -14,12 +14,12 @@ which the beam is sampled. Well behind a clamp there is none.
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.dissection import PIECES, Dissection
 from app.simulation.tear import Tear
+from kernel_cache import njit
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, Skin, Surface, TornPiece, organ_skin
 from physics import Equilibrium, RuptureCheck
@@ -239,7 +239,7 @@ def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> ND
     return np.clip(heights / farthest[ring], -1.0, 1.0)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _write(
     normal: NDArray[np.float64],
     bending: NDArray[np.float64],

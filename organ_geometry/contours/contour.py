@@ -10,9 +10,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 LOFT_POINTS = 128
 """Points around each contour of a loft."""
@@ -153,7 +154,7 @@ class ContourLoft:
         )
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _loft_cuts(
     rings: NDArray[np.float64],
     points: NDArray[np.float64],
@@ -219,7 +220,7 @@ def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return _even_points(np.ascontiguousarray(points, dtype=np.float64), count)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     corners, ways = points.shape
     lengths = np.zeros(corners + 1)
@@ -250,7 +251,7 @@ def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64
     return _centroid_and_radius(np.ascontiguousarray(points, dtype=np.float64))
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     count = len(points)
     middle = np.zeros(3)

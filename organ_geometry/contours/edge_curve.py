@@ -10,9 +10,10 @@ moved back by that (`_unshrunk`).
 import math
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 Image = NDArray[np.float32]
 Scale = tuple[float, float]
@@ -127,7 +128,7 @@ def _corrected(
     return _unshrunk(points * scale, sigma) / scale
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _move_to_level(
     points: NDArray[np.float64], smoothed: Image, slope_x: Image, slope_y: Image, level: float
 ) -> None:
@@ -165,7 +166,7 @@ def _move_to_level(
             points[i, 1] += step * gy
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _unshrunk(points: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Return a contour moved away from its centres of curvature by sigma^2 / (2 R)."""
     # Blur moves the half level and the steepest place of an edge of radius R by that much towards

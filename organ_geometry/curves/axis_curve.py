@@ -9,9 +9,10 @@ is linear in k, so that functions here return weights of the keys.
 import math
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -145,7 +146,7 @@ def least_turning(
 
 
 # Scalar loops: whole-array expressions take numba ten times as long to compile.
-@numba.njit(cache=True)
+@njit(cache=True)
 def _least_turning(
     points: NDArray[np.float64], tangents: NDArray[np.float64], start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -171,7 +172,7 @@ def _least_turning(
     return across
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _reflect(vector: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
     """Reflect a vector in the plane with a normal of any length, in place."""
     squared = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]
@@ -181,7 +182,7 @@ def _reflect(vector: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
         vector[c] -= twice * normal[c]
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _make_perpendicular(vector: NDArray[np.float64], tangent: NDArray[np.float64]) -> None:
     """Make a vector a unit vector across a unit tangent, in place."""
     along = vector[0] * tangent[0] + vector[1] * tangent[1] + vector[2] * tangent[2]

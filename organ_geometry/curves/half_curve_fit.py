@@ -2,9 +2,10 @@
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 COEFFICIENTS = 7
 
@@ -14,7 +15,7 @@ _UPRIGHT = 1e-9
 _CONDITION = 1e-10
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def boundary_halves(
     boundary: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
@@ -55,7 +56,7 @@ def boundary_halves(
     return halves, weights
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def fitted_half(
     boundary: NDArray[np.float64],
     weights: NDArray[np.float64],

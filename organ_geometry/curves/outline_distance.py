@@ -9,9 +9,10 @@ nearest place of a side.
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 _FURTHER = 1.0 + 1e-6
 """How much further away, squared, what is left out must be, for rounding."""
@@ -28,7 +29,7 @@ def outline_distances(
     return np.sqrt(squared)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def outline_feet(
     pieces: NDArray[np.intp],
     shares: NDArray[np.float64],
@@ -92,7 +93,7 @@ def polygon_distances(
     return np.sqrt(squared)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def polygon_sides(
     points: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -116,7 +117,7 @@ def polygon_sides(
     return squared, inside
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _between(
     outlines: NDArray[np.float64], k: int, after: int, share: float, corner: int, axis: int
 ) -> float:
@@ -124,7 +125,7 @@ def _between(
     return outlines[k, corner, axis] * (1.0 - share) + outlines[after, corner, axis] * share
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _foot(
     outlines: NDArray[np.float64],
     k: int,
@@ -146,7 +147,7 @@ def _foot(
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def foot_on_side(
     x0: float, y0: float, x1: float, y1: float, x: float, y: float
 ) -> tuple[float, float]:

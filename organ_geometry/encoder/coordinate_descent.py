@@ -20,10 +20,10 @@ centroids, coefficients to one boundary's fit, and all of an organ's integers to
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.encoder.settings import Penalty
 
 UNBOUNDED = 2**40
@@ -122,19 +122,19 @@ def penalty_row(penalty: Penalty) -> NDArray[np.float64]:
     return np.array([penalty.slope, penalty.wall, penalty.margin])
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _phi(error: float, penalty: NDArray[np.float64]) -> float:
     over = error - penalty[2]
     return penalty[0] * error + (penalty[1] * over * over if over > 0.0 else 0.0)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _bits(table: NDArray[np.float64], size: int) -> float:
     most = len(table) - 1
     return table[size] if size <= most else table[most] + 2.0 * math.log2(size / most)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def descend(
     integers: NDArray[np.int64],
     coordinates: Coordinates,
@@ -229,7 +229,7 @@ def descend(
     return total
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def zero_groups(
     integers: NDArray[np.int64],
     coordinates: Coordinates,

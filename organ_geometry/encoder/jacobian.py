@@ -25,10 +25,10 @@ the first point that it has to do with, the one after the last, and the weights 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import Bands, dense_bands
@@ -231,7 +231,7 @@ def _changes(
     return distances, changes
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _key_bands(
     values: NDArray[np.float64], before: NDArray[np.intp], blend: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:

@@ -11,10 +11,10 @@ change of width moves everything between. Refinement then goes on from these int
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_SHARE
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import (
@@ -349,7 +349,7 @@ def _normal_equations(
     return np.swapaxes(weighted, 2, 3) @ basis, np.einsum("hspk,sp->hsk", weighted, y)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def optimal_breakpoints(
     places: NDArray[np.float64],
     signals: NDArray[np.float64],

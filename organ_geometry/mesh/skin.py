@@ -4,10 +4,10 @@ import itertools
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.driving_points import DrivingPoints
 from organ_geometry.organ import Organ, Wall
 
@@ -315,7 +315,7 @@ def _fan(ring: NDArray[np.int32], centre: NDArray[np.int32]) -> NDArray[np.int32
     return np.stack([ring, np.roll(ring, -1), centre], 1)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _blend(
     rest: NDArray[np.float32],
     starts: NDArray[np.intp],

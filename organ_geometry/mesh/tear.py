@@ -6,10 +6,10 @@ piece draws back from it are drawn, not computed: beam theory ends where the duc
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.mesh.skin import Skin, ring_angles, sides_of, tube_skin
 from organ_geometry.organ import Organ
 
@@ -190,7 +190,7 @@ def _ragged(angles: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
     return waves / np.abs(waves).max()
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _draw_back(
     vertices: NDArray[np.float32],
     height: NDArray[np.float64],

@@ -14,8 +14,9 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 # More voxels than these are put together into larger ones: the way is smoothed afterwards.
 MOST_VOXELS = 400_000

@@ -1,9 +1,9 @@
 """Planes cut out of a volume by linear interpolation."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from organ_geometry.images.grey_image import GreyImage
 
 

@@ -46,8 +46,9 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kernel_cache import njit
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from physics.beam import Beam, Sections
 from physics.exact.state import KERNEL, Array, State, gauss_points
 from physics.exact.symbols import *

@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from kernel_cache import njit
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, Six, State
 from physics.exact.symbols import *

@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from kernel_cache import njit
 from physics.exact.linear_law import fill_linear
 from physics.exact.neo_hooke_law import fill_fibres, fill_neo_hooke, fill_strains
 from physics.exact.state import KERNEL, Array, State

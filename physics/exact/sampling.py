@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from kernel_cache import njit
 from physics.exact.neo_hooke_law import fibre, fibre_energy, section_law, shrinkage
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State

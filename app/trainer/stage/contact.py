@@ -7,12 +7,12 @@ as the wire has sunk in, with the wall raised a little on both sides.
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
+from kernel_cache import njit
 from organ_geometry.mesh import Skin
 
 __all__ = ["BITE", "Contact", "HookPlace"]
@@ -206,7 +206,7 @@ def _ring_reach(
     return spread(rings.max(axis=1)), spread(-rings.min(axis=1))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _press(
     vertices: NDArray[np.float32],
     shade: NDArray[np.float32],

@@ -1,8 +1,9 @@
-"""When the machine code that numba keeps of this package's kernels is out of date.
+"""When the machine code that numba keeps of our kernels is out of date; numba's `njit` with that.
 
 Numba compiles a kernel anew when its own file has changed, but the machine code holds that of the
 kernels it calls as well, and the constants that it reads. Here the stamp of a kernel is a hash of
-its file and of all files of the package that it imports, directly or through others.
+its file and of all files of ours that it imports, directly or through others. All kernels take
+`njit` from here, so that none is compiled before numba knows of it.
 """
 
 import hashlib
@@ -11,23 +12,27 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from numba import njit
 from numba.core import caching, config
 
-__all__ = ["sources"]
+__all__ = ["njit", "sources"]
 
-PACKAGE = Path(__file__).parent
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("physics", "organ_geometry", "app")
+"""The packages that have kernels."""
 IMPORT = re.compile(
-    rf"^\s*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE | re.ASCII
+    rf"^\s*from ((?:{'|'.join(PACKAGES)})\b[\w.]*) import (\([^)]*\)|[^\n]*)",
+    re.MULTILINE | re.ASCII,
 )
 
 
 @cache
 def sources(file: Path) -> frozenset[Path]:
-    """Return a file of the package and all others of the package that it imports."""
+    """Return a file of ours and all others of ours that it imports."""
     found, waiting = {file}, [file]
     while waiting:
         for module, names in IMPORT.findall(waiting.pop().read_text("utf-8")):
-            place = PACKAGE.parent.joinpath(*module.split("."))
+            place = ROOT.joinpath(*module.split("."))
             for each in (place, *(place / name for name in re.findall(r"\w+", names))):
                 for source in (each.with_suffix(".py"), each / "__init__.py"):
                     if source.is_file() and source not in found:
@@ -45,14 +50,14 @@ def _stamp(file: Path) -> bytes:
 
 
 class _Stamped(caching._CacheLocator):  # pyright: ignore[reportPrivateUsage, reportUntypedBaseClass]
-    """A locator of numba's for this package's files, with the stamp of all their sources."""
+    """A locator of numba's for our files, with the stamp of all their sources."""
 
     _py_file: str
 
     @classmethod
     def from_function(cls, py_func: object, py_file: str) -> Any:
-        """Return the locator of a function's machine code, None if it is not of this package."""
-        if not Path(py_file).is_relative_to(PACKAGE):
+        """Return the locator of a function's machine code, None if the function is not ours."""
+        if not any(Path(py_file).is_relative_to(ROOT / package) for package in PACKAGES):
             return None
         return super().from_function(py_func, py_file)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
 

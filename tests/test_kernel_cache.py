@@ -1,21 +1,23 @@
 """Machine code that is kept: it follows every file that it comes from, and is used again."""
 
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from physics import kernel_cache
+import kernel_cache
+from organ_geometry.encoder import jacobian
 from physics.exact import newton
 
-CALLER = """from numba import njit
+CALLER = """from kernel_cache import njit
 
 from physics.callee import twice
 @njit(cache=True)
 def asked(x):
     return twice(x)
 """
-CALLEE = """from numba import njit
+CALLEE = """from kernel_cache import njit
 
 from physics.constants import *
 @njit(cache=True)
@@ -30,10 +32,9 @@ print(asked(3.0), sum(asked.stats.cache_hits.values()))
 
 
 def test_machine_code_follows_the_files_that_its_kernel_calls(tmp_path: Path) -> None:
+    shutil.copytree(Path(kernel_cache.__file__).parent, tmp_path / "kernel_cache")
     package = tmp_path / "physics"
     package.mkdir()
-    shutil.copy(Path(kernel_cache.__file__), package)
-    (package / "__init__.py").write_text("import physics.kernel_cache\n")
     (package / "caller.py").write_text(CALLER)
     (package / "callee.py").write_text(CALLEE)
     main = tmp_path / "main.py"
@@ -53,8 +54,18 @@ def test_machine_code_follows_the_files_that_its_kernel_calls(tmp_path: Path) ->
     assert run() == "8.0 1"
 
 
-def test_the_package_s_own_kernels_are_stamped_by_all_that_they_call() -> None:
+def test_kernels_are_stamped_by_all_that_they_call() -> None:
     names = {each.name for each in kernel_cache.sources(Path(newton.__file__))}
     assert names >= {"newton.py", "points.py", "linear_law.py", "neo_hooke_law.py", "symbols.py"}
+    names = {each.name for each in kernel_cache.sources(Path(jacobian.__file__))}
+    assert "outline_distance.py" in names
+
+
+def test_every_kernel_s_machine_code_is_kept_so() -> None:
+    """None takes `njit` from numba itself, before the cache of ours is known to it."""
+    root = Path(kernel_cache.__file__).parents[1]
+    for package in kernel_cache.PACKAGES:
+        for file in (root / package).rglob("*.py"):
+            assert not re.search(r"^(import|from) numba\b", file.read_text(), re.MULTILINE), file
     locator = newton.newton._cache._impl.locator  # pyright: ignore[reportAttributeAccessIssue]
     assert type(locator).__module__ == kernel_cache.__name__
