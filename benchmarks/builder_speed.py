@@ -26,24 +26,13 @@ MEBIBYTE = 2**20
 
 @dataclass(frozen=True, slots=True)
 class BuilderRates:
-    """Images a second, decoded from PNG and made into an organ or a mesh.
+    """Images a second, decoded from PNG and made into an organ or a mesh."""
 
-    Attributes
-    ----------
-    ours
-        Of the organ builder, from the images to the organ of its file, 1/s.
-    edges
-        Of its first part, from the images to their edges, 1/s.
-    peer
-        Of scikit-image's marching cubes and fast-simplification, 1/s; None if they are missing.
-    note
-        Why there is no peer.
-    """
-
-    ours: float
-    edges: float
+    ours: float  # Of the organ builder, from the images to the organ of its file, 1/s
+    edges: float  # Of its first part, from the images to their edges, 1/s
+    # Of scikit-image's marching cubes and fast-simplification, 1/s; None if they are missing.
     peer: float | None
-    note: str = ""
+    note: str = ""  # Why there is no peer
 
 
 def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:

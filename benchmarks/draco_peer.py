@@ -51,33 +51,15 @@ SEARCH_POINTS, CHECK_POINTS = 1500, 10_000
 
 @dataclass(frozen=True, slots=True)
 class DracoMesh:
-    """A mesh, decimated, packed and unpacked.
+    """A mesh, decimated, packed and unpacked."""
 
-    Attributes
-    ----------
-    mesh
-        How it was made.
-    faces
-        Its triangles.
-    aggression
-        How fast the decimation was.
-    bits
-        Of each coordinate.
-    size
-        Bytes.
-    rms
-        RMS distance of the unpacked mesh to the true surface, mm.
-    packed
-        The bytes themselves.
-    """
-
-    mesh: str
-    faces: int
-    aggression: float
-    bits: int
-    size: int
-    rms: float
-    packed: bytes = field(repr=False)
+    mesh: str  # How it was made
+    faces: int  # Its triangles
+    aggression: float  # How fast the decimation was
+    bits: int  # Of each coordinate
+    size: int  # Bytes
+    rms: float  # RMS distance of the unpacked mesh to the true surface, mm
+    packed: bytes = field(repr=False)  # The bytes themselves
 
     def times(self, draco: Any, runs: int) -> tuple[float, float]:
         """Return how long it takes to pack the mesh again and to unpack it."""

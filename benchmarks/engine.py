@@ -11,27 +11,14 @@ TOLERATED = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """An engine, or a way to call one, and what it takes for a warm solve.
+    """An engine, or a way to call one, and what it takes for a warm solve."""
 
-    Attributes
-    ----------
-    key
-        Its name in the figures: `<key>_us`.
-    title
-        What was solved, and how.
-    time
-        Time of a solve, us; None if there is none.
-    error
-        Deflection over the converged one of the same law, less 1; None if there is none.
-    note
-        Why there is no time.
-    """
-
-    key: str
-    title: str
-    time: float | None
+    key: str  # Its name in the figures: `<key>_us`
+    title: str  # What was solved, and how
+    time: float | None  # Time of a solve, us; None if there is none
+    # Deflection over the converged one of the same law, less 1; None if there is none.
     error: float | None = None
-    note: str = ""
+    note: str = ""  # Why there is no time
 
     def checked(self) -> "Engine":
         """Return this engine, without its time if it does not reach the right deflection."""

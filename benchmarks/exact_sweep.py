@@ -31,27 +31,14 @@ ROUND_TRIP = 1e-9
 
 @dataclass
 class Sweep:
-    """What came of the solves of one theory.
+    """What came of the solves of one theory."""
 
-    Attributes
-    ----------
-    solved
-        Number of cold solves by deflection that found an equilibrium with finite numbers.
-    returned
-        Number of those whose force leads back to their deflection, cold.
-    failures
-        What did not, with the reason.
-    slowest
-        Longest pair of solves, s.
-    total
-        Time of all of them, s.
-    """
-
+    # Number of cold solves by deflection that found an equilibrium with finite numbers.
     solved: int = 0
-    returned: int = 0
-    failures: list[str] = field(default_factory=list[str])
-    slowest: float = 0.0
-    total: float = 0.0
+    returned: int = 0  # Number of those whose force leads back to their deflection, cold
+    failures: list[str] = field(default_factory=list[str])  # What did not, with the reason
+    slowest: float = 0.0  # Longest pair of solves, s
+    total: float = 0.0  # Time of all of them, s
 
 
 def random_case(generator: np.random.Generator, *, neo_hooke: bool) -> tuple[Beam, float, float]:

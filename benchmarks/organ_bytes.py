@@ -37,25 +37,14 @@ RAISE, LEAST_SHARE = 1.15, 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrganBytes:
-    """An organ as its file keeps it.
+    """An organ as its file keeps it."""
 
-    Attributes
-    ----------
-    tolerance, overall
-        What it was built with, mm.
-    built
-        The organ and its report.
-    size
-        Bytes of the whole file.
-    rms
-        RMS distance of the surface read back to the true surface, mm.
-    """
-
+    # tolerance, overall: What it was built with, mm.
     tolerance: float
     overall: float
-    built: BuiltOrgan
-    size: int
-    rms: float
+    built: BuiltOrgan  # The organ and its report
+    size: int  # Bytes of the whole file
+    rms: float  # RMS distance of the surface read back to the true surface, mm
 
 
 class OrganSearch:

@@ -32,15 +32,9 @@ at an angle t to the pixels that is up to (cos t - sin t) / 4 px beyond it; this
 
 @dataclass(frozen=True)
 class OrganSet:
-    """A stack of masks and the surface that an organ made of it is held against.
+    """A stack of masks and the surface that an organ made of it is held against."""
 
-    Attributes
-    ----------
-    name
-        Name of its folder in `DATA`.
-    """
-
-    name: str
+    name: str  # Name of its folder in `DATA`
 
     @property
     def images(self) -> Path:

@@ -20,34 +20,19 @@ __all__ = ["Served", "Takings", "served_trainer"]
 
 
 class Takings(msgspec.Struct, frozen=True):
-    """What a trainer has done since it was started, and what it takes.
+    """What a trainer has done since it was started, and what it takes."""
 
-    Attributes
-    ----------
-    ticks, missed
-        Ticks that ran, and ticks that the machine had no time for.
-    frames
-        How often the duct of each client was drawn.
-    processor_s
-        Processor time, s.
-    resident_bytes
-        Memory of the process.
-    blocks
-        Blocks of memory that Python's own allocator has given, one or more for each small object.
-    traced_bytes
-        Memory that Python's allocator has given, without what is counting it; 0 if not traced.
-    log_inputs
-        Inputs that the runs of all sessions hold.
-    """
-
+    # ticks, missed: Ticks that ran, and ticks that the machine had no time for.
     ticks: int
     missed: int
-    frames: dict[int, int]
-    processor_s: float
-    resident_bytes: int
+    frames: dict[int, int]  # How often the duct of each client was drawn
+    processor_s: float  # Processor time, s
+    resident_bytes: int  # Memory of the process
+    # Blocks of memory that Python's own allocator has given, one or more for each small object.
     blocks: int
+    # Memory that Python's allocator has given, without what is counting it; 0 if not traced.
     traced_bytes: int
-    log_inputs: int
+    log_inputs: int  # Inputs that the runs of all sessions hold
 
 
 class Served:

@@ -381,21 +381,11 @@ class Organ:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moments:
-    """Integrals over the area of N polygons, about the origin of their coordinates.
+    """Integrals over the area of N polygons, about the origin of their coordinates."""
 
-    Attributes
-    ----------
-    area
-        (N,) mm^2.
-    first
-        (N, 2) integrals of x and y, mm^3.
-    second
-        (N, 2, 2) integrals of the products of x and y, mm^4.
-    """
-
-    area: NDArray[np.float64]
-    first: NDArray[np.float64]
-    second: NDArray[np.float64]
+    area: NDArray[np.float64]  # (N,) mm^2
+    first: NDArray[np.float64]  # (N, 2) integrals of x and y, mm^3
+    second: NDArray[np.float64]  # (N, 2, 2) integrals of the products of x and y, mm^4
 
     def without(self, hole: "_Moments") -> "_Moments":
         """Return the integrals over what is left beside a hole."""

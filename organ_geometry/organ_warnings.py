@@ -42,18 +42,10 @@ DOUBTFUL_CARRIED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class OrganWarning:
-    """What an organ's user should know.
+    """What an organ's user should know."""
 
-    Attributes
-    ----------
-    text
-        A sentence without its full stop.
-    doubtful
-        Whether it makes the organ probably another than the one wanted.
-    """
-
-    text: str
-    doubtful: bool = False
+    text: str  # A sentence without its full stop
+    doubtful: bool = False  # Whether it makes the organ probably another than the one wanted
 
 
 def organ_warnings(

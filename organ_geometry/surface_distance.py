@@ -19,24 +19,12 @@ OUTLINE_CORNERS = 96
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocatedPoints:
-    """Points in the sections of an axis in which they lie.
+    """Points in the sections of an axis in which they lie."""
 
-    Attributes
-    ----------
-    piece
-        (N,) piece of the axis.
-    share
-        (N,) share of the way along it.
-    place
-        (N, 2) where they are across the axis there, mm.
-    beyond
-        (N,) how far they are beyond an end's plane, mm.
-    """
-
-    piece: NDArray[np.intp]
-    share: NDArray[np.float64]
-    place: NDArray[np.float64]
-    beyond: NDArray[np.float64]
+    piece: NDArray[np.intp]  # (N,) piece of the axis
+    share: NDArray[np.float64]  # (N,) share of the way along it
+    place: NDArray[np.float64]  # (N, 2) where they are across the axis there, mm
+    beyond: NDArray[np.float64]  # (N,) how far they are beyond an end's plane, mm
 
     @classmethod
     def along(

@@ -43,30 +43,16 @@ class UploadRefusedError(ImageStackError):
 
 @dataclass(frozen=True, slots=True)
 class UploadBounds:
-    """What is the most that may be sent.
+    """What is the most that may be sent."""
 
-    Attributes
-    ----------
-    file_bytes
-        Size of the file.
-    entries
-        Files and folders in a zip.
-    unpacked_bytes
-        Their size together, unpacked.
-    image_pixels, all_pixels
-        Pixels of one image, and of all.
-    voxels
-        Voxels of a volume, which is read whole.
-    otherwise
-        What to do about more.
-    """
-
-    file_bytes: int = 64 * MIB
-    entries: int = 2000
-    unpacked_bytes: int = 256 * MIB
+    file_bytes: int = 64 * MIB  # Size of the file
+    entries: int = 2000  # Files and folders in a zip
+    unpacked_bytes: int = 256 * MIB  # Their size together, unpacked
+    # image_pixels, all_pixels: Pixels of one image, and of all.
     image_pixels: int = 2**24
     all_pixels: int = 300 * 10**6
-    voxels: int = 2**26
+    voxels: int = 2**26  # Voxels of a volume, which is read whole
+    # What to do about more.
     otherwise: str = (
         "build its organ with bluntdissect compress FILE -o duct.organ, and practise on it with "
         "bluntdissect trainer --organ duct.organ"

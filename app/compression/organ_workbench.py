@@ -67,54 +67,28 @@ class PromiseRefusedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class OrganChoice:
-    """Which organ is meant, as the options of `compress` say it.
+    """Which organ is meant, as the options of `compress` say it."""
 
-    Attributes
-    ----------
-    seed
-        Column, row and image of a pixel of the organ, from 0 in the whole images, or None.
-    region
-        The part of the images in which it is, or None for all.
-    label
-        Its label, where the images hold labels, or None.
-    reslice
-        Whether images of a curved organ may be cut again across it.
-    """
-
+    # Column, row and image of a pixel of the organ, from 0 in the whole images, or None.
     seed: tuple[int, int, int] | None = None
+    # The part of the images in which it is, or None for all.
     region: tuple[int, int, int, int, int, int] | None = None
-    label: int | None = None
-    reslice: bool = True
+    label: int | None = None  # Its label, where the images hold labels, or None
+    reslice: bool = True  # Whether images of a curved organ may be cut again across it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenedStack:
-    """Images and the edges that were found in them.
+    """Images and the edges that were found in them."""
 
-    Attributes
-    ----------
-    source
-        Where the images are.
-    whole
-        All images, before a region is taken or they are cut again.
-    labels
-        The labels in them, where they look like labels.
-    choice
-        Which organ is meant.
-    stack
-        The images that are looked at: the region's, and cut again across a curved organ.
-    traced
-        The edges; None where a label is to be chosen first.
-    sizes_mm
-        The pixel's side and the distance of the images that were given, mm, or None.
-    """
-
-    source: Path
-    whole: ImageStack
-    labels: tuple[int, ...]
-    choice: OrganChoice
+    source: Path  # Where the images are
+    whole: ImageStack  # All images, before a region is taken or they are cut again
+    labels: tuple[int, ...]  # The labels in them, where they look like labels
+    choice: OrganChoice  # Which organ is meant
+    # The images that are looked at: the region's, and cut again across a curved organ.
     stack: ImageStack
-    traced: TracedOrgan | None
+    traced: TracedOrgan | None  # The edges; None where a label is to be chosen first
+    # The pixel's side and the distance of the images that were given, mm, or None.
     sizes_mm: tuple[float | None, float | None]
 
     @property

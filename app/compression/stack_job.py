@@ -40,49 +40,24 @@ ZIP_BOUNDS = UploadBounds(
 
 @dataclass(frozen=True, slots=True)
 class StackJob:
-    """What is to be compressed, and how.
+    """What is to be compressed, and how."""
 
-    Attributes
-    ----------
-    stack
-        Where the images are: a folder, a file or a zip.
-    output
-        The organ file to write.
-    figure
-        The picture to draw, or None.
-    read
-        Which of the images are taken.
-    reslice
-        Whether images of a curved organ are cut again across its centreline.
-    trace
-        Which organ is meant, and what its edge is.
-    promise
-        How far the organ may be from its edges.
-    """
-
-    stack: Path
-    output: Path
-    figure: Path | None = None
-    read: ReadOptions = field(default_factory=ReadOptions)
-    reslice: When = "auto"
+    stack: Path  # Where the images are: a folder, a file or a zip
+    output: Path  # The organ file to write
+    figure: Path | None = None  # The picture to draw, or None
+    read: ReadOptions = field(default_factory=ReadOptions)  # Which of the images are taken
+    reslice: When = "auto"  # Whether images of a curved organ are cut again across its centreline
+    # Which organ is meant, and what its edge is.
     trace: TraceOptions = field(default_factory=TraceOptions)
-    promise: Promise = field(default_factory=Promise)
+    promise: Promise = field(default_factory=Promise)  # How far the organ may be from its edges
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """A stack that could not be compressed.
+    """A stack that could not be compressed."""
 
-    Attributes
-    ----------
-    stack
-        Where its images are.
-    reason
-        Why, in one line.
-    """
-
-    stack: Path
-    reason: str
+    stack: Path  # Where its images are
+    reason: str  # Why, in one line
 
     def as_json(self) -> dict[str, object]:
         """Return the failure as JSON takes it."""

@@ -23,27 +23,15 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionContour:
-    """A traced section where it stands in space.
+    """A traced section where it stands in space."""
 
-    Attributes
-    ----------
-    index
-        Number of the section in its stack.
-    outer
-        (N, 3) edge points of the outer boundary in order, mm; the last joins the first.
-    lumen
-        (M, 3) edge points of the lumen, mm, or None if none was found.
-    normal
-        (3,) unit normal of the section's plane, along the stack.
-    x_dir
-        (3,) unit direction of the image's rows, to the right.
-    """
-
-    index: int
+    index: int  # Number of the section in its stack
+    # (N, 3) edge points of the outer boundary in order, mm; the last joins the first.
     outer: NDArray[np.float64]
+    # (M, 3) edge points of the lumen, mm, or None if none was found.
     lumen: NDArray[np.float64] | None
-    normal: NDArray[np.float64]
-    x_dir: NDArray[np.float64]
+    normal: NDArray[np.float64]  # (3,) unit normal of the section's plane, along the stack
+    x_dir: NDArray[np.float64]  # (3,) unit direction of the image's rows, to the right
 
     def __post_init__(self) -> None:
         for name in ("outer", "lumen"):
@@ -64,15 +52,9 @@ class SectionContour:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContourLoft:
-    """A surface through contours: point j of one contour is joined to point j of the next.
+    """A surface through contours: point j of one contour is joined to point j of the next."""
 
-    Attributes
-    ----------
-    rings
-        (S, P, 3) points at equal distances around each contour, mm.
-    """
-
-    rings: NDArray[np.float64]
+    rings: NDArray[np.float64]  # (S, P, 3) points at equal distances around each contour, mm
 
     @classmethod
     def through(

@@ -28,24 +28,13 @@ SMALLEST_REACH_PX = 12
 
 @dataclass(frozen=True, slots=True)
 class EdgeRule:
-    """What an organ's edge is in all images of a stack.
+    """What an organ's edge is in all images of a stack."""
 
-    Attributes
-    ----------
-    polarity
-        Whether the organ is brighter or darker than its surroundings.
-    threshold
-        Grey level of the edge, or None for half way between both sides.
-    method
-        "half-level" or "canny".
-    scale
-        Width and height of a pixel, in pixels of mean size.
-    """
-
-    polarity: FoundPolarity
+    polarity: FoundPolarity  # Whether the organ is brighter or darker than its surroundings
+    # Grey level of the edge, or None for half way between both sides.
     threshold: float | None = None
-    method: EdgeMethod = "half-level"
-    scale: Scale = SQUARE
+    method: EdgeMethod = "half-level"  # "half-level" or "canny"
+    scale: Scale = SQUARE  # Width and height of a pixel, in pixels of mean size
 
     @property
     def sign(self) -> float:
@@ -60,34 +49,17 @@ class EdgeRule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """An organ's section to a pixel, as the next one is looked for by it.
+    """An organ's section to a pixel, as the next one is looked for by it."""
 
-    Attributes
-    ----------
-    index
-        Number of the slice.
-    image
-        (H, W) the whole image.
-    corner
-        Column and row of the window's first pixel.
-    bright
-        (h, w) levels of the window with its margin, in which the organ is bright.
-    region
-        Where the organ is in it.
-    carried
-        (N, 2) points of the edge in the window where it was carried from the last section, because
-        the organ's threshold leaks into a neighbour, or None.
-    areas
-        Areas of the last sections found, this one last, px^2.
-    """
-
-    index: int
-    image: GreyImage
-    corner: tuple[int, int]
-    bright: Image
-    region: Region
+    index: int  # Number of the slice
+    image: GreyImage  # (H, W) the whole image
+    corner: tuple[int, int]  # Column and row of the window's first pixel
+    bright: Image  # (h, w) levels of the window with its margin, in which the organ is bright
+    region: Region  # Where the organ is in it
+    # (N, 2) points of the edge in the window where it was carried from the last section, because
+    # the organ's threshold leaks into a neighbour, or None.
     carried: NDArray[np.float64] | None
-    areas: tuple[int, ...]
+    areas: tuple[int, ...]  # Areas of the last sections found, this one last, px^2
 
     @property
     def growth(self) -> float:

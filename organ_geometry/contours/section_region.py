@@ -57,33 +57,15 @@ _MAD_TO_DEVIATION = 1.4826
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """Where organ and lumen are to a pixel, and the levels of their edges.
+    """Where organ and lumen are to a pixel, and the levels of their edges."""
 
-    Attributes
-    ----------
-    filled
-        (H, W) 255 in the organ and its lumen, 0 outside.
-    outer_level
-        Level of the outer edge.
-    lumen
-        (H, W) 255 in the lumen, or None.
-    lumen_level
-        Level of the lumen's edge, NaN without a lumen.
-    contrast
-        Organ's level less the background's.
-    other_part
-        Area of the largest component beside the organ, as a share of the organ's.
-    sigma
-        Blur in which the region was found, px.
-    """
-
-    filled: Mask
-    outer_level: float
-    lumen: Mask | None
-    lumen_level: float
-    contrast: float
-    other_part: float
-    sigma: float
+    filled: Mask  # (H, W) 255 in the organ and its lumen, 0 outside
+    outer_level: float  # Level of the outer edge
+    lumen: Mask | None  # (H, W) 255 in the lumen, or None
+    lumen_level: float  # Level of the lumen's edge, NaN without a lumen
+    contrast: float  # Organ's level less the background's
+    other_part: float  # Area of the largest component beside the organ, as a share of the organ's
+    sigma: float  # Blur in which the region was found, px
 
     @property
     def solid(self) -> Mask:

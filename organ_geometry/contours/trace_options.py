@@ -51,19 +51,12 @@ class TraceOptions:
 
 @dataclass(frozen=True, slots=True)
 class SeedPoint:
-    """A point of the organ in one image.
+    """A point of the organ in one image."""
 
-    Attributes
-    ----------
-    x, y
-        Column and row, px.
-    index
-        Number of the image, from 0.
-    """
-
+    # x, y: Column and row, px.
     x: float
     y: float
-    index: int
+    index: int  # Number of the image, from 0
 
     @property
     def place(self) -> tuple[float, float]:

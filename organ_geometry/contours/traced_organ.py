@@ -29,31 +29,18 @@ class NothingLeft(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedSection:
-    """The edges of the organ in one slice.
+    """The edges of the organ in one slice."""
 
-    Attributes
-    ----------
-    index
-        Number of the slice, from 0.
-    outer
-        (N, 2) points x = column, y = row of the outer boundary, px; pixel centres are integers and
-        the last point joins the first.
-    lumen
-        (M, 2) points of the lumen's boundary, px, or None.
-    other_part
-        Whether the image shows another part of at least a twentieth of the organ's area that stands
-        out as clearly. With a seed, other things are expected in view, and this is False.
-    threshold
-        Grey level of the outer boundary.
-    carried
-        Whether the edge is carried on from the slice before, because no grey level closes it.
-    """
-
-    index: int
+    index: int  # Number of the slice, from 0
+    # (N, 2) points x = column, y = row of the outer boundary, px; pixel centres are integers and
+    # the last point joins the first.
     outer: NDArray[np.float64]
-    lumen: NDArray[np.float64] | None
+    lumen: NDArray[np.float64] | None  # (M, 2) points of the lumen's boundary, px, or None
+    # Whether the image shows another part of at least a twentieth of the organ's area that stands
+    # out as clearly. With a seed, other things are expected in view, and this is False.
     other_part: bool
-    threshold: float
+    threshold: float  # Grey level of the outer boundary
+    # Whether the edge is carried on from the slice before, because no grey level closes it.
     carried: bool = False
 
     def moved(self, x: float, y: float) -> "TracedSection":

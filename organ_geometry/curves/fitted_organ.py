@@ -15,38 +15,18 @@ from organ_geometry.images.image_stack import ImageStack
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedSection:
-    """The edge of one section in mm, and its half-curves.
+    """The edge of one section in mm, and its half-curves."""
 
-    Attributes
-    ----------
-    index
-        Number of the section in the stack.
-    centroid
-        (3,) centroid of the outer boundary in space, mm.
-    area
-        Area within the outer boundary, mm^2.
-    outer
-        (N, 2) edge points from the centroid, mm.
-    lumen
-        (M, 2) edge points of the lumen from the same centroid, mm, or None.
-    curves
-        Half-curves of the outer boundary.
-    lumen_curves
-        Half-curves of the lumen, or None.
-    other_part
-        Whether the image shows another part that stands out as clearly.
-    carried
-        Whether the edge is carried on from the image before, because no grey level closes it.
-    """
-
-    index: int
-    centroid: NDArray[np.float64]
-    area: float
-    outer: NDArray[np.float64]
+    index: int  # Number of the section in the stack
+    centroid: NDArray[np.float64]  # (3,) centroid of the outer boundary in space, mm
+    area: float  # Area within the outer boundary, mm^2
+    outer: NDArray[np.float64]  # (N, 2) edge points from the centroid, mm
+    # (M, 2) edge points of the lumen from the same centroid, mm, or None.
     lumen: NDArray[np.float64] | None
-    curves: HalfCurves
-    lumen_curves: HalfCurves | None
-    other_part: bool
+    curves: HalfCurves  # Half-curves of the outer boundary
+    lumen_curves: HalfCurves | None  # Half-curves of the lumen, or None
+    other_part: bool  # Whether the image shows another part that stands out as clearly
+    # Whether the edge is carried on from the image before, because no grey level closes it.
     carried: bool
 
 

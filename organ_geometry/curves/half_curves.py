@@ -51,24 +51,12 @@ class NotSingleValued(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfCurves:
-    """The two half-curves of one boundary.
+    """The two half-curves of one boundary."""
 
-    Attributes
-    ----------
-    middle
-        Middle of the range in x, mm.
-    half_width
-        Half the width of the range in x, mm.
-    top
-        (7,) Chebyshev coefficients of the half with smaller y, mm.
-    bottom
-        (7,) Chebyshev coefficients of the half with larger y, mm.
-    """
-
-    middle: float
-    half_width: float
-    top: NDArray[np.float64]
-    bottom: NDArray[np.float64]
+    middle: float  # Middle of the range in x, mm
+    half_width: float  # Half the width of the range in x, mm
+    top: NDArray[np.float64]  # (7,) Chebyshev coefficients of the half with smaller y, mm
+    bottom: NDArray[np.float64]  # (7,) Chebyshev coefficients of the half with larger y, mm
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.middle) and np.isfinite(self.half_width) and self.half_width > 0):

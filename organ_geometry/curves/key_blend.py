@@ -16,18 +16,11 @@ __all__ = ["KeyBlend"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyBlend:
-    """Weights of keys at places between them.
+    """Weights of keys at places between them."""
 
-    Attributes
-    ----------
-    before
-        (N,) the key before each place.
-    weights
-        (N, 4) weights of the key before that, that key and the two after it; zero where there is
-        no such key.
-    """
-
-    before: NDArray[np.intp]
+    before: NDArray[np.intp]  # (N,) the key before each place
+    # (N, 4) weights of the key before that, that key and the two after it; zero where there is no
+    # such key.
     weights: NDArray[np.float64]
 
     @classmethod

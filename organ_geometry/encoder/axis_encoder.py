@@ -38,28 +38,15 @@ from organ_geometry.organ_file.organ_code import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantisedAxis:
-    """An axis in integers.
+    """An axis in integers."""
 
-    Attributes
-    ----------
-    ends, bends
-        As in `OrganCode`.
-    scale
-        Its step in tolerances, see `scale_of`.
-    step
-        The step, mm.
-    keys
-        (K, 3) the keys that they give, mm.
-    cost
-        Its squared error and the worth of its bits, mm^2.
-    """
-
+    # ends, bends: As in `OrganCode`.
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
-    scale: int
-    step: float
-    keys: NDArray[np.float64]
-    cost: float
+    scale: int  # Its step in tolerances, see `scale_of`
+    step: float  # The step, mm
+    keys: NDArray[np.float64]  # (K, 3) the keys that they give, mm
+    cost: float  # Its squared error and the worth of its bits, mm^2
 
     def bent(self, bends: NDArray[np.int64]) -> "QuantisedAxis":
         """Return the axis with other (K, 3) bends; its cost is not known."""

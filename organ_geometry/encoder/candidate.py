@@ -40,27 +40,14 @@ _WALLS: tuple[Wall, Wall] = ("outer", "lumen")
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """An organ in integers, and how well they keep its sections.
+    """An organ in integers, and how well they keep its sections."""
 
-    Attributes
-    ----------
-    code
-        The integers.
-    sampling
-        The contours sampled across their axis.
-    rms
-        (S,) RMS distance of each section's edge points, mm.
-    overall
-        That of all edge points, mm.
-    worst
-        The larger of the worst section's RMS over its limit and the overall RMS over its own; up
-        to 1, the encoding keeps what was promised.
-    """
-
-    code: OrganCode
-    sampling: AxisSampling
-    rms: NDArray[np.float64]
-    overall: float
+    code: OrganCode  # The integers
+    sampling: AxisSampling  # The contours sampled across their axis
+    rms: NDArray[np.float64]  # (S,) RMS distance of each section's edge points, mm
+    overall: float  # That of all edge points, mm
+    # The larger of the worst section's RMS over its limit and the overall RMS over its own; up to
+    # 1, the encoding keeps what was promised.
     worst: float
 
     @cached_property

@@ -31,66 +31,35 @@ UNBOUNDED = 2**40
 
 
 class Bands(NamedTuple):
-    """Rows of weights b, each of a range of points.
+    """Rows of weights b, each of a range of points."""
 
-    Attributes
-    ----------
-    first, last
-        (R,) first point of each row, and the one after its last.
-    start
-        (R,) where its weights begin.
-    weights
-        Weights of all rows, one after the other.
-    """
-
+    # first, last: (R,) first point of each row, and the one after its last.
     first: NDArray[np.intp]
     last: NDArray[np.intp]
-    start: NDArray[np.intp]
-    weights: NDArray[np.float64]
+    start: NDArray[np.intp]  # (R,) where its weights begin
+    weights: NDArray[np.float64]  # Weights of all rows, one after the other
 
 
 class Residuals(NamedTuple):
-    """Points and their sections; what a descent changes are the last two.
+    """Points and their sections; what a descent changes are the last two."""
 
-    Attributes
-    ----------
-    sections
-        (N,) section of each point, growing.
-    weights
-        (N,) w, weight of its square in its section's D.
-    residuals
-        (N,) e.
-    errors
-        (S,) D.
-    """
-
-    sections: NDArray[np.intp]
-    weights: NDArray[np.float64]
-    residuals: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    sections: NDArray[np.intp]  # (N,) section of each point, growing
+    weights: NDArray[np.float64]  # (N,) w, weight of its square in its section's D
+    residuals: NDArray[np.float64]  # (N,) e
+    errors: NDArray[np.float64]  # (S,) D
 
 
 class Coordinates(NamedTuple):
-    """What each of M integers does, and what it costs.
+    """What each of M integers does, and what it costs."""
 
-    Attributes
-    ----------
-    row, change
-        (M,) its row of the bands, and of the changes.
-    step
-        (M,) its step.
-    lowest, highest
-        (M,) its bounds.
-    bits
-        (M, 13) its table of bits.
-    """
-
+    # row, change: (M,) its row of the bands, and of the changes.
     row: NDArray[np.intp]
     change: NDArray[np.intp]
-    step: NDArray[np.float64]
+    step: NDArray[np.float64]  # (M,) its step
+    # lowest, highest: (M,) its bounds.
     lowest: NDArray[np.int64]
     highest: NDArray[np.int64]
-    bits: NDArray[np.float64]
+    bits: NDArray[np.float64]  # (M, 13) its table of bits
 
 
 def dense_bands(columns: NDArray[np.float64], least: float = 0.0) -> Bands:

@@ -38,21 +38,11 @@ class ToleranceTooSmall(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EncodedOrgan:
-    """An organ, decoded from its file's content, and where its sections are.
+    """An organ, decoded from its file's content, and where its sections are."""
 
-    Attributes
-    ----------
-    organ
-        The organ; it carries the content of its file.
-    places
-        (S,) place of each section along it, from 0 to 1.
-    outlines
-        What the contours are at equal distances along it.
-    """
-
-    organ: Organ
-    places: NDArray[np.float64]
-    outlines: Outlines
+    organ: Organ  # The organ; it carries the content of its file
+    places: NDArray[np.float64]  # (S,) place of each section along it, from 0 to 1
+    outlines: Outlines  # What the contours are at equal distances along it
 
 
 def encoded_organ(

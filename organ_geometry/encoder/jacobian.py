@@ -48,51 +48,29 @@ from organ_geometry.surface_distance import OUTLINE_CORNERS, LocatedPoints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisMotion:
-    """How the sections of an axis move with its bends.
+    """How the sections of an axis move with its bends."""
 
-    Attributes
-    ----------
-    weights
-        (N + 1, K) weights of the axis's K keys in the N + 1 sections.
-    directions
-        (N + 1, 3, 2) how far a bend of one in each of its three directions moves a section in x
-        and y where its weight is one, mm.
-    """
-
-    weights: NDArray[np.float64]
+    weights: NDArray[np.float64]  # (N + 1, K) weights of the axis's K keys in the N + 1 sections
+    # (N + 1, 3, 2) how far a bend of one in each of its three directions moves a section in x and y
+    # where its weight is one, mm.
     directions: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeJacobian:
-    """Some edge points of every slice, in the sections of one axis that they lie in.
+    """Some edge points of every slice, in the sections of one axis that they lie in."""
 
-    Attributes
-    ----------
-    slices
-        (N,) slice of each point, growing.
-    lumen
-        (N,) whether it lies on the lumen's edge.
-    points
-        Where they lie along the axis and across it.
-    at
-        (N,) where their sections are, in pieces between candidates for key sections.
-    weights
-        (N,) weight of each point's squared distance in its slice's mean.
-    pieces, candidates
-        Number of pieces of a reader's axis, and of those between candidates for key sections.
-    motion
-        How the axis moves with its bends.
-    """
-
-    slices: NDArray[np.intp]
-    lumen: NDArray[np.bool_]
-    points: LocatedPoints
+    slices: NDArray[np.intp]  # (N,) slice of each point, growing
+    lumen: NDArray[np.bool_]  # (N,) whether it lies on the lumen's edge
+    points: LocatedPoints  # Where they lie along the axis and across it
+    # (N,) where their sections are, in pieces between candidates for key sections.
     at: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    weights: NDArray[np.float64]  # (N,) weight of each point's squared distance in its slice's mean
+    # pieces, candidates: Number of pieces of a reader's axis, and of those between candidates for
+    # key sections.
     pieces: int
     candidates: int
-    motion: AxisMotion
+    motion: AxisMotion  # How the axis moves with its bends
 
     @classmethod
     def of(

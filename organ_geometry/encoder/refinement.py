@@ -38,40 +38,21 @@ from organ_geometry.organ_file.key_order import differences_to_values
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrganIntegers:
-    """The integers of an organ that are chosen together.
+    """The integers of an organ that are chosen together."""
 
-    Attributes
-    ----------
-    sections
-        What is stored of the key sections.
-    bends
-        (B, 3) stored differences of the axis's keys.
-    """
-
-    sections: KeySections
-    bends: NDArray[np.int64]
+    sections: KeySections  # What is stored of the key sections
+    bends: NDArray[np.int64]  # (B, 3) stored differences of the axis's keys
 
 
 @dataclass(slots=True, eq=False)
 class _State:
-    """Integers, and what they are predicted to give.
+    """Integers, and what they are predicted to give."""
 
-    Attributes
-    ----------
-    keys
-        (K,) key sections.
-    integers
-        (3 B + 16 W K,) bends, then those of each key section: of the outer boundary, of the lumen.
-    residuals
-        (N,) distances of the points, mm.
-    errors
-        (S,) D of each slice.
-    """
-
-    keys: NDArray[np.intp]
+    keys: NDArray[np.intp]  # (K,) key sections
+    # (3 B + 16 W K,) bends, then those of each key section: of the outer boundary, of the lumen.
     integers: NDArray[np.int64]
-    residuals: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    residuals: NDArray[np.float64]  # (N,) distances of the points, mm
+    errors: NDArray[np.float64]  # (S,) D of each slice
 
 
 class Refinement:

@@ -42,33 +42,18 @@ from organ_geometry.organ_file.organ_code import signal_steps
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlines:
-    """An organ's outlines at equal distances along its axis.
+    """An organ's outlines at equal distances along its axis."""
 
-    Attributes
-    ----------
-    outer
-        (M, P, 2) points around the outer boundary, mm.
-    lumen
-        (M, P, 2) points around the lumen, mm, or None.
-    """
-
-    outer: NDArray[np.float64]
-    lumen: NDArray[np.float64] | None
+    outer: NDArray[np.float64]  # (M, P, 2) points around the outer boundary, mm
+    lumen: NDArray[np.float64] | None  # (M, P, 2) points around the lumen, mm, or None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeySections:
-    """Key sections in integers, as in `OrganCode`.
+    """Key sections in integers, as in `OrganCode`."""
 
-    Attributes
-    ----------
-    keys
-        (K,) key sections.
-    stored
-        (W, K, 16) stored differences, of the outer boundary and then of the lumen if it counts.
-    """
-
-    keys: NDArray[np.intp]
+    keys: NDArray[np.intp]  # (K,) key sections
+    # (W, K, 16) stored differences, of the outer boundary and then of the lumen if it counts.
     stored: NDArray[np.int64]
 
 

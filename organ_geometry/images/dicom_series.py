@@ -43,20 +43,11 @@ _DECIMALS = 3
 
 @dataclass(frozen=True, slots=True)
 class DicomSlices:
-    """Images of a DICOM series, read from their files when they are asked for.
+    """Images of a DICOM series, read from their files when they are asked for."""
 
-    Attributes
-    ----------
-    files
-        (S,) file of each image, in the order of their places.
-    shape
-        (2,) rows H and columns W of every image.
-    levels
-        What the grey levels stand for; values in between are in the series' own unit, such as HU.
-    """
-
-    files: tuple[Path, ...]
-    shape: tuple[int, int]
+    files: tuple[Path, ...]  # (S,) file of each image, in the order of their places
+    shape: tuple[int, int]  # (2,) rows H and columns W of every image
+    # What the grey levels stand for; values in between are in the series' own unit, such as HU.
     levels: GreyLevels
 
     def image(self, index: int) -> GreyImage:
@@ -87,21 +78,11 @@ class DicomSlices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DicomSeries:
-    """A series and where its images stand.
+    """A series and where its images stand."""
 
-    Attributes
-    ----------
-    slices
-        The images.
-    planes
-        The plane of each.
-    notes
-        What is not as it should be and does no harm, a sentence each.
-    """
-
-    slices: DicomSlices
-    planes: ImagePlanes
-    notes: tuple[str, ...]
+    slices: DicomSlices  # The images
+    planes: ImagePlanes  # The plane of each
+    notes: tuple[str, ...]  # What is not as it should be and does no harm, a sentence each
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,18 +16,12 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class GreyLevels:
-    """Which value each grey level stands for: value = low + step * level.
+    """Which value each grey level stands for: value = low + step * level."""
 
-    Attributes
-    ----------
-    low, high
-        Values at the lowest and highest level; what lies beyond is set to these.
-    step
-        Difference of value between neighbouring levels; 1 keeps whole numbers as they are.
-    """
-
+    # low, high: Values at the lowest and highest level; what lies beyond is set to these.
     low: float
     high: float
+    # Difference of value between neighbouring levels; 1 keeps whole numbers as they are.
     step: float
 
     def image(self, values: NDArray[Any]) -> GreyImage:

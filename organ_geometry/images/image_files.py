@@ -22,24 +22,12 @@ _READ_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIE
 
 @dataclass(frozen=True, slots=True)
 class FileSlices:
-    """Images read from their files when they are asked for.
+    """Images read from their files when they are asked for."""
 
-    Attributes
-    ----------
-    files
-        (S,) file of each image; the same file S times when `paged`.
-    names
-        (S,) name of each image, for messages.
-    paged
-        Whether the images are the pages of one file.
-    shape
-        (2,) rows H and columns W that every image must have.
-    """
-
-    files: tuple[Path, ...]
-    names: tuple[str, ...]
-    paged: bool
-    shape: tuple[int, int]
+    files: tuple[Path, ...]  # (S,) file of each image; the same file S times when `paged`
+    names: tuple[str, ...]  # (S,) name of each image, for messages
+    paged: bool  # Whether the images are the pages of one file
+    shape: tuple[int, int]  # (2,) rows H and columns W that every image must have
 
     def image(self, index: int) -> GreyImage:
         """Return one image, read from its file now.

@@ -34,26 +34,16 @@ LARGEST_ASPECT = 1000.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImagePlanes:
-    """The planes of a stack of images.
+    """The planes of a stack of images."""
 
-    Attributes
-    ----------
-    pixel_size
-        (2,) distance between pixel centres, mm, from column to column and from row to row.
-    slice_spacing
-        Distance between neighbouring planes, mm; the typical one where it varies.
-    origins
-        (S, 3) centre of each image, mm.
-    frames
-        (S, 3, 3) unit directions as columns: column to column, row to row, and the normal.
-    units
-        What the lengths are called where they come from: "mm", or "relative" and what follows it.
-    """
-
+    # (2,) distance between pixel centres, mm, from column to column and from row to row.
     pixel_size: NDArray[np.float64]
+    # Distance between neighbouring planes, mm; the typical one where it varies.
     slice_spacing: float
-    origins: NDArray[np.float64]
+    origins: NDArray[np.float64]  # (S, 3) centre of each image, mm
+    # (S, 3, 3) unit directions as columns: column to column, row to row, and the normal.
     frames: NDArray[np.float64]
+    # What the lengths are called where they come from: "mm", or "relative" and what follows it.
     units: str = MM
 
     def with_sizes(

@@ -31,15 +31,9 @@ EVEN_SHARE = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VolumeSlices:
-    """The images of a volume in memory.
+    """The images of a volume in memory."""
 
-    Attributes
-    ----------
-    voxels
-        (S, H, W) grey levels.
-    """
-
-    voxels: GreyImage
+    voxels: GreyImage  # (S, H, W) grey levels
 
     def image(self, index: int) -> GreyImage:
         """Return the image of that number, from 0."""

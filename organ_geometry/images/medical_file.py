@@ -31,32 +31,15 @@ _READ_AT_ONCE = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class MedicalHeader:
-    """What a medical file says about its voxels.
+    """What a medical file says about its voxels."""
 
-    Attributes
-    ----------
-    size
-        Number of voxels along each axis, fastest first.
-    spacing
-        Distance between voxels along each axis, mm.
-    origin
-        Centre of the first voxel, mm.
-    direction
-        Direction cosines of the axes, row by row.
-    components
-        Values in a voxel; 1 for grey.
-    value_bytes
-        Bytes of a value.
-    tags
-        DICOM tags by "group|element" in hexadecimal, with the spaces around their values removed.
-    """
-
-    size: tuple[int, ...]
-    spacing: tuple[float, ...]
-    origin: tuple[float, ...]
-    direction: tuple[float, ...]
-    components: int
-    value_bytes: int
+    size: tuple[int, ...]  # Number of voxels along each axis, fastest first
+    spacing: tuple[float, ...]  # Distance between voxels along each axis, mm
+    origin: tuple[float, ...]  # Centre of the first voxel, mm
+    direction: tuple[float, ...]  # Direction cosines of the axes, row by row
+    components: int  # Values in a voxel; 1 for grey
+    value_bytes: int  # Bytes of a value
+    # DICOM tags by "group|element" in hexadecimal, with the spaces around their values removed.
     tags: dict[str, str]
 
 

@@ -39,28 +39,19 @@ def turned(directions: NDArray[Any]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """What a surface looks like under light, as in glTF's metallic-roughness model.
+    """What a surface looks like under light, as in glTF's metallic-roughness model."""
 
-    Attributes
-    ----------
-    color
-        sRGB; multiplied with `base_jpeg` where there is one, and with the colours of vertices.
-    roughness, metallic
-        0 to 1. Above a metallic of about 0.8 steel turns black without an environment map.
-    clearcoat, clearcoat_roughness
-        0 to 1: a wet film over the surface.
-    specular
-        0 to 1: strength of the dielectric highlight.
-    base_jpeg, normal_jpeg
-        JPEG files for colour and tangent-space normals, or empty.
-    """
-
+    # sRGB; multiplied with `base_jpeg` where there is one, and with the colours of vertices.
     color: Color = (255, 255, 255)
+    # roughness, metallic: 0 to 1. Above a metallic of about 0.8 steel turns black without an
+    # environment map.
     roughness: float = 0.5
     metallic: float = 0.0
+    # clearcoat, clearcoat_roughness: 0 to 1: a wet film over the surface.
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.2
-    specular: float = 1.0
+    specular: float = 1.0  # 0 to 1: strength of the dielectric highlight
+    # base_jpeg, normal_jpeg: JPEG files for colour and tangent-space normals, or empty.
     base_jpeg: bytes = b""
     normal_jpeg: bytes = b""
 

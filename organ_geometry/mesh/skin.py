@@ -105,43 +105,23 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """One closed surface at one moment: its faces stay, its vertices move.
+    """One closed surface at one moment: its faces stay, its vertices move."""
 
-    Attributes
-    ----------
-    name
-        Of the organ, or of the piece.
-    skin
-        The surface at rest.
-    vertices
-        (V, 3) where its vertices are, mm; a session overwrites them with each step.
-    """
-
-    name: str
-    skin: Skin
+    name: str  # Of the organ, or of the piece
+    skin: Skin  # The surface at rest
+    # (V, 3) where its vertices are, mm; a session overwrites them with each step.
     vertices: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoundSkin:
-    """A skin and the driving points that each vertex follows.
+    """A skin and the driving points that each vertex follows."""
 
-    Attributes
-    ----------
-    skin
-        The skin at rest.
-    index
-        (V,) number of the driving point before each vertex.
-    weight
-        (V,) part in which each vertex follows the point after it.
-    starts
-        (R+1,) the first vertex of each run of neighbours that follow the same points by the same
-        weights, a ring mostly, and V.
-    """
-
-    skin: Skin
-    index: NDArray[np.int32]
-    weight: NDArray[np.float64]
+    skin: Skin  # The skin at rest
+    index: NDArray[np.int32]  # (V,) number of the driving point before each vertex
+    weight: NDArray[np.float64]  # (V,) part in which each vertex follows the point after it
+    # (R+1,) the first vertex of each run of neighbours that follow the same points by the same
+    # weights, a ring mostly, and V.
     starts: NDArray[np.intp]
 
     def deform(

@@ -42,21 +42,14 @@ DRAWN_BACK = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TornPiece:
-    """One piece of a torn organ, at rest, closed at its clamp and at its torn rim.
+    """One piece of a torn organ, at rest, closed at its clamp and at its torn rim."""
 
-    Attributes
-    ----------
-    skin
-        The piece's skin; both pieces' rims have the same shape, so that a tear that has not
-        opened cannot be seen.
-    height
-        (V,) place of each vertex across the section: 0 on the side that tears first, 1 opposite.
-    retreat
-        (V, 3) displacement of each vertex once the tear has passed it by a section's height, mm.
-    """
-
+    # The piece's skin; both pieces' rims have the same shape, so that a tear that has not opened
+    # cannot be seen.
     skin: Skin
+    # (V,) place of each vertex across the section: 0 on the side that tears first, 1 opposite.
     height: NDArray[np.float64]
+    # (V, 3) displacement of each vertex once the tear has passed it by a section's height, mm.
     retreat: NDArray[np.float64]
 
     def __post_init__(self) -> None:

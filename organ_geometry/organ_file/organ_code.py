@@ -30,61 +30,29 @@ _TOLERANCE_BIAS = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrganCode:
-    """An organ as whole numbers.
+    """An organ as whole numbers."""
 
-    Attributes
-    ----------
-    units
-        What the lengths are called.
-    left_handed
-        Whether x_dir, y_dir and the way along the axis are a left-handed frame.
-    tolerance
-        Number of the tolerance, see `tolerance_of`.
-    axis_scale
-        Step of the axis in tolerances, see `scale_of`.
-    start_axis
-        0, 1 or 2: the axis of space from which x_dir is turned at the first point.
-    roll
-        That turn, in 1/256.
-    turn
-        How far the half-curves' x is turned from there towards y, in 1/32 of half a turn.
-    tilt_scale
-        Step of the tilts, see `leans_of`.
-    tilts
-        (2, 2) how far the normals of the first and the last section lean out of the axis, along
-        x_dir and y_dir there, in steps.
-    ends
-        (2, 3) first end of the axis, and from there to the last, in steps.
-    bends
-        (2^La + 1, 3) stored differences of the axis's keys, in steps along the chord and two
-        directions across it; the rows of the ends are zero.
-    section_scale
-        Step of the sections' signals in tolerances.
-    candidates
-        Number of equal pieces along the axis at whose ends key sections can be, 2^L.
-    keys
-        (K,) which ends of pieces are key sections, growing from 0 to the number of pieces.
-    outer
-        (K, 16) stored differences of the outer boundary's signals, in steps.
-    lumen
-        (K, 16) those of the lumen's signals less the outer ones, or None.
-    """
-
-    units: str
-    left_handed: bool
-    tolerance: int
-    axis_scale: int
-    start_axis: int
-    roll: int
-    turn: int
-    tilt_scale: int
+    units: str  # What the lengths are called
+    left_handed: bool  # Whether x_dir, y_dir and the way along the axis are a left-handed frame
+    tolerance: int  # Number of the tolerance, see `tolerance_of`
+    axis_scale: int  # Step of the axis in tolerances, see `scale_of`
+    start_axis: int  # 0, 1 or 2: the axis of space from which x_dir is turned at the first point
+    roll: int  # That turn, in 1/256
+    turn: int  # How far the half-curves' x is turned from there towards y, in 1/32 of half a turn
+    tilt_scale: int  # Step of the tilts, see `leans_of`
+    # (2, 2) how far the normals of the first and the last section lean out of the axis, along x_dir
+    # and y_dir there, in steps.
     tilts: NDArray[np.int64]
-    ends: NDArray[np.int64]
+    ends: NDArray[np.int64]  # (2, 3) first end of the axis, and from there to the last, in steps
+    # (2^La + 1, 3) stored differences of the axis's keys, in steps along the chord and two
+    # directions across it; the rows of the ends are zero.
     bends: NDArray[np.int64]
-    section_scale: int
-    candidates: int
+    section_scale: int  # Step of the sections' signals in tolerances
+    candidates: int  # Number of equal pieces along the axis at whose ends key sections can be, 2^L
+    # (K,) which ends of pieces are key sections, growing from 0 to the number of pieces.
     keys: NDArray[np.intp]
-    outer: NDArray[np.int64]
+    outer: NDArray[np.int64]  # (K, 16) stored differences of the outer boundary's signals, in steps
+    # (K, 16) those of the lumen's signals less the outer ones, or None.
     lumen: NDArray[np.int64] | None
 
     @property

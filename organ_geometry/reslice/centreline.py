@@ -46,17 +46,10 @@ class NoTube(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tube:
-    """Voxels of a tube.
+    """Voxels of a tube."""
 
-    Attributes
-    ----------
-    inside
-        (K, H, W) 255 inside, else 0.
-    sizes
-        (3,) distance between voxels from column to column, row to row and image to image, mm.
-    """
-
-    inside: NDArray[np.uint8]
+    inside: NDArray[np.uint8]  # (K, H, W) 255 inside, else 0
+    # (3,) distance between voxels from column to column, row to row and image to image, mm.
     sizes: NDArray[np.float64]
 
     def section(
@@ -96,21 +89,12 @@ class Tube:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centreline:
-    """The line through a tube's middle.
+    """The line through a tube's middle."""
 
-    Attributes
-    ----------
-    points
-        (N, 3) points from end to end, mm along columns, rows and images from the first voxel.
-    depths
-        (N,) distance to the tube's surface along them, mm.
-    radius
-        The tube's typical one, mm: the median depth along the minimal path.
-    """
-
+    # (N, 3) points from end to end, mm along columns, rows and images from the first voxel.
     points: NDArray[np.float64]
-    depths: NDArray[np.float64]
-    radius: float
+    depths: NDArray[np.float64]  # (N,) distance to the tube's surface along them, mm
+    radius: float  # The tube's typical one, mm: the median depth along the minimal path
 
 
 def centreline(tube: Tube) -> Centreline:

@@ -27,18 +27,11 @@ _SHALLOW = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MinimalPath:
-    """A way through a tube, from voxel to voxel.
+    """A way through a tube, from voxel to voxel."""
 
-    Attributes
-    ----------
-    points
-        (N, 3) points from end to end, mm along columns, rows and images from the first voxel.
-    depths
-        (N,) distance of each to the surface, mm.
-    """
-
+    # (N, 3) points from end to end, mm along columns, rows and images from the first voxel.
     points: NDArray[np.float64]
-    depths: NDArray[np.float64]
+    depths: NDArray[np.float64]  # (N,) distance of each to the surface, mm
 
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,27 +34,14 @@ _MARGIN = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrganVoxels:
-    """An organ's voxels within its bounding box.
+    """An organ's voxels within its bounding box."""
 
-    Attributes
-    ----------
-    inside
-        (K, H, W) whether a voxel is the organ's, holes in an image filled.
-    levels
-        (K, H, W) grey levels of the box.
-    corner
-        (3,) column, row and image of the box's first voxel in the stack.
-    parts
-        (K,) number of parts that each image of the box shows of the organ, small ones left out.
-    outside_level
-        Typical level around the organ.
-    """
-
-    inside: NDArray[np.bool_]
-    levels: GreyImage
-    corner: tuple[int, int, int]
+    inside: NDArray[np.bool_]  # (K, H, W) whether a voxel is the organ's, holes in an image filled
+    levels: GreyImage  # (K, H, W) grey levels of the box
+    corner: tuple[int, int, int]  # (3,) column, row and image of the box's first voxel in the stack
+    # (K,) number of parts that each image of the box shows of the organ, small ones left out.
     parts: NDArray[np.intp]
-    outside_level: float
+    outside_level: float  # Typical level around the organ
 
 
 def sample_images(stack: ImageStack) -> list[GreyImage]:

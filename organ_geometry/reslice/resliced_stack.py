@@ -52,27 +52,14 @@ _BESIDE_SHARE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReslicedSlices:
-    """Images cut out of a volume in memory, each when it is asked for.
+    """Images cut out of a volume in memory, each when it is asked for."""
 
-    Attributes
-    ----------
-    levels
-        (K, H, W) grey levels of the volume.
-    outside_level
-        Level beyond it.
-    centres
-        (S, 3) middle of each image, in voxels: column, row, image.
-    steps
-        (S, 2, 3) steps from column to column and from row to row, in voxels.
-    shape
-        (2,) rows and columns of every image.
-    """
-
-    levels: GreyImage
-    outside_level: float
-    centres: NDArray[np.float64]
+    levels: GreyImage  # (K, H, W) grey levels of the volume
+    outside_level: float  # Level beyond it
+    centres: NDArray[np.float64]  # (S, 3) middle of each image, in voxels: column, row, image
+    # (S, 2, 3) steps from column to column and from row to row, in voxels.
     steps: NDArray[np.float64]
-    shape: tuple[int, int]
+    shape: tuple[int, int]  # (2,) rows and columns of every image
 
     def image(self, index: int) -> GreyImage:
         """Return the image of that number, from 0, interpolated linearly between voxels."""

@@ -28,26 +28,13 @@ _ALONG_ROWS = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionPlanes:
-    """Planes along a centreline.
+    """Planes along a centreline."""
 
-    Attributes
-    ----------
-    frames
-        (S, 3, 3) two directions in each plane and its normal, as columns.
-    reach
-        How far sections reach from the centreline along either direction, mm.
-    crossing
-        Number of planes that cross the next one inside the tube.
-    beside
-        Share of the tube that is in none of the sections' reach.
-    beside_images
-        First and last image of the tube with that, a tenth of it left out at either end.
-    """
-
-    frames: NDArray[np.float64]
-    reach: float
-    crossing: int
-    beside: float
+    frames: NDArray[np.float64]  # (S, 3, 3) two directions in each plane and its normal, as columns
+    reach: float  # How far sections reach from the centreline along either direction, mm
+    crossing: int  # Number of planes that cross the next one inside the tube
+    beside: float  # Share of the tube that is in none of the sections' reach
+    # First and last image of the tube with that, a tenth of it left out at either end.
     beside_images: tuple[int, int]
 
 
