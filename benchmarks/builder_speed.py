@@ -36,20 +36,8 @@ class BuilderRates:
 
 
 def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
-    """Time the organ builder and marching cubes with decimation on one stack, turn and turn about.
-
-    Parameters
-    ----------
-    slices
-        Number of images.
-    runs
-        How often each is run; the fastest counts.
-
-    Returns
-    -------
-    BuilderRates
-        Both rates.
-    """
+    """Time the organ builder and marching cubes with decimation on one stack, by turns."""
+    # Of so many runs of each, the fastest counts: other work on the machine only adds time.
     times: dict[str, list[float]] = {"ours": [], "edges": [], "peer": []}
     note = ""
     with tempfile.TemporaryDirectory() as place:

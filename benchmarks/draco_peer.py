@@ -87,21 +87,10 @@ class DracoMesh:
 
 
 class DracoSearch:
-    """Searches meshes, numbers of triangles and bits for the fewest bytes at an error.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Attributes
-    ----------
-    tried
-        Number of settings whose error was measured.
-    """
+    """Searches meshes, numbers of triangles and bits for the fewest bytes at an error."""
 
     def __init__(self, organ: OrganSet) -> None:
-        self.tried = 0
+        self.tried = 0  # Number of settings whose error was measured
         self._organ = organ
         self._draco: Any = import_module("DracoPy")
         import_module("skimage.measure")  # missing, it is to be said here and not in a search

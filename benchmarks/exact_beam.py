@@ -78,13 +78,7 @@ def cold(theory: Exact, grasp: float) -> float:
 
 
 def exact_engines() -> list[Engine]:
-    """Return the exact beam's times: each law and grasp, by force and by deflection, warm and cold.
-
-    Returns
-    -------
-    list[Engine]
-        The times.
-    """
+    """Return the exact beam's times: by law and grasp, force and deflection, warm and cold."""
     engines: list[Engine] = []
     for name, (law, theory) in THEORIES.items():
         for place, (at, grasp) in GRASPS.items():

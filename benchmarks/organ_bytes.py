@@ -48,40 +48,17 @@ class OrganBytes:
 
 
 class OrganSearch:
-    """Searches the builder's tolerance for the fewest bytes at an error.
-
-    Parameters
-    ----------
-    organ
-        The organ.
-
-    Attributes
-    ----------
-    tried
-        Number of organs built.
-    """
+    """Searches the builder's tolerance for the fewest bytes at an error."""
 
     def __init__(self, organ: OrganSet) -> None:
-        self.tried = 0
+        self.tried = 0  # Number of organs built
         self._organ = organ
         trace = TraceOptions(edge_shift_mm=organ.edge_shift)
         self._fitted = fit_organ(organ.stack, trace_organ(organ.stack, trace))
 
     def at(self, tolerance: float, overall: float) -> OrganBytes | None:
-        """Return the organ of a tolerance, mm, or None if the builder says that it cannot be kept.
-
-        Parameters
-        ----------
-        tolerance
-            RMS distance that each section may have, mm.
-        overall
-            RMS distance that all sections together may have, mm.
-
-        Returns
-        -------
-        OrganBytes or None
-            The organ.
-        """
+        """Return the organ of a tolerance, or None if the builder says that it cannot be kept."""
+        # RMS distances, mm: what each section may have, and what all together may.
         self.tried += 1
         try:
             built = build_fitted(

@@ -36,13 +36,7 @@ def connected(address: str) -> websockets.asyncio.client.connect:
 
 
 class Page:
-    """What a browser's page says and hears.
-
-    Parameters
-    ----------
-    connection
-        To the trainer.
-    """
+    """What a browser's page says and hears."""
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection

@@ -38,20 +38,8 @@ def contour_loft(
 
 
 def rings_of(contours: list[NDArray[np.float64]], corners: int) -> NDArray[np.float64]:
-    """Return closed contours as rings of as many corners, evenly spaced, each turned to the last.
-
-    Parameters
-    ----------
-    contours
-        S of (N, 3) points, mm.
-    corners
-        Corners C of a ring.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S, C, 3) rings, mm.
-    """
+    """Return closed contours as rings of evenly spaced corners, each turned to the last."""
+    # S contours (N, 3), mm, become (S, C, 3) rings of C corners.
     rings = np.empty((len(contours), corners, 3))
     before = None
     for place, contour in enumerate(contours):

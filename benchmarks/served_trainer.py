@@ -36,15 +36,7 @@ class Takings(msgspec.Struct, frozen=True):
 
 
 class Served:
-    """A trainer's process, seen from outside.
-
-    Parameters
-    ----------
-    process
-        The process.
-    address
-        What the trainer answers at.
-    """
+    """A trainer's process, seen from outside."""
 
     def __init__(self, process: "subprocess.Popen[str]", address: str) -> None:
         self._process, self.address = process, address

@@ -23,18 +23,11 @@ class TriangleSurface:
 
     Its triangles are cut into small ones for the search. A point's distance is the least to the
     triangles of its nearest few, and more of them are taken until no other can be nearer.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) vertices.
-    faces
-        (F, 3) triangles.
-    parts
-        About how many small triangles it is cut into.
     """
 
     def __init__(self, vertices: Points, faces: Faces, parts: int = PARTS) -> None:
+        # (V, 3) vertices and (F, 3) triangles, cut into about so many small ones: the nearest of
+        # their middles says which few triangles to measure to.
         vertices = np.asarray(vertices, dtype=np.float64)
         self._corners = vertices[faces]
         areas = np.linalg.norm(_normals(self._corners), axis=1) / 2.0

@@ -29,29 +29,12 @@ class LocatedPoints:
     @classmethod
     def along(
         cls,
-        points: NDArray[np.float64],
-        near: NDArray[np.float64],
-        axis: NDArray[np.float64],
-        frames: NDArray[np.float64],
+        points: NDArray[np.float64],  # (N, 3) points, mm
+        near: NDArray[np.float64],  # (N,) guesses of their pieces, with a fraction
+        axis: NDArray[np.float64],  # (S, 3) points of the axis, mm
+        frames: NDArray[np.float64],  # (S, 3, 3) frames there, columns x_dir, y_dir and normal
     ) -> "LocatedPoints":
-        """Return points in the nearest sections to a guess whose planes they lie in.
-
-        Parameters
-        ----------
-        points
-            (N, 3) points, mm.
-        near
-            (N,) guesses of their pieces, with a fraction.
-        axis
-            (S, 3) points of the axis, mm.
-        frames
-            (S, 3, 3) frames there, columns x_dir, y_dir and normal.
-
-        Returns
-        -------
-        LocatedPoints
-            The points.
-        """
+        """Return points in the nearest sections to a guess whose planes they lie in."""
         # An organ's arrays are read-only, for which numba would compile once more: copied.
         return cls(*_located(np.ascontiguousarray(points), near, np.array(axis), np.array(frames)))
 
@@ -66,18 +49,7 @@ class LocatedPoints:
         )
 
     def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the points are from a wall.
-
-        Parameters
-        ----------
-        rows
-            (S, 16) half-curves of the wall at the points of the axis, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) distances, mm.
-        """
+        """Return how far the points are from a wall, mm, by its (S, 16) half-curves."""
         squared, _, _ = self.feet(closed_outlines(rows, OUTLINE_CORNERS))
         return np.sqrt(squared + self.beyond * self.beyond)
 
@@ -88,18 +60,7 @@ class LocatedPoints:
         return outline_feet(self.piece, self.share, self.place, outlines)
 
     def chosen(self, numbers: NDArray[np.intp]) -> "LocatedPoints":
-        """Return some of the points.
-
-        Parameters
-        ----------
-        numbers
-            (M,) their numbers.
-
-        Returns
-        -------
-        LocatedPoints
-            Those.
-        """
+        """Return some of the points."""
         return LocatedPoints(
             self.piece[numbers], self.share[numbers], self.place[numbers], self.beyond[numbers]
         )

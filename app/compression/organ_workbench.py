@@ -49,19 +49,14 @@ Made = TypeVar("Made")
 
 
 class PromiseRefusedError(ValueError):
-    """A threshold cannot be kept; the smallest that can is named.
-
-    Attributes
-    ----------
-    smallest_px
-        The smallest that can be kept, px, about: its file's digits depend on the threshold too.
-    """
+    """A threshold cannot be kept; the smallest that can is named."""
 
     def __init__(self, wanted_px: float, smallest_px: float, pixel: float) -> None:
         super().__init__(
             f"{wanted_px:.3g} px cannot be kept at every section: the smallest that can is "
             f"about {smallest_px:.3f} px, {smallest_px * pixel:.4f} mm"
         )
+        # In pixels, and about: the digits of the file depend on the threshold too.
         self.smallest_px = smallest_px
 
 
@@ -149,28 +144,16 @@ class OrganWorkbench:
     """One trainee's images, and the organ built of them. Nothing is done before it is asked for.
 
     Its methods may be called from any thread, but only one at a time makes something.
-
-    Parameters
-    ----------
-    bounds
-        The most that may be sent.
-    process
-        Where edges are found and organs are built; this process when None.
-
-    Attributes
-    ----------
-    opened
-        The images that are looked at, or None.
-    built
-        The organ at the threshold asked for last, or None.
     """
 
     def __init__(
         self, bounds: UploadBounds | None = None, process: BuildProcess | None = None
     ) -> None:
+        # bounds: the most that may be sent; process: where edges are found and organs are built;
+        # this process when None.
         self._process = process
         self.opened: OpenedStack | None = None
-        self.built: BuiltOrgan | None = None
+        self.built: BuiltOrgan | None = None  # At the threshold asked for last
         self._bounds = UploadBounds() if bounds is None else bounds
         self._folder: TemporaryDirectory[str] | None = None
         self._closed = False

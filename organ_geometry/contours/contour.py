@@ -60,20 +60,8 @@ class ContourLoft:
     def through(
         cls, contours: Sequence[NDArray[np.float64]], normals: NDArray[np.float64]
     ) -> "ContourLoft":
-        """Return the loft through contours, each turned to twist least against the one before.
-
-        Parameters
-        ----------
-        contours
-            S contours (N, 3) in either sense, mm.
-        normals
-            (S, 3) directions that the contours run around.
-
-        Returns
-        -------
-        ContourLoft
-            The loft.
-        """
+        """Return the loft through contours, each turned to twist least against the one before."""
+        # S contours (N, 3), mm, in either sense; they come to run around their (S, 3) normals.
         rings = np.stack([even_points(contour, LOFT_POINTS) for contour in contours])
         centred = rings - rings.mean(axis=1, keepdims=True)
         turns = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1)
@@ -89,45 +77,22 @@ class ContourLoft:
         return cls(rings)
 
     def extended(self, first: NDArray[np.float64], last: NDArray[np.float64]) -> "ContourLoft":
-        """Return the loft with its end contours shifted outwards as further ends.
-
-        Parameters
-        ----------
-        first, last
-            (3,) shifts of the first and the last contour, mm.
-
-        Returns
-        -------
-        ContourLoft
-            The longer loft, of two more contours.
-        """
+        """Return the loft with its end contours shifted outwards as further ends."""
+        # Shifts (3,) in mm; the loft has two more contours then.
         return ContourLoft(
             np.concatenate([self.rings[:1] + first, self.rings, self.rings[-1:] + last])
         )
 
     def cuts(
         self,
-        points: NDArray[np.float64],
-        normals: NDArray[np.float64],
+        points: NDArray[np.float64],  # (M, 3) a point of each plane, mm
+        normals: NDArray[np.float64],  # (M, 3) their normals, along the loft
         near: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the contours in which planes cut the loft.
-
-        Parameters
-        ----------
-        points
-            (M, 3) a point of each plane, mm.
-        normals
-            (M, 3) their normals, along the loft.
-        near
-            (M,) number of the contour, with a fraction, near which each cut is wanted.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (M, P, 3) one point on each line along the loft, mm; on a line that the plane misses,
-            the point nearest to it.
-        """
+        """Return the contours in which planes cut the loft."""
+        # (M,) near: the contour, with a fraction, near which each cut is wanted. A cut has one
+        # point on each of the P lines along the loft, (M, P, 3) in mm; where a plane misses a line
+        # it is the line's point nearest to the plane.
         return _loft_cuts(
             np.ascontiguousarray(self.rings),
             np.ascontiguousarray(points),

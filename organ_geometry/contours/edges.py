@@ -63,21 +63,10 @@ _GREY_TYPES = frozenset({np.dtype(np.uint8), np.dtype(np.uint16)})
 
 
 def find_polarity(images: Iterable[GreyImage]) -> FoundPolarity:
-    """Return whether the organ is brighter or darker than the background of its images.
-
-    In each image, the rim of the largest thing that differs from the image's border is compared
-    with the border; images with more contrast count more.
-
-    Parameters
-    ----------
-    images
-        (H, W) grey levels each; an organ need not be in all of them.
-
-    Returns
-    -------
-    FoundPolarity
-        "bright" or "dark"; "bright" if nothing differs anywhere.
-    """
+    """Return whether the organ is brighter or darker than the background of its images."""
+    # In each image the rim of the largest thing that differs from the image's border is compared
+    # with the border; images with more contrast count more. Some may show no organ; "bright" if
+    # nothing differs anywhere.
     balance = 0.0
     for image in images:
         padded = with_margin(as_grey(image))

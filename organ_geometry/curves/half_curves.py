@@ -76,18 +76,9 @@ class HalfCurves:
         return np.concatenate([[self.middle, self.half_width], self.top, self.bottom])
 
     def outline(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the boundary.
-
-        Parameters
-        ----------
-        angles
-            (N,) rad; the point is at u = cos(angle), on the bottom half where sin(angle) >= 0.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 2) points x, y, mm.
-        """
+        """Return points of the boundary."""
+        # (N,) angles, rad, give (N, 2) points x, y, mm, at u = cos(angle); on the bottom half where
+        # sin(angle) >= 0.
         angles = np.asarray(angles, dtype=np.float64)
         return outline_points(np.broadcast_to(self.as_row(), (len(angles), ROW_SIZE)), angles)
 

@@ -77,18 +77,7 @@ class KeyBlend:
         return cls(before, weights)
 
     def of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values at the places.
-
-        Parameters
-        ----------
-        values
-            (K, J) values at the keys.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, J) values.
-        """
+        """Return (N, J) values at the places, of (K, J) values at the keys."""
         found = np.zeros((len(self.before), values.shape[1]))
         for column in range(4):
             key = np.clip(self.before + (column - 1), 0, len(values) - 1)
@@ -96,16 +85,5 @@ class KeyBlend:
         return found
 
     def matrix(self, count: int) -> NDArray[np.float64]:
-        """Return the weights of all keys.
-
-        Parameters
-        ----------
-        count
-            Number of keys K.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, K) weights.
-        """
+        """Return the (N, K) weights of all K keys."""
         return self.of(np.eye(count))

@@ -36,71 +36,32 @@ from organ_geometry.surface_distance import LocatedPoints
 
 
 class AxisSampling:
-    """An organ's contours sampled across one axis.
-
-    Parameters
-    ----------
-    contours
-        The S sections.
-    lofts
-        The loft through their outer boundaries, and that through their lumens if they count.
-    centroids
-        (S, 3) their centroids, mm.
-    axis
-        The axis.
-    depth
-        There are 2^depth + 1 candidates for key sections.
-    far
-        How far the lofts are carried on beyond both ends, mm.
-    turn
-        How far half-curves are turned in their sections, as in `OrganCode`.
-    settings
-        What the encoder is tuned by.
-    left_handed
-        Whether frames are left-handed.
-    tilt_scale
-        Step of the end sections' tilts, see `leans_of`.
-    frames_from
-        A sampling of some of the contours across this axis; its frames and candidates are taken,
-        and the depth says how many outlines there are.
-
-    Attributes
-    ----------
-    axis
-        The axis.
-    candidates
-        Number of pieces between candidates.
-    samples
-        Number of pieces between outlines, a multiple of that.
-    start_axis, roll, turn, tilt_scale, tilts
-        The frames, as in `OrganCode`.
-    places
-        (S,) place of each section along the axis, from 0 to 1.
-    pieces
-        Number of pieces of the axis that a reader will have.
-    edges
-        For each wall its edge points in their sections, and the (N,) slices that they are of.
-    """
+    """An organ's contours sampled across one axis."""
 
     def __init__(
         self,
-        contours: Sequence[SectionContour],
+        contours: Sequence[SectionContour],  # S sections
         lofts: Sequence[ContourLoft],
-        centroids: NDArray[np.float64],
+        centroids: NDArray[np.float64],  # (S, 3) mm
         axis: QuantisedAxis,
-        depth: int,
-        far: float,
-        turn: int = 0,
+        depth: int,  # 2^depth pieces between candidates for key sections
+        far: float,  # How far the lofts are carried on beyond both ends, mm
+        turn: int = 0,  # How far half-curves are turned in their sections, as in `OrganCode`
         *,
         settings: EncoderSettings,
         left_handed: bool,
-        tilt_scale: int = 3,
+        tilt_scale: int = 3,  # Step of the end sections' tilts, see `leans_of`
         frames_from: "AxisSampling | None" = None,
     ) -> None:
+        # `frames_from` is a sampling of some of the contours across this axis: an encoding of the
+        # sample is evaluated in its frames and at its candidates, and the depth then only says how
+        # many outlines there are. One loft goes through each wall's contours.
         self.axis, keys = axis, axis.keys
         self._settings = settings
         self.turn = turn if frames_from is None else frames_from.turn
+        # Number of pieces between candidates.
         self.candidates = 2**depth if frames_from is None else frames_from.candidates
+        # Number of pieces between outlines, a multiple of that.
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
         self.tilt_scale = tilt_scale
@@ -116,6 +77,7 @@ class AxisSampling:
         points, frames = axis_and_frames(
             keys, samples, self.start_axis, self.roll, self._leans, self.turn, left_handed=hand
         )
+        # (S,) from 0 to 1 along the axis.
         self.places = _places(centroids, points, frames[:, :, 2])
         self._lofts, self._far = lofts, far
         self._points, self._frames = points, frames
@@ -186,12 +148,14 @@ class AxisSampling:
         hollow: bool,
     ) -> None:
         """Find out where the edge points lie across the axis that a reader will have."""
+        # Number of pieces of the axis that a reader will have.
         self.pieces = axis_pieces(self.candidates)
         axis, frames = axis_and_frames(
             keys, self.pieces, self.start_axis, self.roll, self._leans, self.turn,
             left_handed=left_handed,
         )  # fmt: skip
         self._frames_read = frames
+        # For each wall its edge points in their sections, and the (N,) slices that they are of.
         self.edges: list[tuple[LocatedPoints, NDArray[np.intp]]] = []
         for wall in ("outer", "lumen") if hollow else ("outer",):
             edges = [getattr(contour, wall) for contour in contours]
@@ -225,20 +189,9 @@ class AxisSampling:
     def section_rms(
         self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]
     ) -> NDArray[np.float64] | None:
-        """Return the RMS distance of each section's edge points to decoded signals.
-
-        Parameters
-        ----------
-        keys
-            (K,) key sections.
-        walls
-            (K, 16) signals of each boundary there, mm.
-
-        Returns
-        -------
-        NDArray[np.float64] | None
-            (S,) mm; None if nothing is left of a section.
-        """
+        """Return the RMS distance of each section's edge points to decoded signals."""
+        # (K,) keys and each wall's (K, 16) coefficients, mm, give (S,) mm; None where rounding left
+        # a section no width.
         blend = KeyBlend.at(np.arange(self.pieces + 1), keys * (self.pieces // self.candidates))
         squares, counts = np.zeros(len(self.places)), np.zeros(len(self.places))
         for (located, section), signals in zip(self.edges, walls, strict=True):

@@ -63,51 +63,17 @@ class Encoding:
 
 
 class CandidateEncoder:
-    """Encodes an organ in steps of any size, and evaluates how well that keeps its sections.
-
-    Parameters
-    ----------
-    contours
-        Two or more sections in order.
-    tolerance
-        Largest RMS distance of a section's edge points to the organ, mm.
-    overall
-        Largest RMS distance of all of them, mm, or None.
-    settings
-        What the encoder is tuned by.
-    hollow
-        Whether all sections have a lumen that counts.
-    left_handed
-        Whether right, down and along the stack are left-handed in the images.
-    units
-        What the lengths are called.
-
-    Attributes
-    ----------
-    contours
-        The sections.
-    centroids
-        (S, 3) their centroids, mm.
-    tolerance
-        The tolerance as the file says it, mm.
-    limits
-        (S,) RMS distance that each section may have, mm.
-    step_unit
-        What steps are multiples of, in tolerances; 1 unless a section is too narrow.
-    depth
-        With 2^depth pieces between them, candidates for key sections are about as far from one
-        another as sections.
-    """
+    """Encodes an organ in steps of any size, and evaluates how well that keeps its sections."""
 
     def __init__(
         self,
-        contours: Sequence[SectionContour],
-        tolerance: float,
-        overall: float | None,
+        contours: Sequence[SectionContour],  # S of them, in order
+        tolerance: float,  # Largest RMS distance of a section's edge points to the organ, mm
+        overall: float | None,  # Largest RMS distance of all of them, mm, or None
         settings: EncoderSettings,
         *,
-        hollow: bool,
-        left_handed: bool,
+        hollow: bool,  # Whether all sections have a lumen that counts
+        left_handed: bool,  # Whether right, down and along the stack are left-handed in the images
         units: str,
     ) -> None:
         self.contours: Sequence[SectionContour] = contours
@@ -115,8 +81,11 @@ class CandidateEncoder:
         self._units = units
         self._hollow = hollow
         self._left_handed = left_handed
+        # With 2^depth pieces between them, candidates for key sections are about as far from one
+        # another as sections.
         self.depth = _depth(len(contours))
         measures = [centroid_and_radius(contour.outer) for contour in contours]
+        # (S, 3) their centroids, mm.
         self.centroids = np.array([centroid for centroid, _ in measures])
         self._radius = float(np.mean([radius for _, radius in measures]))
         self._lofts: list[ContourLoft] = []
@@ -132,6 +101,7 @@ class CandidateEncoder:
         self._allowed = max(min(tolerance, stored), 1e-9 * self._radius)
         # A reader's stations are at equal chords of the axis: it finds distances larger by 1e-4 at
         # most.
+        # (S,) RMS distance that each section may have, mm.
         self.limits = np.full(len(contours), (1.0 - 1e-4) * self._allowed)
         self._overall = self._allowed if overall is None else min(overall, self._allowed)
         # Steps go with the tolerance, but none is so long that it would leave nothing of a section:
@@ -139,11 +109,12 @@ class CandidateEncoder:
         narrowest = min(float(np.ptp(contour.outer @ contour.x_dir)) for contour in contours)
         longest = 0.2 * min(self._radius, 0.5 * narrowest)
         self._unit = min(stored, max(1.25 * self._overall, finest), longest)
+        # What steps are multiples of, in tolerances; 1 unless a section is too narrow.
         self.step_unit = self._unit / stored
         # Tilts are rounded by half a step: at the edge that is 0.6 of a tolerance at most.
         steps = 0.8 * self._radius / self._allowed
         self._tilt_scale = min(max(0, math.ceil(math.log2(steps / COARSEST_TILTS))), 3)
-        self.tolerance = stored
+        self.tolerance = stored  # The tolerance as the file says it, mm
 
     @property
     def _edges(self) -> list[list[NDArray[np.float64]]]:

@@ -93,18 +93,11 @@ def total_penalty(penalty: Penalty, errors: NDArray[np.float64]) -> float:
 
 
 class PenaltyController:
-    """Learns from encodings what errors must cost.
-
-    Parameters
-    ----------
-    penalty
-        The penalty to begin with.
-    together
-        Whether all sections together have a limit. Then its slope is sought, by bisection, at which
-        that limit is just kept.
-    """
+    """Learns from encodings what errors must cost."""
 
     def __init__(self, penalty: Penalty, *, together: bool = False) -> None:
+        # Where all sections together have a limit, the slope is sought, by bisection, at which it
+        # is just kept: the least bits for a total error are at one price for all (Lagrange).
         self.penalty = penalty
         self._together = together
         # The slope sought lies between one that missed the limit and one that kept it.

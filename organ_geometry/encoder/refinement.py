@@ -56,45 +56,21 @@ class _State:
 
 
 class Refinement:
-    """Lowers the cost of an encoding's integers.
-
-    Parameters
-    ----------
-    jacobian
-        Edge points of all slices.
-    integers
-        The integers to begin with.
-    steps
-        (16,) steps of the coefficients, mm.
-    limits
-        (S,) RMS distance that each slice may have, mm.
-    measured
-        (S,) RMS distance that each slice has now, by all its points, mm.
-    penalty
-        What errors cost.
-    settings
-        What the encoder is tuned by.
-    bend_axis
-        Whether the axis's bends may change too.
-
-    Attributes
-    ----------
-    predicted
-        The largest RMS distance of a slice, in limits, that the integers returned are to have.
-    """
+    """Lowers the cost of an encoding's integers."""
 
     def __init__(
         self,
         jacobian: EdgeJacobian,
-        integers: OrganIntegers,
-        steps: NDArray[np.float64],
-        limits: NDArray[np.float64],
+        integers: OrganIntegers,  # Where descent begins
+        steps: NDArray[np.float64],  # (16,) steps of the coefficients, mm
+        limits: NDArray[np.float64],  # (S,) RMS distance that each slice may have, mm
         measured: NDArray[np.float64],
         penalty: Penalty,
         settings: EncoderSettings,
         *,
         bend_axis: bool,
     ) -> None:
+        # (S,) measured RMS distances are of all edge points, mm; the Jacobian has a part of them.
         sections, bends = integers.sections, integers.bends
         self._jacobian, self._steps, self._settings = jacobian, steps, settings
         self._penalty, self._row = penalty, penalty_row(penalty)
@@ -119,6 +95,7 @@ class Refinement:
             # Each slice begins with what was measured by all its points.
             (measured / limits) ** 2,
         )
+        # The largest RMS distance of a slice, in limits, that the integers returned are to have.
         self.predicted = math.sqrt(float(self._state.errors.max()))
 
     def refined(self, *, move_keys: bool = False) -> OrganIntegers:

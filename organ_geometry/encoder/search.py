@@ -29,40 +29,26 @@ from organ_geometry.organ_file.organ_code import (
 
 
 class ToleranceNotMet(Exception):  # noqa: N818
-    """No encoding kept the tolerance.
-
-    Attributes
-    ----------
-    section
-        The section that was off furthest in the nearest encoding.
-    nearest_mm, overall_mm
-        Its RMS distance there, and that of all sections, mm.
-    way
-        Levels of the axis and of the candidates for key sections, and the half-curves' turn there.
-    """
+    """No encoding kept the tolerance."""
 
     def __init__(
         self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int, int]
     ) -> None:
         super().__init__(section, nearest_mm, overall_mm, way)
+        # Levels of the axis, levels of the candidates for key sections, and rotation.
         self.way = way
-        self.section = section
+        self.section = section  # The worst one of the nearest encoding
+        # nearest_mm, overall_mm: Its RMS distance there, and that of all sections, mm.
         self.nearest_mm = nearest_mm
         self.overall_mm = overall_mm
 
 
 class Search:
-    """Searches for an organ's integers.
-
-    Parameters
-    ----------
-    candidates
-        Makes and evaluates encodings. The search sets its limits: it needs its own.
-    sampled
-        Whether the sections are only a sample, so that what comes out is only a start.
-    """
+    """Searches for an organ's integers."""
 
     def __init__(self, candidates: CandidateEncoder, *, sampled: bool = False) -> None:
+        # The search lowers limits of the candidates, which must be its own. What comes of a sample
+        # of the sections is only a start, and is given up sooner.
         self._candidates = candidates
         self._settings = candidates.settings
         self._sampled = sampled
@@ -262,11 +248,6 @@ class SampledSearch:
 
     Sections of one organ are much alike. Integers that keep every sixth to the tolerance keep
     nearly all of them; those that they do not keep join the search, until all are kept.
-
-    Parameters
-    ----------
-    candidates
-        Makes and evaluates encodings of all sections.
     """
 
     def __init__(self, candidates: CandidateEncoder) -> None:

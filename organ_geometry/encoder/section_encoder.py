@@ -58,19 +58,10 @@ class KeySections:
 
 
 class SectionEncoder:
-    """Quantises an organ's outlines in steps of any size.
-
-    Parameters
-    ----------
-    outlines
-        The outlines, at the candidates for key sections and as often between as is wanted.
-    candidates
-        Number of pieces between candidates.
-    settings
-        What the encoder is tuned by.
-    """
+    """Quantises an organ's outlines in steps of any size."""
 
     def __init__(self, outlines: Outlines, candidates: int, settings: EncoderSettings) -> None:
+        # The outlines stand at the candidates for key sections, and `finer` - 1 between each two.
         self._walls = [outlines.outer]
         if outlines.lumen is not None:
             self._walls.append(outlines.lumen)

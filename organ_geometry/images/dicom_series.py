@@ -51,23 +51,7 @@ class DicomSlices:
     levels: GreyLevels
 
     def image(self, index: int) -> GreyImage:
-        """Return one image, read from its file now.
-
-        Parameters
-        ----------
-        index
-            Number of the image, from 0.
-
-        Returns
-        -------
-        GreyImage
-            (H, W) grey levels.
-
-        Raises
-        ------
-        ImageStackError
-            If the file cannot be read or has another size than its header says.
-        """
+        """Return one image, read from its file now."""
         values = read_values(self.files[index])
         if values.shape != (1, *self.shape):
             raise ImageStackError(

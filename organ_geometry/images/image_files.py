@@ -30,23 +30,8 @@ class FileSlices:
     shape: tuple[int, int]  # (2,) rows H and columns W that every image must have
 
     def image(self, index: int) -> GreyImage:
-        """Return one image, read from its file now.
-
-        Parameters
-        ----------
-        index
-            Number of the image, from 0.
-
-        Returns
-        -------
-        GreyImage
-            (H, W) grey levels, 8 or 16 bit; colour is turned into grey.
-
-        Raises
-        ------
-        ImageStackError
-            If the file is not a readable image or its size is not that of the first image.
-        """
+        """Return one image, read from its file now."""
+        # (H, W) grey levels, 8 or 16 bit; colour is turned into grey.
         image = _read_grey(self.files[index], index if self.paged else None, self.names[index])
         if image.shape != self.shape:
             raise ImageStackError(

@@ -50,30 +50,13 @@ class ImagePlanes:
         self,
         pixel_size: tuple[float, float] | None,
         slice_spacing: float | None,
-        where: Path,
+        where: Path,  # What a message names
     ) -> "ImagePlanes":
-        """Return the planes with other sizes, where such are given.
-
-        Parameters
-        ----------
-        pixel_size
-            (2,) distance between pixel centres, mm, or None to leave it.
-        slice_spacing
-            Distance between the planes, mm, which are then stacked straight from the first one, or
-            None to leave them where they are.
-        where
-            What a message names.
-
-        Returns
-        -------
-        ImagePlanes
-            The planes; mm where both are given.
-
-        Raises
-        ------
-        ImageStackError
-            If a size is not above 0 or looks like a slip of the unit.
-        """
+        """Return the planes with other sizes, where such are given."""
+        # (2,) distances between pixel centres and the distance between planes, mm; None leaves
+        # them. With a spacing the planes are stacked straight from the first one on. Where both are
+        # given the planes are in mm, whatever their files said. A size that is not above 0 or looks
+        # like a slip of the unit is an ImageStackError.
         planes = self
         if pixel_size is not None:
             check_pixel_size(pixel_size, where)

@@ -43,27 +43,11 @@ class VolumeSlices:
 def read_volume(
     path: Path, *, label: int | None, window: Window | None
 ) -> tuple[GreyImage, ImagePlanes, GreyLevels | None]:
-    """Return the grey levels of a volume file, the planes across its last axis, and what they mean.
-
-    Parameters
-    ----------
-    path
-        A NIfTI, NRRD or MetaImage file, or a DICOM file of several frames. It is read whole.
-    label
-        The label whose mask is wanted, or None for grey levels.
-    window
-        (2,) lowest and highest value to keep, or None for all.
-
-    Returns
-    -------
-    tuple[GreyImage, ImagePlanes, GreyLevels | None]
-        (K, J, I) levels, K planes, and the levels' values; None where levels are the values.
-
-    Raises
-    ------
-    ImageStackError
-        If the file cannot be read, is no single grey volume, or does not have the label.
-    """
+    """Return the grey levels of a volume file, its planes, and the values of the levels."""
+    # A NIfTI, NRRD or MetaImage file or a DICOM file of several frames is read whole, as (K, J, I)
+    # levels of K planes across its last axis; with a label as that label's mask, with a window (2,)
+    # clipped to its lowest and highest value. Levels that are the values themselves have None
+    # beside them. What is no single grey volume or lacks the label is an ImageStackError.
     header = read_header(path)
     if header.components > 1:
         raise ImageStackError(

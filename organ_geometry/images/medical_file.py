@@ -91,23 +91,8 @@ def read_header(path: Path) -> MedicalHeader:
 
 
 def read_values(path: Path) -> NDArray[Any]:
-    """Return the values of a file's voxels, the last axis first; several threads may call at once.
-
-    Parameters
-    ----------
-    path
-        A file that SimpleITK reads.
-
-    Returns
-    -------
-    NDArray[Any]
-        (..., H, W) values in their own type; DICOM's are rescaled to their unit.
-
-    Raises
-    ------
-    ImageStackError
-        If SimpleITK is not there or cannot read the file.
-    """
+    """Return the values of a file's voxels, last axis first; threads may call at once."""
+    # (..., H, W) values in their own type; DICOM's are rescaled to their unit.
     try:
         values = np.asarray(_simple_itk().GetArrayFromImage(_reader(path).Execute()))
     except RuntimeError as error:

@@ -93,60 +93,29 @@ class GltfFile:
     def accessor(
         self,
         array: NDArray[Any],
-        kind: VectorKind,
+        kind: VectorKind,  # What an element is
         *,
-        target: Target | None = None,
-        bounded: bool = False,
-        normalized: bool = False,
+        target: Target | None = None,  # What the array is for, where a graphics card reads it
+        bounded: bool = False,  # Whether the smallest and largest components are to be told
+        normalized: bool = False,  # Whether whole numbers stand for 0 to 1
     ) -> int:
-        """Store an array.
-
-        Parameters
-        ----------
-        array
-            (N,) or (N, C) numbers of one, two or four bytes; an element must take a multiple of
-            four where it is a vertex's.
-        kind
-            What an element is.
-        target
-            What the array is for, where a graphics card reads it.
-        bounded
-            Whether the smallest and largest components are to be told.
-        normalized
-            Whether whole numbers stand for 0 to 1.
-
-        Returns
-        -------
-        int
-            Number of its accessor.
-        """
+        """Store an array."""
+        # (N,) or (N, C) numbers of one, two or four bytes; an element must take a multiple of four
+        # bytes where it is a vertex's (glTF 2.0, 3.6.2.4). Returned is the accessor's number.
         return self.accessors(
             array[np.newaxis], kind, target=target, bounded=bounded, normalized=normalized
         )[0]
 
     def accessors(
         self,
-        arrays: NDArray[Any],
+        arrays: NDArray[Any],  # (M, N) or (M, N, C) numbers, as of `accessor`
         kind: VectorKind,
         *,
         target: Target | None = None,
         bounded: bool = False,
         normalized: bool = False,
     ) -> list[int]:
-        """Store arrays of one shape one after the other.
-
-        Parameters
-        ----------
-        arrays
-            (M, N) or (M, N, C) numbers, as of `accessor`.
-        kind, target, bounded, normalized
-            As of `accessor`.
-
-        Returns
-        -------
-        list[int]
-            (M,) numbers of their accessors.
-        """
+        """Store arrays of one shape one after the other."""
         arrays = np.ascontiguousarray(arrays)
         view = self._view(arrays.tobytes(), target)
         key = (view, arrays.shape, arrays.dtype.str, kind, bounded, normalized)
@@ -174,22 +143,9 @@ class GltfFile:
     def sparse_accessor(
         self, count: int, where: NDArray[np.uint32], values: NDArray[np.float32]
     ) -> int:
-        """Store vectors most of which are zero.
-
-        Parameters
-        ----------
-        count
-            How many vectors there are.
-        where
-            (N,) growing numbers of those that are not zero; at least one.
-        values
-            (N, 3) these.
-
-        Returns
-        -------
-        int
-            Number of its accessor.
-        """
+        """Store vectors most of which are zero."""
+        # Of `count` vectors the (N, 3) values stand at (N,) growing numbers `where`, one or more;
+        # the others are zero.
         places = where.astype(_index_type(count))
         nothing = np.zeros((1, 3), np.float32)
         # Without a view of its own all the rest is zero, but VTK's reader leaves there what was.
@@ -222,20 +178,8 @@ class GltfFile:
         )
 
     def indices(self, faces: NDArray[np.integer[Any]], vertices: int) -> int:
-        """Store triangles.
-
-        Parameters
-        ----------
-        faces
-            (F, 3) vertex numbers.
-        vertices
-            How many vertices there are.
-
-        Returns
-        -------
-        int
-            Number of its accessor.
-        """
+        """Store triangles."""
+        # How many vertices there are says whether two bytes a number are enough.
         flat = faces.ravel().astype(_index_type(vertices))
         return self.accessor(flat, "SCALAR", target="indices")
 

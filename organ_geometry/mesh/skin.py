@@ -245,18 +245,8 @@ def sides_of(organ: Organ, edge_length: float) -> int:
 
 
 def ring_angles(sides: int) -> NDArray[np.float64]:
-    """Return the angles of a ring's vertices: even, and none where the two half-curves meet.
-
-    Parameters
-    ----------
-    sides
-        How many vertices a ring has.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (sides,) angles, rad.
-    """
+    """Return the angles of a ring's vertices: even, and none where the two half-curves meet."""
+    # (sides,) in rad.
     return (np.arange(sides, dtype=np.float64) + 0.5) * (2.0 * np.pi / sides)
 
 

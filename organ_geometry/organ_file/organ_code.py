@@ -66,13 +66,7 @@ class OrganCode:
         return tolerance_of(self.tolerance) * scale_of(self.section_scale)
 
     def signals(self) -> list[NDArray[np.float64]]:
-        """Return the signals at the key sections.
-
-        Returns
-        -------
-        list[NDArray[np.float64]]
-            (K, 16) those of the outer boundary, then those of the lumen if there is one, mm.
-        """
+        """Return the (K, 16) shape coefficients at the key sections, mm, by wall."""
         steps = signal_steps(self.section_step)
         values = differences_to_values(self.keys)
         outer = (values @ self.outer) * steps

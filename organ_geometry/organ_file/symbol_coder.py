@@ -96,7 +96,7 @@ class _Numbers:
 
 
 class SymbolWriter(_Numbers):
-    """Numbers written."""
+    """Encodes numbers; `as_bytes` gives what a `SymbolReader` decodes."""
 
     def __init__(self) -> None:
         self._contexts = _Contexts()
@@ -143,13 +143,7 @@ class SymbolWriter(_Numbers):
 
 
 class SymbolReader(_Numbers):
-    """Numbers read.
-
-    Parameters
-    ----------
-    data
-        What `SymbolWriter.as_bytes` gave.
-    """
+    """Decodes the numbers of a `SymbolWriter`'s bytes."""
 
     def __init__(self, data: bytes) -> None:
         self._contexts = _Contexts()

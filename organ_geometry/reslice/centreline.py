@@ -55,23 +55,11 @@ class Tube:
     def section(
         self, point: NDArray[np.float64], frame: NDArray[np.float64], depth: float
     ) -> tuple[NDArray[np.float64], float]:
-        """Return the places of a section's pixels, and a pixel's side.
-
-        Parameters
-        ----------
-        point
-            (3,) middle of the plane, mm.
-        frame
-            (3, 3) the plane's two directions and its normal, as columns.
-        depth
-            Depth of the tube there, mm; pixels of more than three are not looked at.
-
-        Returns
-        -------
-        tuple[NDArray[np.float64], float]
-            (N, 2) along the plane's directions from the point, mm, of the part that is at the point
-            or nearest to it, none where the plane misses the tube; and the pixel, mm.
-        """
+        """Return the places of a section's pixels, and a pixel's side."""
+        # The plane has its middle at the (3,) point; a (3, 3) frame's columns are its two
+        # directions and its normal. Looked at is three times the tube's depth there, mm. The (N, 2)
+        # places, mm along the two directions, are those of the connected part at the point or
+        # nearest to it; none where the plane misses the tube.
         pixel = max(float(self.sizes.min()), depth / 16.0)
         half = int(np.ceil(_REACH_DEPTHS * depth / pixel))
         side = 2 * half + 1
