@@ -10,34 +10,16 @@ __all__ = ["Delivery"]
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    kind
-        What it is, in words.
-    files
-        The files, the one that was asked for first.
-    surfaces
-        Names of the closed surfaces; none of a table.
-    vertices, faces
-        How many there are.
-    force
-        The grasper's whole force at the end, N; of torn pieces, the one that tore them.
-    deflection
-        Displacement of the grasp at that force, mm; 0 for torn pieces, which have swung back.
-    animations
-        Names of the motions in it.
-    """
-
-    kind: str
-    files: tuple[Path, ...]
-    surfaces: tuple[str, ...]
+    kind: str  # in words
+    files: tuple[Path, ...]  # the one that was asked for first
+    surfaces: tuple[str, ...]  # names of the closed surfaces; none in a table
     vertices: int
     faces: int
-    force: float
-    deflection: float
-    animations: tuple[str, ...] = ()
+    force: float  # of the grasper at the end, N; for torn pieces, at the break
+    deflection: float  # of the grasp at that force, mm; 0 for torn pieces, which have swung back
+    animations: tuple[str, ...] = ()  # names of the motions
 
     @classmethod
     def of(cls, kind: str, snapshot: Snapshot, files: tuple[Path, ...] = ()) -> "Delivery":

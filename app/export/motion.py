@@ -1,7 +1,7 @@
-"""Motions: how an organ's driving points move in time, how far a tear has run, what is read.
+"""Motions: an organ's driving points in time, how far a tear has run, and the readings.
 
-A prescribed pull and a recorded run both give one, and every file that moves is written from it:
-what is solved for a key is solved once.
+A prescribed pull and a recorded run both give one, and every file that moves is written from it,
+so that the equilibrium of a key is solved once.
 """
 
 from collections.abc import Iterable
@@ -33,68 +33,40 @@ __all__ = [
 ]
 
 WHOLE = -1.0
-"""The front of a tear that has not begun."""
+"""Value of `front` while there is no tear."""
 MOST_FRAMES = 2000
-"""Keys of a pull: half a minute at 60 a second, beyond which a viewer's own blend is as smooth."""
+"""Most keys of a pull: half a minute at 60 Hz. With more, a viewer's own blending is as smooth."""
 PULL_SECONDS = 2.0
-"""How long a pull is shown."""
+"""s, length of a prescribed pull."""
 RUN_STEP = 0.1
-"""Time between keys while the front runs, s, for viewers that blend between them."""
+"""s between keys while the front runs, for viewers that blend between them."""
 RECOIL_STEP = 0.05
-"""Time between keys while the pieces swing, s: ten to a swing."""
+"""s between keys while the pieces swing: ten to a period."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionKey:
-    """One moment of a motion.
+    """One moment of a motion."""
 
-    Attributes
-    ----------
-    time
-        s.
-    transforms
-        (D, 3, 4) transforms of the driving points less the identity (`DrivingPoints.transforms`).
-    reading
-        What the instruments show.
-    front
-        How far the tear has run (`tear_front`); `WHOLE` while there is none.
-    """
-
-    time: float
-    transforms: NDArray[np.float64]
+    time: float  # s
+    transforms: NDArray[np.float64]  # (D, 3, 4), less the identity (`DrivingPoints.transforms`)
     reading: Reading
-    front: float = WHOLE
+    front: float = WHOLE  # progress of the tear (`tear_front`); `WHOLE` without one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """A motion of an organ, key by key.
+    """A motion of an organ, key by key; a `ValueError` if it has no key or time does not grow.
 
-    Attributes
-    ----------
-    name
-        What it is called.
-    times
-        (T,) s, growing; where the organ comes apart, the last key of the whole and the first of
-        the pieces have the same.
-    transforms
-        (T, D, 3, 4) transforms of the driving points less the identity.
-    fronts
-        (T,) how far the tear has run; `WHOLE` while there is none.
-    readings
-        (T,) what the instruments show.
-
-    Raises
-    ------
-    ValueError
-        If there is no key, or time does not grow.
+    Where the organ comes apart, the last key of the whole and the first of the pieces have one
+    time.
     """
 
     name: str
-    times: NDArray[np.float64]
-    transforms: NDArray[np.float64]
-    fronts: NDArray[np.float64]
-    readings: tuple[Reading, ...]
+    times: NDArray[np.float64]  # (T,) s
+    transforms: NDArray[np.float64]  # (T, D, 3, 4), of the driving points, less the identity
+    fronts: NDArray[np.float64]  # (T,) how far the tear has run; `WHOLE` while there is none
+    readings: tuple[Reading, ...]  # T
 
     def __post_init__(self) -> None:
         if not self.times.size:
@@ -121,12 +93,12 @@ class Motion:
 
     @property
     def whole(self) -> NDArray[np.bool_]:
-        """(T,) at which keys the organ is whole."""
+        """(T,) whether the organ is whole at each key."""
         return self.fronts < 0.0
 
 
 def check_frames(frames: int) -> None:
-    """Raise if a motion cannot have so many keys."""
+    """Raise if a motion cannot have this number of keys."""
     if not 2 <= frames <= MOST_FRAMES:
         raise ValueError(
             f"frames must be 2 (rest and pulled) to {MOST_FRAMES:,} (half a minute at 60 a "
@@ -157,7 +129,7 @@ def pull_motion(
     readings: list[Reading] = []
     for key, at in enumerate(np.linspace(0.0, force, frames).tolist()):
         pulled = pull.to_force(at).sample(stations)
-        if key:  # the first is rest itself, to the bit
+        if key:  # the first stays the identity to the bit
             dissection.move(pulled.part(slice(None, driven.size)), transforms[key])
         lifted = pulled.deflection
         readings.append(

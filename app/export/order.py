@@ -24,60 +24,32 @@ from physics import BreakEvent, Theory, break_of
 __all__ = ["SUFFIXES", "Order"]
 
 SUFFIXES = (*MESH_SUFFIXES, ".vtp", ".pvd", ".csv")
-"""Kinds of file, by suffix."""
+"""Suffixes of the files that can be written."""
 
 Table = Literal["curve", "axis"]
 
 
 @dataclass(frozen=True)
 class Order:
-    """An organ under a pull, to be written as a file.
-
-    Attributes
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force, N. When None, a still mesh is at rest, and what moves or lists
-        forces goes to the break.
-    torn
-        Whether a still mesh shows the two pieces after the tear.
-    still
-        Whether a GLB shall not move.
-    painted
-        Whether vertices are coloured by their stress.
-    frames
-        Keys of a pull, files of a series, rows of a curve.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    table
-        What a CSV lists.
-    threshold
-        Stress at which the organ tears, MPa; the preset's own when None.
-    seed
-        Chooses the raggedness of the torn rim.
-    """
+    """An organ under a pull, to be written as a file."""
 
     dissection: Dissection
     theory: Theory
-    grasp: float
+    grasp: float  # mm from the first clamp
+    # N; None: a static mesh is at rest, motions and curves go to the break
     force: float | None = None
-    torn: bool = False
-    still: bool = False
-    painted: bool = False
-    frames: int = 60
-    edge_length: float = 0.5
-    table: Table = "curve"
-    threshold: float | None = None
-    seed: int = 1
+    torn: bool = False  # a static mesh shows the two pieces after the tear
+    still: bool = False  # write a GLB without motion
+    painted: bool = False  # colour vertices by stress
+    frames: int = 60  # keys of a pull, files of a series, rows of a curve
+    edge_length: float = 0.5  # wanted, of the triangles, mm
+    table: Table = "curve"  # what a CSV lists
+    threshold: float | None = None  # MPa; None: the preset's
+    seed: int = 1  # of the torn rim's raggedness
 
     @cached_property
     def strength(self) -> float:
-        """Stress at which the organ tears, MPa."""
+        """The threshold in use, MPa."""
         if self.threshold is not None:
             return self.threshold
         return self.dissection.preset.threshold(self.theory, self.dissection.beam)
@@ -88,7 +60,7 @@ class Order:
         return break_of(self.theory.pull(self.dissection.beam, self.grasp), self.strength)
 
     def check(self, path: Path) -> None:
-        """Raise if the order cannot be written there: better before long work than after it."""
+        """Raise if the order cannot be written to this path, before any long work."""
         self._check_kind(path)
         if path.suffix.lower() == ".pvd":
             check_series_path(path)

@@ -17,21 +17,11 @@ RUN = "run"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedRun:
-    """A run made again, to be played.
-
-    Attributes
-    ----------
-    dissection
-        The organ between its clamps.
-    motion
-        What it did, its times s from the first pull.
-    seed
-        Of the torn rim's raggedness.
-    """
+    """A replayed run as a motion, its times s from the first pull."""
 
     dissection: Dissection
     motion: Motion
-    seed: int
+    seed: int  # of the torn rim's raggedness
 
     @classmethod
     def of(cls, replay: Replay, *, frames: int) -> "RecordedRun":
@@ -43,7 +33,7 @@ class RecordedRun:
         replay.seek_tick(0)
         dissection = session.duct.dissection
         shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
-        # The first key is rest itself, to the bit.
+        # The first key stays the identity to the bit.
         keys = [MotionKey(0.0, dissection.rest_transforms(), session.reading())]
         tick, last = 0, ticks
         while tick < last:

@@ -1,20 +1,24 @@
 """A rigged organ: glTF with a joint at each driving point, and its motions as animations.
 
-A vertex that follows two driving points by linear weights is what every viewer's skinning does, so
-the joints need no more than each driving point's own turn and place. They are a chain from the
-clamp on, each a child of the one before, as programs with bones expect them.
+Each vertex follows two driving points by linear weights, which is what every viewer's skinning
+does; so a joint needs only its driving point's rotation and position. The joints form a chain from
+the clamp on, each a child of the one before, as programs with bones expect them. With a driving
+point at p_i at rest and its transform [R_i | t_i] at a key, it stands at q_i = R_i p_i + t_i, and
+relative to its parent its joint has
+    rotation  R_{i-1}^T R_i,    translation  R_{i-1}^T (q_i - q_{i-1});
+the first joint's parent is the anchor, which does not move.
 
-The whole organ and its two pieces are three meshes that share no vertex, each on joints of its own.
+The whole organ and its two pieces are three meshes that share no vertex, each with its own joints.
 While the organ is whole the pieces' joints are scaled to a speck, and from the tear on the whole
-organ's are. That is the way of the glTF specification to show and hide a skinned mesh (3.5.3) and
-needs no extension; only its scale of zero is avoided, which some readers divide by. So `pull`
-moves one closed surface, the same as the still mesh, and its seam cannot show.
+organ's are. This is how the glTF specification hides a skinned mesh (3.5.3), and it needs no
+extension; only its scale of zero is avoided, because some readers divide by it. So `pull` moves one
+closed surface, the same as the static mesh, which has no seam.
 
-Each chain hangs on a root of its own. Blender makes such a root an armature, and the node of a mesh
-whose shapes are animated an empty object, unless that node is the root of joints too. So the first
-piece's mesh is on the root of the whole organ's joints, the second's on that of the first's. (On
-the root of its own joints it would be lost to a reader that moves a mesh below its joints, as Godot
-does.)
+Each chain hangs on a root of its own. Blender turns such a root into an armature, and the node of a
+mesh whose shapes are animated into an empty object, unless that node is also the root of joints. So
+the first piece's mesh is on the root of the whole organ's joints, and the second's on that of the
+first's. (On the root of its own joints it would be lost to a reader such as Godot, which moves a
+mesh below its joints.)
 """
 
 from collections.abc import Sequence
@@ -43,45 +47,29 @@ __all__ = ["ORGAN", "rigged_organ"]
 ORGAN = "organ"
 """Name of the whole organ's mesh and its node."""
 RIM_TOLERANCE = 2e-5
-"""How near a torn rim is shown to where it is, in parts of the organ's radius."""
+"""Largest error of a torn rim's vertices, over the organ's radius."""
 RIGID = 1e-6
-"""How far a driving point's transform may be from a rotation."""
+"""Largest deviation of a driving point's transform from a rotation: joints have no shear."""
 MOST_VERTICES = 300_000
-"""A skin that viewers still move smoothly."""
+"""Largest skin: viewers still animate it smoothly."""
 HIDDEN = 1e-5
-"""Scale of what is not shown: a duct is half a micrometre long then."""
+"""Scale of a hidden mesh: a duct is then half a micrometre long."""
 LEAD = 5.0
-"""How far behind the clamp a chain is anchored, mm. A bone whose next joint is nearer than 4 mm is
-drawn by Blender as long as the bone before it, or a metre long if there is none."""
+"""mm behind the clamp at which a chain is anchored. Blender draws a bone whose next joint is nearer
+than 4 mm as long as the bone before it, or a metre long if there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Chain:
-    """Joints, each a child of the one before.
+    """Joints, each a child of the one before."""
 
-    Attributes
-    ----------
-    points
-        (J,) the driving points that they follow; from the last on backwards in a piece that is
-        held at the organ's end.
-    places
-        (J, 3) where they are at rest, mm.
-    anchor
-        (3,) where the bone that they hang on begins, mm.
-    root
-        Number of the node that all hang on.
-    joints
-        (J,) numbers of their nodes.
-    skin
-        Number of the glTF skin.
-    """
-
+    # (J,) driving points that they follow; reversed in a piece held at the organ's end
     points: NDArray[np.intp]
-    places: NDArray[np.float64]
-    anchor: NDArray[np.float64]
-    root: int
-    joints: list[int]
-    skin: int
+    places: NDArray[np.float64]  # (J, 3) at rest, mm
+    anchor: NDArray[np.float64]  # (3,) where the bone that they hang on begins, mm
+    root: int  # number of the node above the chain
+    joints: list[int]  # (J,) node numbers
+    skin: int  # number of the glTF skin
 
 
 def rigged_organ(
@@ -202,7 +190,7 @@ def _mesh(
 def _binding(
     file: GltfFile, bound: BoundSkin, points: NDArray[np.intp], vertices: NDArray[np.intp]
 ) -> dict[str, int]:
-    """Store which two joints some of the skin's vertices follow, and how much."""
+    """Store the two joints that each of some vertices follows, and their weights."""
     numbers = np.empty(points.max() + 1, np.intp)
     numbers[points] = np.arange(len(points))
     index = bound.index[vertices]
@@ -210,11 +198,11 @@ def _binding(
     after = np.rint(65535.0 * bound.weight[vertices]).astype(np.uint16)
     weights = np.zeros((len(index), 4), np.uint16)
     weights[:, 0], weights[:, 1] = 65535 - after, after
-    # Behind the outermost joint both are that one, and one joint may be named only once.
+    # Beyond the outermost joint both are that one, but glTF allows each joint only once a vertex.
     same = followed[:, 0] == followed[:, 1]
     weights[same, :2] = 65535, 0
     joints = np.zeros((len(index), 4), np.uint8 if len(points) < 256 else np.uint16)
-    # A joint without weight must be number 0, which is the anchor.
+    # glTF wants joint 0, which is the anchor, where the weight is zero.
     joints[:, :2] = np.where(weights[:, :2] > 0, 1 + numbers[followed], 0)
     return {
         "JOINTS_0": file.accessor(joints, "VEC4", target="vertices"),
@@ -223,7 +211,7 @@ def _binding(
 
 
 def _target(file: GltfFile, shape: NDArray[np.float32]) -> dict[str, int]:
-    """Store a displacement of a wall's vertices."""
+    """Store a displacement of the wall's vertices as a morph target."""
     moved = metres(shape)
     where = np.flatnonzero(moved.any(axis=1)).astype(np.uint32)
     where = where if where.size else np.zeros(1, np.uint32)
@@ -231,7 +219,7 @@ def _target(file: GltfFile, shape: NDArray[np.float32]) -> dict[str, int]:
 
 
 def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return (..., 4) unit quaternions x, y, z, w of rotations, none far from the one before."""
+    """Return (..., 4) unit quaternions x, y, z, w, each of the sign nearest to the one before."""
     diagonal = np.diagonal(turns, axis1=-2, axis2=-1)
     trace = diagonal.sum(axis=-1, keepdims=True)
     squares = np.concatenate([1.0 + 2.0 * diagonal - trace, 1.0 + trace], axis=-1)
@@ -261,7 +249,7 @@ def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 class _Animation:
-    """One animation in the making."""
+    """One animation while it is put together."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
@@ -269,12 +257,12 @@ class _Animation:
         self._channels: list[dict[str, Any]] = []
 
     def add(self, node: int, path: str, times: NDArray[np.float64], values: NDArray[Any]) -> None:
-        """Let a node's property follow values, straight from key to key."""
+        """Animate a node's property by linear interpolation between keys."""
         kind = "SCALAR" if path == "weights" else "VEC3"
         self._add(node, path, self._times(times), self._file.accessor(values, kind), "LINEAR")
 
     def add_joints(self, chain: _Chain, motion: Motion, keys: NDArray[np.bool_]) -> None:
-        """Let a chain's joints follow their driving points at some keys of a motion."""
+        """Animate a chain's joints by their driving points, at some keys of a motion."""
         if not keys.any():
             return
         clock = self._times(motion.times[keys])
@@ -283,7 +271,7 @@ class _Animation:
         places = chain.places + np.einsum("tjik,jk->tji", changes, chain.places) + shifts
         into = 1e3 * GLTF_FROM_MM
         turns = into @ (np.eye(3) + changes) @ into.T
-        # As each joint's parent sees it; the anchor does not turn.
+        # Relative to each joint's parent; the anchor does not rotate.
         back = np.swapaxes(turns, -1, -2)
         back = np.concatenate([np.broadcast_to(np.eye(3), back[:, :1].shape), back[:, :-1]], axis=1)
         before = np.broadcast_to(chain.anchor, places[:, :1].shape)
@@ -300,8 +288,8 @@ class _Animation:
             self._add(joint, "rotation", clock, rotation, "LINEAR")
 
     def add_shown(self, chain: _Chain, times: NDArray[np.float64], keys: NDArray[np.bool_]) -> None:
-        """Show a chain's mesh from keys that are its own on, and hide it from others on."""
-        # Of two keys at one time, the last of the whole and the first of the pieces, the last.
+        """Show a chain's mesh from its own keys on, and hide it from the others' on."""
+        # Where the organ comes apart two keys have one time; the pieces' key counts.
         last = np.append(np.diff(times) > 0.0, True)
         times, keys = times[last], keys[last]
         change = np.append(True, keys[1:] != keys[:-1])
@@ -316,7 +304,7 @@ class _Animation:
         )
 
     def close(self, name: str) -> None:
-        """Put the animation into the file."""
+        """Write the animation to the file."""
         item = {"name": name, "samplers": self._samplers, "channels": self._channels}
         self._file.add("animations", item)
 

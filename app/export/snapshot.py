@@ -12,51 +12,25 @@ from physics import BreakEvent, Theory, critical_stations
 __all__ = ["PulledOrgan", "Snapshot", "borne_force", "torn_snapshot"]
 
 STRESS_STATIONS = 121
-"""Places along the span that the stress is read at: two for each driving point."""
+"""Stations along the span at which stress is sampled: two for each driving point."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """Closed surfaces of an organ at one moment.
+    """Closed surfaces of an organ at one moment, in the organ's coordinates."""
 
-    Attributes
-    ----------
-    surfaces
-        One "organ" or two pieces.
-    stresses
-        What the vertices of each bear.
-    force
-        The grasper's whole force, N; of torn pieces, the one that tore them.
-    deflection
-        Displacement of the grasp, mm; 0 for torn pieces, which have swung back.
-    """
-
-    surfaces: tuple[Surface, ...]
-    stresses: tuple[Stresses, ...]
-    force: float
-    deflection: float
+    surfaces: tuple[Surface, ...]  # one "organ", or two pieces
+    stresses: tuple[Stresses, ...]  # at the vertices of each
+    force: float  # of the grasper, N; for torn pieces, at the break
+    deflection: float  # of the grasp, mm; 0 for torn pieces, which have swung back
 
 
 class PulledOrgan:
-    """An organ's skin under a pull, force by force.
+    """An organ's skin under a pull, force by force, with its stresses.
 
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that bends it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    threshold
-        Stress at which it tears, MPa.
-
-    Raises
-    ------
-    ValueError
-        If the grasp is not between the clamps, or there is no such skin.
+    `grasp` is in mm from the first clamp, `threshold` in MPa, and `edge_length`, mm, is the wanted
+    length of the triangles' edges. A `ValueError` if the grasp is not between the clamps, or the
+    skin cannot be made with such edges.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ from physics import Pull, critical_stations
 __all__ = ["axis_table", "curve_table"]
 
 AXIS_STATIONS = 121
-"""Rows of an axis, beside those at the grasp and at a varying organ's own sections."""
+"""Rows of an axis, besides those at the grasp and at a varying organ's own sections."""
 
 
 def curve_table(pull: Motion) -> bytes:
@@ -69,7 +69,7 @@ def axis_table(dissection: Dissection, pull: Pull, threshold: float) -> bytes:
 
 
 def _csv(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
-    # Adding 0 turns a minus zero into a plain one.
+    # Adding 0 turns -0.0 into 0.0.
     rows = np.stack(list(columns.values()), axis=1) + 0.0
     lines = [",".join(columns), *(",".join(f"{each:.9g}" for each in row) for row in rows.tolist())]
     return ("\n".join(lines) + "\n").encode()

@@ -1,9 +1,11 @@
-"""Torn rims that draw back: a few shapes whose sums are a rim at every key of a motion.
+"""Torn rims that draw back, as a few morph targets whose weighted sums give every key of a motion.
 
-Joints move all that is rigid. How a rim draws back is another displacement for each vertex and each
-moment, laid over it; as a matrix of keys by displacements it has a low rank, and its principal
-components are shapes that a viewer can blend (morph targets). Blender takes no more of a shape than
-all of it and no less than nothing, so that one shape more holds the least that there is of each.
+Joints move all that is rigid. The drawing back of a rim is laid over that as another displacement
+of each vertex at each key. With the keys as rows, these displacements form a matrix of low rank:
+its leading principal components, from the eigenvectors of rows rows^T, are the shapes, as many as
+the tolerance needs; the eigenvectors are the weights. Blender clamps weights to [0, 1], so they are
+scaled to that range, and one shape more, of weight 1, holds the sum of all components at their
+least.
 """
 
 from dataclasses import dataclass
@@ -19,18 +21,10 @@ __all__ = ["RimShapes", "rim_shapes"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RimShapes:
-    """Shapes of a torn piece's rim.
+    """Morph targets of a torn piece's rim."""
 
-    Attributes
-    ----------
-    shapes
-        (M, V, 3) displacements of the piece's vertices at rest, mm.
-    weights
-        For each motion (K, M) how much of each shape is there at its K torn keys, 0 to 1.
-    """
-
-    shapes: NDArray[np.float32]
-    weights: list[NDArray[np.float32]]
+    shapes: NDArray[np.float32]  # (M, V, 3) displacements of the piece's vertices at rest, mm
+    weights: list[NDArray[np.float32]]  # per motion (K, M), 0 to 1, at its K keys with a torn rim
 
 
 def rim_shapes(
@@ -45,7 +39,7 @@ def rim_shapes(
         torn = ~motion.whole
         counts.append(int(torn.sum()))
         for transforms, front in zip(motion.transforms[torn], motion.fronts[torn], strict=True):
-            # A viewer adds shapes before the joints turn them, the tear after that.
+            # Viewers apply morph targets before the joints, the tear's displacements come after.
             turns = np.eye(3) + (1.0 - weight) * transforms[index, :, :3]
             turns += weight * transforms[index + 1, :, :3]
             opened = np.clip(front - piece.height[near], 0.0, 1.0)[:, np.newaxis]
@@ -62,7 +56,7 @@ def rim_shapes(
 def _turned_back(
     turns: NDArray[np.float64], displacements: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return (N*3,) what (N, 3, 3) matrices turn into (N, 3) displacements."""
+    """Return (N*3,) the displacements, (N, 3), that (N, 3, 3) matrices turn into those given."""
     inverse = np.linalg.inv(turns).astype(np.float64, copy=False)
     return np.einsum("nij,nj->ni", inverse, displacements).ravel()
 
@@ -73,7 +67,7 @@ def _principal(
     """Return (T, M) parts from 0 to 1 and (M, N) shapes whose product is within a tolerance."""
     if not rows.size:
         return np.zeros((len(rows), 0)), np.zeros((0, rows.shape[1]))
-    # The copy spares BLAS's symmetric product, which is twenty times slower on flat matrices.
+    # The copy avoids BLAS's symmetric product, which is twenty times slower on flat matrices.
     turns: NDArray[np.float64] = np.linalg.eigh(rows @ rows.T.copy())[1][:, ::-1]
     along = turns.T @ rows
     left = rows.copy()

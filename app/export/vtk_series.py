@@ -40,7 +40,7 @@ def snapshot_content(snapshot: Snapshot) -> bytes:
 
 
 def check_series_path(path: Path) -> None:
-    """Raise if a series cannot be written there."""
+    """Raise if a series cannot be written to this path."""
     check_target(path)
     frames = _frames_folder(path)
     if frames.exists() and not path.is_file():
@@ -48,7 +48,7 @@ def check_series_path(path: Path) -> None:
 
 
 def write_series(snapshots: Iterable[Snapshot], path: Path) -> list[Path]:
-    """Write snapshots as a series over the force, whole or not at all."""
+    """Write snapshots as a series over the force: all files or none."""
     check_series_path(path)
     folder = _frames_folder(path)
     fresh = folder.with_name(f".{folder.name}.part")

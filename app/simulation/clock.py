@@ -4,13 +4,20 @@ __all__ = ["MOST_TICKS_AT_ONCE", "TICKS_PER_SECOND", "TICK_SECONDS", "Clock"]
 
 TICKS_PER_SECOND = 30
 TICK_SECONDS = 1.0 / TICKS_PER_SECOND
-"""Length of every tick, s: what happens in a run is a matter of ticks alone."""
+"""s. A run depends on its ticks alone, never on real time, so it can be replayed to the bit."""
 MOST_TICKS_AT_ONCE = TICKS_PER_SECOND
-"""A stalled machine slows a pull; it does not make up for more than a second."""
+"""After a stall of more than a second the rest is dropped: the pull slows instead of jumping."""
 
 
 class Clock:
-    """Real time in whole ticks, to the nearest one: what is over or missing is carried on."""
+    """Turns real time into whole ticks; the rounding error is carried on to the next call.
+
+    A caller that is up to half a tick early or late still gets one tick at each call.
+
+    >>> clock = Clock()
+    >>> [clock.ticks(0.02) for _ in range(5)]
+    [1, 0, 1, 0, 1]
+    """
 
     __slots__ = ("_owed",)
 
@@ -18,25 +25,7 @@ class Clock:
         self._owed = 0.0
 
     def ticks(self, seconds: float) -> int:
-        """Return how many ticks are due.
-
-        Parameters
-        ----------
-        seconds
-            Real time since the last call, s.
-
-        Returns
-        -------
-        int
-            Number of ticks. A caller that is up to half a tick early or late gets one at each
-            call all the same.
-
-        Examples
-        --------
-        >>> clock = Clock()
-        >>> [clock.ticks(0.02) for _ in range(5)]
-        [1, 0, 1, 0, 1]
-        """
+        """Return how many ticks are due; `seconds` is the real time since the last call."""
         self._owed += max(seconds, 0.0) * TICKS_PER_SECOND
         due = int(self._owed + 0.5)
         self._owed -= due

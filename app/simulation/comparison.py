@@ -1,7 +1,9 @@
-"""What is set beside a session's duct: its ghost by another theory, and a swinging chain.
+"""What is shown beside a session's duct: its ghost by another theory, and a mass-spring chain.
 
-The ghost is the same duct under the same load, in equilibrium. The chain of masses and springs
-follows that load with its own inertia, slowed so that its swing can be seen.
+The ghost is the same duct under the same load, in equilibrium by another theory. The chain of
+masses and springs follows that load with its own inertia. It is slowed so that its swing can be
+seen: frequencies go with 1 / sqrt(density), so with s^2 times the density of tissue it swings s
+times slower (`SwingingChain.slowed`).
 """
 
 import math
@@ -20,52 +22,30 @@ __all__ = ["SWINGS_PER_SECOND", "Ghost", "GhostReading", "SwingingChain"]
 
 NODES = 21
 SWINGS_PER_SECOND = 2.5
-"""Of its slowest swing when straight. A real duct's swing, tens a second, no screen shows: the
-masses are made larger, by what `slowed` says."""
-DAMPING_RATIO = 0.08
+"""Hz, lowest frequency of the straight chain. A real duct swings at tens of Hz, which no screen
+shows: the density is raised by `slowed` squared."""
+DAMPING_RATIO = 0.08  # of critical: low, so that it overshoots visibly as such chains do
 STILL_MM_PER_S = 0.02
-"""Speed of its fastest mass below which nothing is seen to move."""
+"""The chain counts as still when its fastest mass is slower than this."""
 TISSUE_DENSITY = 1e-9
 """tonne/mm^3."""
 
 
 @dataclass(frozen=True, slots=True)
 class GhostReading:
-    """What the other theory says of the same pull.
+    """What another theory gives for the session's load."""
 
-    Attributes
-    ----------
-    force, deflection
-        N and mm; one of them is the session's own.
-    force_difference, deflection_difference
-        The ghost's less the session's, N and mm.
-    check
-        Highest stress held against the ghost theory's own threshold.
-    """
-
-    force: float
-    deflection: float
-    force_difference: float
-    deflection_difference: float
-    check: RuptureCheck
+    force: float  # N
+    deflection: float  # mm; the load's own kind, force or deflection, is the session's
+    force_difference: float  # ghost less session, N
+    deflection_difference: float  # ghost less session, mm
+    check: RuptureCheck  # against the ghost theory's own threshold
 
 
 class Ghost:
-    """A duct of another theory that follows a session's load.
+    """The session's dissection by another theory, under the session's load.
 
-    Parameters
-    ----------
-    model
-        The session's dissection by the other theory.
-    skin
-        The session's skin.
-
-    Attributes
-    ----------
-    model
-        As given.
-    surface
-        The skin, named "ghost", where the ghost has it.
+    `surface` is the session's skin, named "ghost", deformed as the ghost is by `draw`.
     """
 
     def __init__(self, model: BeamModel, skin: Skin) -> None:
@@ -79,11 +59,11 @@ class Ghost:
 
     @property
     def axis(self) -> NDArray[np.float64]:
-        """(D, 3) the axis at the driving points, mm, where the organ stands; overwritten."""
+        """(D, 3) axis at the driving points, mm, in the organ's coordinates; overwritten."""
         return self._axis
 
     def follow(self, grasp: float, load: Load) -> None:
-        """Solve under the session's load."""
+        """Solve under the session's load; where there is no equilibrium, there is no reading."""
         if self._beam is None or self._beam.grasp != grasp:
             self._beam = GraspedBeam(self.model, grasp, self.model.threshold)
         try:
@@ -118,15 +98,7 @@ class Ghost:
 
 
 class SwingingChain:
-    """A chain of masses and springs that follows the session's load with its own inertia.
-
-    Parameters
-    ----------
-    beam
-        The beam that it stands for.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    """
+    """A mass-spring chain for a beam grasped `grasp` mm from the first clamp, with inertia."""
 
     def __init__(self, beam: Beam, grasp: float) -> None:
         light = MassSpringChain(beam, grasp, nodes=NODES, density=TISSUE_DENSITY)
@@ -151,12 +123,12 @@ class SwingingChain:
 
     @property
     def slowed(self) -> float:
-        """How many times slower than flesh of its size it swings."""
+        """How many times slower it swings than tissue of its size."""
         return self._slowed
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """(N, 3) the masses: mm along the clamps, sideways and along the pull; overwritten."""
+        """(N, 3) the masses, mm along the clamps, lateral and along the pull; overwritten."""
         return self._places
 
     @property
@@ -170,12 +142,12 @@ class SwingingChain:
         return self._chain.deflection
 
     def start_from(self, deflection: float) -> None:
-        """Put the masses, still, on the linear beam's curve."""
+        """Put the masses at rest on the linear beam's curve for a deflection, mm."""
         self._chain.bend(deflection)
         self._still = False
 
     def advance(self, load: Load) -> bool:
-        """Advance by one tick."""
+        """Advance by one tick; return whether the masses move."""
         if load == self._load and self._still:
             return False
         if load != self._load:

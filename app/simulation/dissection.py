@@ -23,40 +23,24 @@ from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
 __all__ = ["PIECES", "Dissection", "default_preset", "fits"]
 
 SECTIONS_ALONG = 64
-"""Sections that stand for an organ along a varying beam."""
+"""Stations at which an organ's section properties are taken for a varying beam."""
 MOST_TIMES = 6.0
-"""How many times thicker than a bar of a preset's an organ may be: the heart, 28 times as thick as
-the thesis's bar, is stretched to five times its length where that bar bends."""
+"""Largest ratio of an organ's thickness to that of a preset's bar. Where the thesis's bar merely
+bends, the heart, 28 times as thick, would be drawn stretched to five times its length."""
 DRIVING_POINTS_PER_SPAN = 60
-"""A bend of one span, followed to a hundredth of the duct's radius."""
+"""So many follow a bend of one span to within a hundredth of the duct's radius."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dissection:
-    """An organ held by two clamps, solved as a beam. Nothing in it changes while it is pulled.
-
-    Attributes
-    ----------
-    organ
-        The organ.
-    preset
-        Material, break and kind of beam.
-    beam
-        The beam between the clamps: a full bar or a tube, or a `VaryingBeam` of the organ's own
-        sections.
-    clamps
-        Arc lengths of the two clamps along the organ's axis, mm.
-    driving
-        The driving points that the beam moves.
-    frame
-        (3, 3) orthonormal columns: from the first clamp to the second, lateral, along the pull.
-    """
+    """An organ held by two clamps, solved as a beam. Nothing in it changes while it is pulled."""
 
     organ: Organ
     preset: Preset
-    beam: Beam
-    clamps: tuple[float, float]
-    driving: DrivingPoints
+    beam: Beam  # round bar or tube of the preset, or a `VaryingBeam` of the organ's own sections
+    clamps: tuple[float, float]  # arc lengths of both along the organ's axis, mm
+    driving: DrivingPoints  # the driving points that the beam moves
+    # (3, 3) orthonormal columns: from clamp to clamp, lateral, along the pull
     frame: NDArray[np.float64]
 
     @classmethod
@@ -75,7 +59,7 @@ class Dissection:
 
     @property
     def own_sections(self) -> bool:
-        """Whether the organ's own sections are solved, not a bar of the preset's."""
+        """Whether the organ's own sections are solved instead of the preset's round bar."""
         return isinstance(self.preset.beam, OrganBeam)
 
     def section(self, theory: Theory) -> str:
@@ -97,12 +81,12 @@ class Dissection:
 
     @property
     def beam_stations(self) -> NDArray[np.float64]:
-        """(D,) where each driving point is on the beam, mm; those behind a clamp are at it."""
+        """(D,) station of each driving point on the beam, mm; behind a clamp, the clamp's."""
         return np.clip(self.driving.stations - self.clamps[0], 0.0, self.beam.span)
 
     @property
     def key_stations(self) -> NDArray[np.float64]:
-        """(N,) where the organ's key sections between the clamps are on the beam, mm."""
+        """(N,) stations on the beam of the organ's key sections between the clamps, mm."""
         stations = self.organ.key_stations - self.clamps[0]
         return stations[(stations > 0.0) & (stations < self.beam.span)]
 
@@ -125,7 +109,7 @@ class Dissection:
     def move(
         self, pulled: Equilibrium, out: NDArray[np.float64], *, part: float = 1.0
     ) -> NDArray[np.float64]:
-        """Write the transforms of the driving points that follow a pulled beam."""
+        """Write the driving points' transforms for a `part` of a pulled beam's displacement."""
         return self.driving.transforms(
             part * (pulled.along - pulled.stations),
             part * pulled.across,
@@ -149,7 +133,7 @@ class Dissection:
 
 
 PIECES = ("first_piece", "second_piece")
-"""Names of the two pieces of a torn organ: the one in the first clamp and the other."""
+"""Names of the two pieces of a torn organ: in the first clamp, in the second."""
 
 
 def fits(organ: Organ, preset: Preset) -> bool:

@@ -27,33 +27,15 @@ from physics import Equilibrium, RuptureCheck
 __all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_shares"]
 
 CLAMP_DEPTH = 0.01
-"""Part of the span by which the stress at a clamp goes on behind it."""
+"""Part of the span, behind each clamp, over which the stress at the clamp continues."""
 
 
 class DrawnDuct:
-    """The surfaces of a session's duct: its whole skin or two pieces.
+    """The surfaces of a session's duct: its whole skin, or two pieces when torn.
 
-    Parameters
-    ----------
-    organ
-        The organ.
-    vertices
-        About how many vertices the skin shall have.
-    seed
-        Chooses the torn rim's raggedness.
-
-    Attributes
-    ----------
-    skin
-        The skin of the whole organ, at rest.
-    edge_length
-        Length of its triangles' edges, mm.
-    surfaces
-        What is to be drawn.
-    shape
-        Number that changes whenever `surfaces` are others than before.
-    transforms
-        (D, 3, 4) transforms of the driving points less the identity; overwritten.
+    `shape` changes whenever `surfaces` is another list. `edge_length` is the skin's, mm.
+    `transforms`, (D, 3, 4), are those of the driving points less the identity; `draw` overwrites
+    them. The skin has about `vertices` vertices, and `seed` chooses the raggedness of the torn rim.
     """
 
     def __init__(self, organ: Organ, vertices: int, seed: int = 1) -> None:
@@ -70,7 +52,7 @@ class DrawnDuct:
         self._stress: tuple[SurfaceStress, ...] | None = None
 
     def follow(self, dissection: Dissection) -> None:
-        """Show the whole organ, moved by a dissection's driving points from now on."""
+        """Show the whole organ, moved from now on by a dissection's driving points."""
         self._dissection = dissection
         self.transforms = dissection.rest_transforms()
         self.show_whole()
@@ -80,7 +62,7 @@ class DrawnDuct:
         self._show((Surface("skin", self.skin, self.skin.vertices.copy()),))
 
     def show_pieces(self, check: RuptureCheck) -> None:
-        """Show the two pieces that the organ tears into where a criterion was met."""
+        """Show the two pieces that the organ tears into where the criterion was met."""
         dissection = self._dissection
         pieces = dissection.torn_at(check, edge_length=self.edge_length, seed=self._seed)
         self._show(
@@ -92,7 +74,7 @@ class DrawnDuct:
         )
 
     def draw(self, driven: Equilibrium, tear: Tear | None) -> None:
-        """Write the surfaces' vertices as the beam has moved the driving points."""
+        """Write the surfaces' vertices for a displaced beam and the opening of a tear."""
         part = 1.0 if tear is None else tear.swing
         self._dissection.move(driven, self.transforms, part=part)
         for surface, bound in zip(self.surfaces, self._bound, strict=True):
@@ -125,23 +107,12 @@ class DrawnDuct:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stresses:
-    """Stresses at V vertices.
+    """Stresses at V vertices."""
 
-    Attributes
-    ----------
-    normal
-        (V,) tension over the section, MPa.
-    bending
-        (V,) bending stress, MPa; above zero where bending stretches.
-    total
-        (V,) their sum, MPa.
-    distance_to_break
-        (V,) 1 without stress, 0 at the threshold, below zero past it.
-    """
-
-    normal: NDArray[np.float32]
-    bending: NDArray[np.float32]
-    total: NDArray[np.float32]
+    normal: NDArray[np.float32]  # (V,) N / A, tension over the section, MPa
+    bending: NDArray[np.float32]  # (V,) MPa, positive where bending stretches
+    total: NDArray[np.float32]  # (V,) their sum, MPa
+    # (V,) 1 - total / threshold: 1 unstressed, 0 at the break
     distance_to_break: NDArray[np.float32]
 
     @classmethod
@@ -152,15 +123,7 @@ class Stresses:
 
 
 class SurfaceStress:
-    """Normal plus bending stress at the vertices of a skin, along the organ's axis.
-
-    Parameters
-    ----------
-    dissection
-        The organ between its clamps.
-    skin
-        The skin.
-    """
+    """Normal plus bending stress, MPa, at the vertices of a dissection's skin."""
 
     def __init__(self, dissection: Dissection, skin: Skin) -> None:
         first, last = dissection.clamps
@@ -176,7 +139,7 @@ class SurfaceStress:
     def write(
         self, pulled: Equilibrium, out: NDArray[np.float32], *, part: float = 1.0
     ) -> NDArray[np.float32]:
-        """Write the stress at each vertex."""
+        """Write the stress at each vertex, times `part`."""
         self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, part, out)
         return out
 
@@ -213,7 +176,7 @@ class SurfaceStress:
         )
 
     def _bind(self, stations: NDArray[np.float64]) -> None:
-        """Find the two stations that each vertex lies between."""
+        """Find the two beam stations on both sides of each vertex, and its weight."""
         self._stations = stations.copy()
         places, numbers = np.unique(stations, return_index=True)
         index = np.searchsorted(places, self._places, side="right") - 1

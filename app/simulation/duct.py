@@ -12,75 +12,32 @@ from physics import BreakEvent, NoEquilibrium, RuptureCheck, Theory
 __all__ = ["Duct", "Reading"]
 
 GRASP_MARGIN = 0.1
-"""Part of the span next to each clamp where the grasper finds no room."""
+"""Part of the span next to each clamp that the clamp's jaws keep from the grasper."""
 THRESHOLD_RANGE = (0.25, 2.0)
-"""How far the threshold may be moved, in thresholds of the preset."""
+"""Smallest and largest threshold, in thresholds of the preset."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What the instruments show after a tick.
-
-    Attributes
-    ----------
-    phase
-        What the duct is going through.
-    force
-        The grasper's whole force, N; 0 while the duct springs back with nobody holding it.
-    deflection
-        Displacement of the grasp, mm; 0 once the duct is in two.
-    check
-        Highest stress held against the threshold; at the break once it is torn.
-    breaks_at
-        Load at which the duct would break, or broke; None if it cannot.
-    deepest
-        Largest deflection of this pull, mm.
-    hook
-        The duct's axis at the grasp, mm from the first clamp along the clamps, sideways and
-        along the pull.
-    held
-        Whether the grasper holds the duct, by a force or by hand.
-    by_hand
-        Whether a hand leads the grasper, so that the beam answers with the force.
-    """
+    """What the instruments show after a tick."""
 
     phase: Phase
-    force: float
-    deflection: float
-    check: RuptureCheck
-    breaks_at: BreakEvent | None
-    deepest: float
+    force: float  # whole force of the grasper, N; 0 while a released duct springs back
+    deflection: float  # displacement of the grasp, mm; 0 once the duct is in two
+    check: RuptureCheck  # highest stress against the threshold; once torn, as at the break
+    breaks_at: BreakEvent | None  # load at which the duct would break, or broke; None if it cannot
+    deepest: float  # largest deflection of this pull, mm
+    # axis at the grasp, mm from the first clamp: along the clamps, lateral, along the pull
     hook: tuple[float, float, float]
-    held: bool = False
-    by_hand: bool = False
+    held: bool = False  # by a force or by hand
+    by_hand: bool = False  # a hand prescribes the deflection and the beam answers with the force
 
 
 class Duct:
     """A duct that a grasper pulls, and that tears where the criterion is met.
 
-    Another grasp, threshold or model is set at once and solved with the next tick.
-
-    Parameters
-    ----------
-    model
-        What is solved.
-
-    Attributes
-    ----------
-    model
-        What is solved.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress at which the duct tears, MPa.
-    grasped
-        The beam at the grasp and threshold of the last tick.
-    tear
-        The tear, or None while the duct is whole.
-    deepest
-        Largest deflection of this pull, mm.
-    came_from
-        Where the axis at the grasp was before the last tick, mm.
+    `grasp` (mm from the first clamp), `threshold` (MPa) and `model` may be set at any time;
+    `grasped`, the beam in equilibrium, takes them over with the next tick.
     """
 
     def __init__(self, model: BeamModel) -> None:
@@ -88,9 +45,9 @@ class Duct:
         self.grasp = 0.5 * model.dissection.beam.span
         self.threshold = model.threshold
         self.grasped = GraspedBeam(model, self.grasp, self.threshold)
-        self.tear: Tear | None = None
-        self.deepest = 0.0
-        self.came_from = self.grasped.hook()
+        self.tear: Tear | None = None  # None while the duct is whole
+        self.deepest = 0.0  # largest deflection of this pull, mm
+        self.came_from = self.grasped.hook()  # the axis at the grasp before the last tick, mm
         self._stale = True
 
     @property
@@ -105,23 +62,23 @@ class Duct:
 
     @property
     def force_limit(self) -> float:
-        """Largest force the grasper gives, N."""
+        """Largest force that the grasper exerts, N."""
         return self.model.force_limit
 
     @property
     def deflection_limit(self) -> float:
-        """Largest deflection that a hand can ask for, mm."""
+        """Largest deflection that a hand can prescribe, mm."""
         return self.grasped.deflection_limit
 
     @property
     def grasp_range(self) -> tuple[float, float]:
-        """Where the grasper can hold, mm from the first clamp."""
+        """Smallest and largest grasp, mm from the first clamp."""
         span = self.dissection.beam.span
         return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
 
     @property
     def threshold_range(self) -> tuple[float, float]:
-        """How far the threshold may be moved, MPa."""
+        """Smallest and largest threshold, MPa."""
         low, high = THRESHOLD_RANGE
         return low * self.model.threshold, high * self.model.threshold
 
@@ -136,10 +93,7 @@ class Duct:
         return self._stale or not grasper.at_rest or self._settings_changed
 
     def solve_by(self, model: BeamModel, grasper: Grasper) -> None:
-        """Go on with the same dissection by another theory, with that theory's own threshold.
-
-        The grasper keeps as much of its pull as the theory carries.
-        """
+        """Go on by another theory with its threshold, under what it carries of the load."""
         self.model, self.threshold = model, model.threshold
         grasper.target_force = min(grasper.target_force, model.force_limit)
         if grasper.mode == "force":
@@ -153,9 +107,10 @@ class Duct:
         self._stale = True
 
     def renew(self) -> None:
-        """Make a duct at rest one that has never been pulled.
+        """Make a duct at rest solve from the start again.
 
-        What its solver was asked for before would show in the last bits of what it finds next.
+        A solver starts from its last solution, which shows in the last bits of the next one. A run
+        must depend on its inputs alone, so it begins with a beam that has solved nothing.
         """
         if self._settings_changed:
             self.grasped = GraspedBeam(self.model, self.grasp, self.threshold)
@@ -164,7 +119,7 @@ class Duct:
         self._stale = True
 
     def touch(self) -> None:
-        """Have the next tick solve and draw although nothing was asked for."""
+        """Have the next tick solve and draw even without a new input."""
         self._stale = True
 
     def advance(self, grasper: Grasper) -> bool:
@@ -187,7 +142,7 @@ class Duct:
         deepest, before = self.deepest, (grasper.force, grasper.deflection)
         try:
             self.grasped.solve(grasper.advance(self.model.force_per_second))
-        except NoEquilibrium:  # as far as the law carries
+        except NoEquilibrium:  # beyond the theory's range: stay at the last equilibrium
             grasper.stop_at(*before)
             return True
         self._respond(grasper)
@@ -221,7 +176,7 @@ class Duct:
         return self.grasp != self.grasped.grasp or self.threshold != self.grasped.threshold
 
     def _take_settings(self, grasper: Grasper) -> None:
-        """Solve with the grasp, threshold and model that are set; where the law ends, give way."""
+        """Solve at the present settings; without an equilibrium, ease the load."""
         self.grasped = GraspedBeam(self.model, self.grasp, self.threshold)
         self._stale = True
         load = grasper.load
@@ -240,7 +195,7 @@ class Duct:
         self.deepest = max(self.deepest, pulled.deflection)
 
     def _tear(self, grasper: Grasper, before: tuple[float, float], deepest: float) -> None:
-        """Tear the duct at the load that met the criterion, between the last tick and this."""
+        """Tear at the load that met the criterion, between the last tick's and this one's."""
         beam, event = self.grasped, self.grasped.breaks_at
         if event is not None:
             force, deflection = before

@@ -26,51 +26,39 @@ __all__ = [
 ]
 
 LONGEST_SECONDS = 3600.0
-"""An exercise is a matter of minutes; a longer one is a slip of the unit."""
+"""Exercises take minutes; a longer time limit is most likely in the wrong unit and is refused."""
 MOST_LIFTS = 100
 FADE_SECONDS = 30.0
-"""Time after which fading feedback is gone."""
+"""s after which fading feedback is gone."""
 FADE_PERIOD = 3.0
-"""Fading feedback comes once in so many seconds, for ever less of them."""
+"""s. Fading feedback is shown once in each period, for a shorter part each time."""
 
 HOLD_PART, HOLD_TOLERANCE = 0.6, 0.05
-"""Deflection to hold and how near, in deflections at break."""
+"""Deflection to hold, and its tolerance, over the deflection at break."""
 HOLD_SECONDS = 3.0
 SPARE_FORCE = 1.1
-"""Limit of force over the largest that the hold needs."""
-MARGIN = 0.15
+"""Force limit over the largest that the hold needs."""
+MARGIN = 0.15  # distance to break to approach, the same as the read-out's "Stop"
 STAY_SECONDS = 1.0
 WORKING_SAFETY, LEAST_SAFETY = 2.0, 1.5
-"""Strength over stress, the factor of safety, to work at and never to go below."""
+"""Factors of safety, strength over stress: to work at, and never to go below."""
 BAND_PART = 0.08
-"""Half of the working band, in deflections at its middle."""
+"""Half width of the working band, over the deflection at its middle."""
 SLACK_PART = 0.25
-"""A duct that is led back, in deflections at the band's middle."""
+"""Deflection at which the duct counts as led back, over that at the band's middle."""
 LIFTS, LIFT_SECONDS = 3, 1.0
 REACTION_SECONDS = 0.25
-"""After which a hand answers to what its owner has seen (docs/measures.md, source 11)."""
+"""s, a visual reaction time (docs/measures.md, source 11)."""
 
 
 class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-stretch"):
-    """Hold a given deflection for a time without exceeding a force.
+    """Hold a given deflection for a time without exceeding a force."""
 
-    Attributes
-    ----------
-    deflection_mm, tolerance_mm
-        Where to hold the grasp, and how near.
-    seconds
-        For how long without leaving, s.
-    force_limit_N
-        A larger force ends the exercise.
-    time_limit_s
-        Time for all of it.
-    """
-
-    deflection_mm: float
+    deflection_mm: float  # of the grasp
     tolerance_mm: float
-    seconds: float
-    force_limit_N: float  # noqa: N815
-    time_limit_s: float = 60.0
+    seconds: float  # s within the tolerance without leaving it
+    force_limit_N: float  # a larger force fails the exercise  # noqa: N815
+    time_limit_s: float = 60.0  # for the whole exercise
     title: ClassVar[str] = "Hold a stretch"
 
     def __post_init__(self) -> None:
@@ -97,25 +85,15 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-s
 
     @property
     def limits(self) -> dict[str, float]:
-        """What is not to be passed, by the measure's name."""
+        """Limits that fail the exercise, by the measure's name."""
         return {"maximum_force_N": self.force_limit_N}
 
 
 class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="approach-break"):
-    """Approach the break to a margin, stay there for a time, and do not tear the duct.
+    """Approach the break to a margin, stay there for a time, and do not tear the duct."""
 
-    Attributes
-    ----------
-    margin
-        Distance to break to come to, as a part of one.
-    seconds
-        How long to stay at or below it, s.
-    time_limit_s
-        Time for all of it.
-    """
-
-    margin: float
-    seconds: float
+    margin: float  # distance to break to reach, 0 to 1
+    seconds: float  # s to stay at or below the margin
     time_limit_s: float = 60.0
     title: ClassVar[str] = "Approach the break"
 
@@ -139,53 +117,32 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
 
     @property
     def band(self) -> tuple[float, float] | None:
-        """None: the margin is at other deflections for each grasp."""
+        """None: the deflection at which the margin is reached differs with the grasp."""
         return None
 
     @property
     def limits(self) -> dict[str, float]:
-        """None but the tear itself."""
+        """Empty: only the tear fails it."""
         return {}
 
 
 class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-lifts"):
     """Lift the duct to a working height, keep it there and lead it back, several times, gently.
 
-    Gentle is what is published as such: little force at its peak and on average, loaded slowly, not
-    past the goal, with strength in reserve (docs/measures.md).
-
-    Attributes
-    ----------
-    low_mm, high_mm
-        Ends of the goal's band of deflections.
-    slack_mm
-        Deflection at or below which the duct is led back.
-    seconds
-        How long to stay in the band each time, s.
-    lifts
-        How many times.
-    force_limit_N, mean_force_limit_N
-        Largest force, and largest mean absolute non-zero force.
-    loading_rate_limit_N_per_s
-        Largest rate of loading.
-    overshoot_limit
-        Farthest way past the band, as a part of the deflection in its middle.
-    reserve_limit
-        Smallest distance to break, as a part of one.
-    time_limit_s
-        Time for all of it.
+    Gentle is meant as in the literature: low peak and mean force, slow loading, no overshoot, and
+    strength in reserve (docs/measures.md has the sources).
     """
 
-    low_mm: float
-    high_mm: float
-    slack_mm: float
-    seconds: float
+    low_mm: float  # lower end of the goal's band of deflections
+    high_mm: float  # upper end
+    slack_mm: float  # led back is at or below this deflection
+    seconds: float  # s to stay in the band at each lift
     lifts: int
     force_limit_N: float  # noqa: N815
-    mean_force_limit_N: float  # noqa: N815
+    mean_force_limit_N: float  # of the mean absolute non-zero force  # noqa: N815
     loading_rate_limit_N_per_s: float  # noqa: N815
-    overshoot_limit: float
-    reserve_limit: float
+    overshoot_limit: float  # above the band, over the deflection at its middle
+    reserve_limit: float  # smallest distance to break, 0 to 1
     time_limit_s: float = 90.0
     title: ClassVar[str] = "Dissect gently"
 
@@ -230,7 +187,7 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
 
     @property
     def limits(self) -> dict[str, float]:
-        """What is not to be passed, by the measure's name."""
+        """Limits that fail the exercise, by the measure's name."""
         return {
             "maximum_force_N": self.force_limit_N,
             "mean_absolute_nonzero_force_N": self.mean_force_limit_N,
@@ -241,16 +198,9 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
 
 
 class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-dissection"):
-    """Tear the duct with the least force-time product: an exercise of run files of version 1 only.
+    """Tear the duct with the least force-time product: only in run files of version 1.
 
     It rewards the quickest pull, so it is not offered any more.
-
-    Attributes
-    ----------
-    product_limit_N_s
-        Largest force-time product, N s.
-    time_limit_s
-        Time for all of it.
     """
 
     product_limit_N_s: float  # noqa: N815
@@ -278,33 +228,25 @@ class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentl
 
     @property
     def limits(self) -> dict[str, float]:
-        """What is not to be passed, by the measure's name."""
+        """Limits that fail the exercise, by the measure's name."""
         return {"force_time_product_N_s": self.product_limit_N_s}
 
 
 Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse
 
 ExerciseInputs = Literal["hand", "any"]
-"""What an exercise is done with: the hand alone, or sliders and keys as well."""
+"""Inputs that count in an exercise: the hand alone, or sliders and keys as well."""
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """How an exercise has ended.
-
-    Attributes
-    ----------
-    passed
-        Whether its goal was reached within its limit.
-    reason
-        Why, in one sentence.
-    """
+    """How an exercise has ended: passed or not, and the reason in one sentence."""
 
     passed: bool
     reason: str
 
 
 class DuctLimits(Protocol):
-    """What exercises are set by: where a grasped duct breaks, and its curve on the way there."""
+    """What exercises are scaled by: where a grasped duct breaks, and its curve up to there."""
 
     @property
     def breaks_at(self) -> BreakEvent | None:
@@ -347,7 +289,7 @@ def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
             lifts=LIFTS,
             force_limit_N=most.force,
             mean_force_limit_N=working.force,
-            # From the largest force that is allowed it would reach the break in a reaction time.
+            # At this rate the largest allowed force would grow to the break within a reaction time.
             loading_rate_limit_N_per_s=(event.force - most.force) / REACTION_SECONDS,
             overshoot_limit=(most.deflection - high) / middle,
             reserve_limit=1.0 - 1.0 / LEAST_SAFETY,
@@ -365,7 +307,7 @@ def goal_band(exercise: Exercise, duct: DuctLimits) -> tuple[float, float] | Non
 
 
 class Feedback(StrEnum):
-    """When a trainee sees the figures: continuous feedback can make dependent on it."""
+    """When the trainee sees the figures. Continuous feedback can make a learner dependent on it."""
 
     CONTINUOUS = "continuous"
     FADING = "fading"
@@ -373,22 +315,21 @@ class Feedback(StrEnum):
 
 
 def feedback_visible(feedback: Feedback, seconds: float, *, over: bool) -> bool:
-    """Return whether the figures are to be seen.
+    """Return whether the figures are shown.
 
     Parameters
     ----------
     feedback
-        The mode.
+        Continuous: always shown. Summary: never before the end. Fading: in each period of 3 s, at
+        first all the time, then for a part that falls linearly to none at 30 s.
     seconds
-        Time since the run has started, s.
+        Time since the start of the run, s.
     over
-        Whether the run is over; then they always are.
+        Whether the run is over; then they are always shown.
 
     Returns
     -------
     bool
-        Continuous: yes. Summary: not before the end. Fading: in each period of 3 s at first
-        throughout, then for a part that falls evenly to none at 30 s.
 
     Examples
     --------

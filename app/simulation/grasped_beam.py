@@ -22,35 +22,26 @@ from physics import (
 __all__ = ["BeamModel", "GraspedBeam"]
 
 FORCE_RANGE = 1.5
-"""Largest force, in forces at break with a grasp in the middle: room to tear it off-centre too."""
+"""Largest force over the force at break at mid-span: off-centre a duct takes more to tear."""
 RAMP_SECONDS = 0.75
-"""Time in which the pull can grow from nothing to the force at break."""
+"""s in which the grasper's force can grow from zero to the force at break."""
 BOUNDLESS_DEFLECTION = 1.0
-"""Deflection, in spans, that sets the range of forces for a duct that cannot be broken."""
+"""For a duct that cannot break, the range of forces ends at this deflection over the span."""
 PAST_BREAK = 1.15
-"""How far a hand or a curve goes, in deflections at break."""
+"""A hand, or a curve, goes up to this deflection over the deflection at break."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamModel:
-    """What is solved: found in full before a session takes it, so that a refusal changes nothing.
+    """A dissection, its theory and its threshold: built whole before a session switches to it.
 
-    Attributes
-    ----------
-    dissection
-        The organ between its clamps.
-    theory
-        The theory that was chosen.
-    threshold
-        The preset's threshold for it, MPa.
-    break_force
-        Force at break with a grasp in the middle, N; the largest there is if it cannot break.
+    So a theory or preset that is refused leaves the session as it was.
     """
 
     dissection: Dissection
     theory: Theory
-    threshold: float
-    break_force: float
+    threshold: float  # the preset's for this theory, MPa
+    break_force: float  # N, at mid-span; the largest force of the range if the duct cannot break
 
     @classmethod
     def of(cls, dissection: Dissection, theory: Theory) -> Self:
@@ -66,42 +57,22 @@ class BeamModel:
 
     @property
     def force_limit(self) -> float:
-        """Largest force the grasper gives, N."""
+        """Largest force that the grasper exerts, N."""
         return _rounded_up(FORCE_RANGE * self.break_force)
 
     @property
     def force_per_second(self) -> float:
-        """How fast the pull grows, N/s."""
+        """Rate at which the grasper's force grows, N/s."""
         return self.break_force / RAMP_SECONDS
 
 
 class GraspedBeam:
     """A model's beam grasped at one place, in its last equilibrium.
 
-    What it comes to is a function of its parameters and of the loads solved so far, to the bit.
-
-    Parameters
-    ----------
-    model
-        What is solved.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    threshold
-        Stress at which the duct tears, MPa.
-
-    Attributes
-    ----------
-    model, grasp, threshold
-        As given.
-    stations
-        (N,) where the beam is sampled, mm: at the driving points and wherever the stress can be
-        highest, in this order.
-    pulled
-        The last equilibrium, sampled there.
-    driven
-        The same at the driving points.
-    check
-        The same, held against the threshold.
+    To the bit, the equilibrium is a function of the constructor's arguments and of the loads solved
+    so far: a solver may start from its last solution. `grasp` is in mm from the first clamp,
+    `threshold` in MPa. `pulled` is the last equilibrium sampled at all `stations`, `driven` the
+    same at the driving points only, `check` the highest stress against the threshold.
     """
 
     def __init__(self, model: BeamModel, grasp: float, threshold: float) -> None:
@@ -110,6 +81,7 @@ class GraspedBeam:
         driving = dissection.beam_stations
         critical = critical_stations(dissection.beam, grasp)
         self._driving, self._critical = slice(0, driving.size), slice(driving.size, None)
+        # (N,) mm: the driving points, then wherever the stress can be highest
         self.stations = np.concatenate([driving, critical])
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
@@ -127,7 +99,7 @@ class GraspedBeam:
         return beam
 
     def solve(self, load: Load) -> None:
-        """Find the equilibrium under a load; a `NoEquilibrium` leaves the last one."""
+        """Find the equilibrium under a load; keep the last one on a `NoEquilibrium`."""
         if load.kind == "force":
             pulled = self._pull.to_force(load.amount).sample(self.stations)
         else:
@@ -150,7 +122,7 @@ class GraspedBeam:
 
     @property
     def deflection_limit(self) -> float:
-        """Largest deflection that a hand can ask for, mm."""
+        """Largest deflection that a hand can prescribe, mm."""
         event = self.breaks_at
         if event is None:
             return BOUNDLESS_DEFLECTION * self.model.dissection.beam.span

@@ -1,12 +1,12 @@
 """The grasper in time: it goes to a force, follows a hand, or has released the duct.
 
-By force: the force moves evenly to its target. By hand: the deflection x of the grasp follows the
-hand's target as a critically damped mass on a spring would,
+By force: the force moves at a constant rate to its target. By hand: the deflection x of the grasp
+follows the hand's target as a critically damped mass on a spring,
     x'' = -2 r x' - r^2 (x - target),   r = HAND_RATE,
-solved in closed form over a tick, never faster than `HAND_SPEED`. Released: the duct swings back,
-    x'' = -2 d s x' - s^2 x,   s = SPRING_RATE, d = SPRING_DAMPING,
-in closed form too. So what happens is the same to the bit whatever machine draws it. Going from one
-mode to another keeps the duct where it is.
+never faster than `HAND_SPEED`. Released: the duct swings back to rest,
+    x'' = -2 d s x' - s^2 x,   s = SPRING_RATE, d = SPRING_DAMPING.
+Both are advanced by their closed-form solution over a tick, so the motion is stable and the same to
+the bit on a slow and a fast machine. A change of mode starts from the present force and deflection.
 """
 
 import math
@@ -18,16 +18,16 @@ from app.simulation.clock import TICK_SECONDS
 __all__ = ["HAND_SPEED", "Grasper", "Load"]
 
 HAND_SPEED = 60.0
-"""mm/s; faster than a dissecting hand moves, slow enough for every step to be seen."""
+"""mm/s; faster than a dissecting hand moves, slow enough for each frame to be seen."""
 HAND_RATE = 30.0
-"""rad/s of the critically damped follower: a drag sent 20 times a second moves evenly."""
+"""rad/s. A browser sends a drag some 20 times a second; at this rate the steps are smoothed out."""
 SPRING_RATE = 30.0
 SPRING_DAMPING = 0.5
-"""rad/s without damping, and part of the critical damping, with which a duct springs back."""
+"""Of the spring-back: undamped angular frequency, rad/s, and fraction of critical damping."""
 STILL_PART = 1e-3
-"""Part of a spring-back that nobody sees any more."""
+"""A spring-back ends when its amplitude falls below this part of its start: no longer visible."""
 ARRIVED_MM, ARRIVED_MM_PER_S = 1e-4, 1e-2
-"""A hand this near its target and this slow has arrived."""
+"""A hand nearer to its target and slower than this has arrived; then nothing is solved any more."""
 
 _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _SWING = SPRING_RATE * math.sqrt(1.0 - SPRING_DAMPING**2)
@@ -44,18 +44,11 @@ class Load:
 
 
 class Grasper:
-    """What pulls a duct from tick to tick.
+    """Pulls a duct from tick to tick; forces in N, deflections in mm.
 
-    Attributes
-    ----------
-    mode
-        "force", "hand" or "free": released.
-    force, deflection
-        The duct's at the last equilibrium, N and mm.
-    target_force, target_deflection
-        What they go to by force and by hand, N and mm.
-    speed
-        Of the grasp, mm/s, by hand or free.
+    `mode` is "force", "hand" or "free" (released). `force` and `deflection` are the duct's at the
+    last equilibrium, `target_force` and `target_deflection` what they move to by force or by hand.
+    `speed` is that of the grasp, mm/s, by hand or free.
     """
 
     __slots__ = (
@@ -81,7 +74,7 @@ class Grasper:
 
     @property
     def load(self) -> Load:
-        """What is imposed now."""
+        """The load imposed now."""
         if self.mode == "force":
             return Load("force", self.force)
         return Load("deflection", self.deflection)
@@ -93,7 +86,7 @@ class Grasper:
 
     @property
     def slider_force(self) -> float:
-        """What a slider shows: the target, N; by hand the force that the duct answers with."""
+        """The force that a slider shows, N: the target; by hand the beam's reaction."""
         return self.force if self.mode == "hand" else self.target_force
 
     @property
@@ -103,7 +96,7 @@ class Grasper:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing will change without a new target."""
+        """Whether nothing changes without a new target."""
         if self.mode == "force":
             return self.force == self.target_force
         if self.mode == "hand":
@@ -111,31 +104,31 @@ class Grasper:
         return False
 
     def set_target_force(self, force: float) -> bool:
-        """Go to a force; return whether that changes anything."""
+        """Go to a force, N; return whether that changes anything."""
         if self.mode == "free" and force == 0.0:
             return False
         if self.mode == "force" and force == self.target_force:
             return False
-        # A duct caught as it swings past rest is not pushed.
+        # A duct caught as it swings past rest has a negative force; the grasper only pulls.
         self.force = max(self.force, 0.0)
         self.mode, self.target_force, self.speed = "force", force, 0.0
         return True
 
     def grab(self, deflection: float) -> None:
-        """Take the duct by hand, where it is."""
+        """Take the duct by hand at its present deflection, mm."""
         self.mode, self.speed = "hand", 0.0
         self.force = max(self.force, 0.0)
         self.deflection = self.target_deflection = deflection
 
     def regrasp(self, deflection: float) -> None:
-        """Hold another place: the force stays, a displacement is the duct's at that place."""
+        """Hold another place, deflected by `deflection`, mm; a prescribed force stays as it is."""
         if self.mode == "hand":
             self.grab(max(0.0, deflection))
         elif self.mode == "free":
             self.deflection, self.speed = deflection, 0.0
 
     def move_hand(self, deflection: float) -> bool:
-        """Follow the hand to a deflection; return whether that changes anything."""
+        """Set the hand's target deflection, mm; return whether that changes anything."""
         if self.mode != "hand" or deflection == self.target_deflection:
             return False
         self.target_deflection = deflection
@@ -162,14 +155,14 @@ class Grasper:
         return self.load
 
     def update_response(self, force: float, deflection: float) -> None:
-        """Take what the beam answers with: the deflection to a force, the force to a deflection."""
+        """Take over the response: the deflection under a force, or the other way round."""
         if self.mode == "force":
             self.deflection = deflection
         else:
             self.force = force
 
     def stop_at(self, force: float, deflection: float) -> None:
-        """Stay at an equilibrium, with no target beyond it."""
+        """Stay at an equilibrium and drop any target beyond it."""
         self.force, self.deflection, self.speed = force, deflection, 0.0
         if self.mode == "free":
             self.mode, self.force, self.target_force = "force", 0.0, 0.0
@@ -179,7 +172,7 @@ class Grasper:
             self.target_force = force
 
     def ease(self) -> Load:
-        """Give way by a tenth to a load under which a theory has no equilibrium."""
+        """Reduce the load by a tenth, where a theory has no equilibrium under it."""
         self.stop_at(0.9 * self.force, 0.9 * self.deflection)
         return self.load
 

@@ -13,40 +13,25 @@ Place = tuple[float, float, float]
 
 RATE_TICKS = 3
 RATE_SECONDS = RATE_TICKS * TICK_SECONDS
-"""Over which a rate of loading is taken: from one tick to the next a mouse moves unevenly."""
+"""s over which a loading rate is taken: a mouse moves too unevenly from one tick to the next."""
 SLOW = 0.1
-"""Speed at which a movement has ended, in its peak speeds."""
+"""A movement has ended when its speed falls below this part of its peak speed."""
 LEAST_STEPS = round(0.5 / TICK_SECONDS)
-"""Of a movement: third differences of fewer are no measure of its jerk."""
+"""Fewest steps of a movement whose third differences give a useful jerk: half a second."""
 SMOOTHEST = -math.log(204.8)
-"""Smoothness of the reach of minimum jerk: no whole movement is smoother."""
+"""Smoothness of a reach of minimum jerk, -ln(204.8): no complete movement is smoother."""
 TICKS_SMOOTH_AWAY = 0.05
-"""What third differences of a whole movement may miss of its jerk at both ends."""
+"""Third differences miss some jerk at both ends of a movement; a result this far above `SMOOTHEST`
+is taken for that and cut to it, one farther above is none."""
 
 
 class TearMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What broke, when and under which load.
-
-    Attributes
-    ----------
-    criterion
-        The criterion that was met.
-    station_mm
-        Where, mm from the first clamp.
-    side
-        Side on which it started: "pull", "away" from it, or "even" where nothing bends.
-    time_s
-        When, s from the start of the run.
-    force_N, deflection_mm
-        The load.
-    normal_stress_MPa, bending_stress_MPa, threshold_MPa
-        The stresses there and what they were held against.
-    """
+    """What broke, when and under which load."""
 
     criterion: str
-    station_mm: float
-    side: str
-    time_s: float
+    station_mm: float  # from the first clamp
+    side: str  # where it started: "pull", "away" from it, or "even" where nothing bends
+    time_s: float  # from the start of the run
     force_N: float  # noqa: N815
     deflection_mm: float
     normal_stress_MPa: float  # noqa: N815
@@ -55,74 +40,38 @@ class TearMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The measures of a run; None where a run gives none.
-
-    Attributes
-    ----------
-    time_s
-        Length of the run, s.
-    maximum_force_N
-        Largest force.
-    mean_absolute_nonzero_force_N, force_sd_N
-        Mean and standard deviation (of the whole population) of |F| over the ticks with force.
-    force_time_product_N_s
-        Sum of |F| times the length of a tick: the impulse.
-    task_threshold_N, time_over_threshold_s
-        The task's threshold of force and the time above it.
-    path_length_mm
-        Way of the hook while it holds the duct.
-    economy_of_motion
-        Farthest distance of the hook from where it took hold, over its path: 1 for one straight
-        pull.
-    smoothness
-        Log dimensionless jerk of the hook's path: the nearer to zero, the smoother.
-    smallest_distance_to_break
-        Least of 1 - stress / threshold, 0 at the break.
-    tear
-        What broke, or None.
-    maximum_loading_rate_N_per_s
-        Fastest growth of the force over `RATE_SECONDS`; None in run files of version 1.
-    overshoot
-        Farthest way past the goal's band, as a part of the deflection in its middle; None without
-        a band.
-    """
+    """The measures of a run (docs/measures.md); None where a run gives none."""
 
     time_s: float
     maximum_force_N: float  # noqa: N815
-    mean_absolute_nonzero_force_N: float | None  # noqa: N815
-    force_sd_N: float | None  # noqa: N815
-    force_time_product_N_s: float  # noqa: N815
-    task_threshold_N: float  # noqa: N815
+    mean_absolute_nonzero_force_N: float | None  # |F| over the ticks with force  # noqa: N815
+    force_sd_N: float | None  # of the same |F|, over the whole population  # noqa: N815
+    force_time_product_N_s: float  # sum of |F| times the tick: the impulse  # noqa: N815
+    task_threshold_N: float  # of `time_over_threshold_s`  # noqa: N815
     time_over_threshold_s: float
-    path_length_mm: float
+    path_length_mm: float  # of the hook while it holds the duct
+    # farthest distance from the grasp over the path: 1 for one straight pull
     economy_of_motion: float | None
+    # log dimensionless jerk of the hook's path; nearer to zero is smoother
     smoothness: float | None
-    smallest_distance_to_break: float
+    smallest_distance_to_break: float  # least of 1 - stress / threshold
     tear: TearMeasures | None
+    # over `RATE_SECONDS`; None in version 1
     maximum_loading_rate_N_per_s: float | None = None  # noqa: N815
+    # past the goal's band over its middle deflection; None without a band
     overshoot: float | None = None
 
 
 class MeasureTaker:
-    """Takes the measures tick by tick, each tick in the same few operations.
+    """Takes the measures tick by tick, with the same few operations at each tick.
 
-    Parameters
-    ----------
-    task_threshold
-        Force above which time is counted, N.
-    band
-        Deflections between which the task's goal lies, mm; None without one.
+    `task_threshold` is the force, N, above which time is counted. `band` is the goal's deflections,
+    mm, or None. So far: `ticks`, `maximum_force` (N), `maximum_loading_rate` (N/s) and `overshoot`
+    (over the band's middle deflection; None without a band).
 
-    Attributes
-    ----------
-    ticks
-        Ticks so far.
-    maximum_force
-        Largest force so far, N.
-    maximum_loading_rate
-        Fastest growth of the force so far, N/s.
-    overshoot
-        Farthest way past the band so far, in deflections in its middle; None without a band.
+    The smoothness is -ln(T^3 / v^2 * integral of |x'''|^2 dt) of the hook's path, with T the time
+    that it moves and v its peak speed. The third derivative is the third difference of its last
+    four places, within one hold; the length of a tick cancels.
     """
 
     __slots__ = (
@@ -194,7 +143,7 @@ class MeasureTaker:
         deflection: float = 0.0,
         came_from: Place | None = None,
     ) -> None:
-        """Take one tick."""
+        """Take one tick; `came_from` is the hook's place before it. N and mm."""
         self.ticks += 1
         size = abs(force)
         if size > 0.0:
@@ -223,11 +172,11 @@ class MeasureTaker:
             self._held = 0
 
     def regrasp(self) -> None:
-        """Start a new hold: the way from one grasp to the next is no pull."""
+        """Start a new hold: the path from one grasp to the next is not part of a pull."""
         self._held = 0
 
     def tear(self, event: BreakEvent) -> None:
-        """Take what broke, at the present tick."""
+        """Note what broke, at the present tick."""
         check = event.check
         self._tear = TearMeasures(
             criterion="normal stress + bending stress > threshold",
@@ -262,7 +211,7 @@ class MeasureTaker:
         )
 
     def _move_to(self, hook: Place) -> None:
-        """Take a place of the hook: differences of first and third order, within one hold."""
+        """Add a place of the hook to the path and to this hold's third differences."""
         if self._held == 0:
             self._start, self._last = hook, (hook, hook, hook)
         assert self._start is not None and self._last is not None  # noqa: S101, PT018
@@ -284,9 +233,9 @@ class MeasureTaker:
 
     def _smoothness(self) -> float | None:
         """Return -ln(T^3 / v^2 * integral of jerk^2), with the tick's length cancelled from it."""
-        if self._peak**2 == 0.0 or self._jerk == 0.0:  # squares of almost nothing are nothing
+        if self._peak**2 == 0.0 or self._jerk == 0.0:  # squares of tiny numbers underflow
             return None
-        # Of no whole movement: what is cut off can come out smoother than a movement can be.
+        # An incomplete movement can come out smoother than any complete one can be.
         if not self._slowed or self._moving < LEAST_STEPS:
             return None
         found = -math.log(self._moving**3 * self._jerk / self._peak**2)

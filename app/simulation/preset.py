@@ -24,9 +24,9 @@ __all__ = [
 ]
 
 THESIS_PRESET = "thesis-bile-duct"
-"""The thesis's full round bar; what the shipped duct opens on."""
+"""The thesis's full round bar; the shipped duct's default."""
 ASSUMED_PRESET = "assumed-duct"
-"""An organ's own sections, of an assumed material; what every other organ opens on."""
+"""An organ's own sections, of an assumed material; every other organ's default."""
 
 LIMITS: dict[str, tuple[float, float, str]] = {
     "modulus_MPa": (1e-5, 1e6, "MPa"),
@@ -51,25 +51,12 @@ _HEADER = """\
 
 
 class RoundBeam(msgspec.Struct, frozen=True, tag_field="section", tag="round", omit_defaults=True):
-    """A round bar or tube, whatever the organ looks like.
+    """A round bar or tube, whatever the organ looks like."""
 
-    Attributes
-    ----------
-    span_mm
-        Length between the clamps, mm.
-    diameter_mm
-        Outer diameter, mm.
-    wall_mm
-        Thickness of the wall, mm; a full bar when None.
-    first_clamp_mm
-        Where the first clamp is along the organ, mm from its start; when None, the clamps hold the
-        organ's middle.
-    """
-
-    span_mm: float
-    diameter_mm: float
-    wall_mm: float | None = None
-    first_clamp_mm: float | None = None
+    span_mm: float  # between the clamps
+    diameter_mm: float  # outer
+    wall_mm: float | None = None  # a full bar when None
+    first_clamp_mm: float | None = None  # from the organ's start; None: the clamps hold its middle
 
     def __post_init__(self) -> None:
         _check(self, "span_mm", "diameter_mm", "wall_mm")
@@ -83,18 +70,10 @@ class RoundBeam(msgspec.Struct, frozen=True, tag_field="section", tag="round", o
 
 
 class OrganBeam(msgspec.Struct, frozen=True, tag_field="section", tag="organ", omit_defaults=True):
-    """A beam whose span and sections are the organ's own.
+    """A beam whose span and sections are the organ's own."""
 
-    Attributes
-    ----------
-    wall_mm
-        Thickness of the wall inside the organ's outer edge, mm; as the images show it when None.
-    clamps_mm
-        Where the clamps are along the organ, mm from its start; at its ends when None.
-    """
-
-    wall_mm: float | None = None
-    clamps_mm: tuple[float, float] | None = None
+    wall_mm: float | None = None  # inside the outer edge; None: as the images show it
+    clamps_mm: tuple[float, float] | None = None  # from the organ's start; None: its ends
 
     def __post_init__(self) -> None:
         _check(self, "wall_mm")
@@ -110,40 +89,23 @@ class OrganBeam(msgspec.Struct, frozen=True, tag_field="section", tag="organ", o
 class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A duct to train on: its beam, its material and its break, with their sources.
 
-    Attributes
-    ----------
-    name, title, description
-        What it is called on the command line and in the panel, and what it feels like.
-    beam
-        The section that is solved.
-    modulus_MPa, poisson_ratio
-        The material.
-    source, confidence, confidence_note
-        Where the figures come from, how sure they are and why.
-    break_force_N
-        Whole force at the middle of the span at which every theory is made to tear, or None.
-    break_stress_MPa
-        Stress at which the duct tears in every theory, or None.
-    looks_like
-        What it is drawn as.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its `LIMITS`, or there is not exactly one kind of break.
+    A `ValueError` says which number is outside its `LIMITS`, or that there is not exactly one of
+    `break_force_N` and `break_stress_MPa`.
     """
 
-    name: str
+    name: str  # on the command line
     beam: RoundBeam | OrganBeam
     modulus_MPa: float  # noqa: N815 (units are written as they are)
-    title: str = ""
-    description: str = ""
+    title: str = ""  # in the panel
+    description: str = ""  # what it feels like
     poisson_ratio: float = 0.3
+    # at mid-span; each theory's threshold is fitted to it
     break_force_N: float | None = None  # noqa: N815
-    break_stress_MPa: float | None = None  # noqa: N815
+    break_stress_MPa: float | None = None  # the threshold in every theory  # noqa: N815
+    # its appearance in the picture
     looks_like: Literal["bile duct", "gallbladder", "ureter", "rubber"] = "bile duct"
-    source: str = "Yours: no source is given."
-    confidence: Literal["high", "medium", "low"] = "low"
+    source: str = "Yours: no source is given."  # where the figures come from
+    confidence: Literal["high", "medium", "low"] = "low"  # in the figures
     confidence_note: str = "Nobody has said how sure these figures are."
 
     def __post_init__(self) -> None:
@@ -158,12 +120,12 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def label(self) -> str:
-        """What it is called in the panel."""
+        """The title, or the name without one."""
         return self.title or self.name
 
     @property
     def ships(self) -> bool:
-        """Whether it is one that ships with the trainer, unchanged."""
+        """Whether it is a shipped preset, unchanged."""
         return presets().get(self.name) == self
 
     def round_beam(self) -> Beam:
@@ -187,7 +149,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def strength(self) -> str:
-        """The strength as it is given, and what a theory makes of it."""
+        """The strength as it is given, and how each theory's threshold T follows from it."""
         if self.break_stress_MPa is not None:
             return f"a stress of {1e3 * self.break_stress_MPa:.6g} kPa, which is T in every theory"
         return (

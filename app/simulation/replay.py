@@ -1,4 +1,4 @@
-"""Replays: a logged run made again, to any moment, with the same readings to the bit."""
+"""Replays: a logged run computed again from its inputs, with the same readings to the bit."""
 
 import math
 from dataclasses import dataclass
@@ -25,39 +25,22 @@ from organ_geometry import Organ
 __all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "series_csv"]
 
 AFTER_TEAR = math.ceil(SETTLED_SECONDS * TICKS_PER_SECOND) + 1
-"""Ticks in which torn pieces come to rest: nothing is measured in them, but they are seen."""
+"""Ticks after a tear in which the pieces come to rest: replayed, but not part of the run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """What the instruments showed at each of T ticks.
+    """What the instruments showed at each of T ticks."""
 
-    Attributes
-    ----------
-    time
-        (T,) s from the first pull.
-    force, deflection
-        (T,) N and mm.
-    stress
-        (T,) highest normal plus bending stress, MPa.
-    distance_to_break
-        (T,) 1 at rest, 0 at the break.
-    hook
-        (T, 3) the axis at the grasp, mm along the clamps, sideways and along the pull.
-    held
-        (T,) whether the grasper held the duct.
-    phase
-        T phases.
-    """
-
-    time: NDArray[np.float64]
-    force: NDArray[np.float64]
-    deflection: NDArray[np.float64]
-    stress: NDArray[np.float64]
-    distance_to_break: NDArray[np.float64]
+    time: NDArray[np.float64]  # (T,) s from the first pull
+    force: NDArray[np.float64]  # (T,) N
+    deflection: NDArray[np.float64]  # (T,) mm
+    stress: NDArray[np.float64]  # (T,) highest normal plus bending stress, MPa
+    distance_to_break: NDArray[np.float64]  # (T,) 1 at rest, 0 at the break
+    # (T, 3) axis at the grasp, mm along the clamps, lateral, along the pull
     hook: NDArray[np.float64]
-    held: NDArray[np.bool_]
-    phase: tuple[Phase, ...]
+    held: NDArray[np.bool_]  # (T,) whether the grasper held the duct
+    phase: tuple[Phase, ...]  # T phases
 
     HEADER: ClassVar[str] = (
         "time_s,force_N,deflection_mm,stress_MPa,distance_to_break,"
@@ -66,21 +49,10 @@ class Series:
 
 
 class Replay:
-    """A logged run in a session of its own.
+    """A logged run in a session of its own, on the organ that it was made on.
 
-    Parameters
-    ----------
-    log
-        The run.
-    organ
-        The organ that it was made on.
-    vertices
-        About how many vertices the skin shall have.
-
-    Raises
-    ------
-    RunFileError
-        If it was made on another organ, or what it starts from is not to be had.
+    The session's skin has about `vertices` vertices. A `RunFileError` says that the run was made on
+    another organ, or that its preset or theory is not available.
     """
 
     def __init__(self, log: RunLog, organ: Organ, *, vertices: int = VERTICES) -> None:
@@ -104,7 +76,7 @@ class Replay:
 
     @property
     def session(self) -> Session:
-        """The session that is made to go through the run; for looking at."""
+        """The session that is taken through the run; to be read only."""
         return self._session
 
     @property
@@ -114,7 +86,7 @@ class Replay:
 
     @property
     def duration(self) -> float:
-        """Length of what can be seen, s: the run, and what torn pieces do after it."""
+        """Length of the replay, s: the run and the recoil of the torn pieces."""
         return self.ticks * TICK_SECONDS
 
     @property
@@ -127,7 +99,7 @@ class Replay:
         return self.log.ticks + (AFTER_TEAR if self._tore else 0)
 
     def seek(self, seconds: float) -> None:
-        """Go to a moment; an earlier one is reached from the start."""
+        """Go to a time, s; an earlier one is reached by starting again."""
         self.seek_tick(round(min(max(seconds, 0.0), 1e9) * TICKS_PER_SECOND))
 
     def seek_tick(self, tick: int) -> None:
@@ -203,7 +175,7 @@ class Replay:
             )
         if log.exercise is not None:
             session.start_exercise(log.exercise, log.feedback, inputs=log.exercise_inputs)
-        session.advance()  # before the run: what is seen at its start is a duct at rest
+        session.advance()  # settle first: the run starts from a duct at rest, already drawn
         self._at = self._next = 0
 
     def _next_tick(self) -> int:

@@ -1,4 +1,4 @@
-"""A run while it goes: its inputs, its measures and its exercise, tick by tick."""
+"""A run in progress: its inputs, its measures and its exercise, tick by tick."""
 
 from array import array
 from dataclasses import dataclass
@@ -32,49 +32,23 @@ __all__ = ["Run", "StartingPoint"]
 
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 LAST_COUNTS = frozenset({"hand", "threshold"})
-"""Inputs of which, between two ticks, only the last one matters, whatever holds the duct."""
+"""Inputs of which only the last between two ticks has an effect: it replaces the one before."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartingPoint:
-    """What a run starts from.
-
-    Attributes
-    ----------
-    preset
-        The preset.
-    theory
-        The theory.
-    grasp
-        mm from the first clamp.
-    threshold
-        MPa.
-    """
+    """The settings that a run starts from."""
 
     preset: Preset
     theory: Theory
-    grasp: float
-    threshold: float
+    grasp: float  # mm from the first clamp
+    threshold: float  # MPa
 
 
 class Run:
     """One run: it starts with the first pull and is over with the tear or the exercise.
 
-    Parameters
-    ----------
-    task_threshold
-        Force above which time is counted, N.
-    exercise
-        The exercise to judge, or None.
-    feedback
-        When its figures are to be seen.
-    exercise_inputs
-        What the exercise is done with.
-
-    Attributes
-    ----------
-    exercise, feedback, exercise_inputs
-        As given.
+    Times above a force of `task_threshold`, N, are counted; `exercise` is judged, if there is one.
     """
 
     def __init__(
@@ -101,7 +75,7 @@ class Run:
 
     @property
     def over(self) -> bool:
-        """Whether nothing is taken any more."""
+        """Whether no more ticks and inputs are taken."""
         return self._over
 
     @property
@@ -116,7 +90,7 @@ class Run:
 
     @property
     def inputs(self) -> int:
-        """How many inputs are kept; `MOST_INPUTS` at most."""
+        """How many inputs are logged; at most `MOST_INPUTS`."""
         return len(self._ticks)
 
     @property
@@ -126,17 +100,17 @@ class Run:
 
     @property
     def progress(self) -> float:
-        """How far the exercise has come, 0 to 1; 0 without one."""
+        """Progress of the exercise, 0 to 1; 0 without one."""
         return 0.0 if self._trial is None else self._trial.progress
 
     @property
     def standing(self) -> str:
-        """What the exercise wants now, in a few words; nothing without one, or once it is over."""
+        """What to do now in the exercise, in a few words; empty without one, or once it is over."""
         return "" if self._trial is None or self._over else self._trial.standing
 
     @property
     def hand_only(self) -> bool:
-        """Whether an exercise waits or goes on in which nothing but the hand counts."""
+        """Whether an exercise that counts the hand only waits or goes on."""
         return self.exercise is not None and self.exercise_inputs == "hand" and not self._over
 
     @property
@@ -146,7 +120,7 @@ class Run:
 
     @property
     def feedback_visible(self) -> bool:
-        """Whether the figures are to be seen now."""
+        """Whether the figures are shown now."""
         return feedback_visible(self.feedback, self.seconds, over=self._over)
 
     def start(self, point: StartingPoint) -> None:
@@ -154,7 +128,7 @@ class Run:
         self._start = point
 
     def note(self, kind: InputKind, value: float | Theory | None = None) -> None:
-        """Note an input; nothing before the start and once it is over."""
+        """Log an input; ignored before the start and once the run is over."""
         if not self.going:
             return
         number, ticks = KINDS.index(kind), self.ticks
@@ -187,7 +161,7 @@ class Run:
         held: bool,
         torn: BreakEvent | None,
     ) -> None:
-        """Take one tick; nothing before the start and once it is over."""
+        """Take one tick; ignored before the start and once the run is over."""
         if not self.going:
             return
         taker = self._taker
@@ -204,7 +178,7 @@ class Run:
             self._over = True
 
     def regrasp(self) -> None:
-        """Say that the grasper holds another place."""
+        """Start a new hold in the measures: the grasper holds another place."""
         self._taker.regrasp()
 
     def finish(self) -> None:

@@ -1,4 +1,4 @@
-"""Run logs: what a run was made of, small enough to keep and enough to make it again to the bit."""
+"""Run logs: the inputs of a run and all else that a replay to the bit needs."""
 
 import hashlib
 import math
@@ -38,7 +38,7 @@ VERSION = 2
 READ_VERSIONS = (1, VERSION)
 """Files of version 1 have no rate of loading, no overshoot and no `exercise_inputs`."""
 MOST_TICKS = 2 * 60 * 60 * 30
-"""Two hours: nobody trains longer at one duct."""
+"""Two hours of ticks, far beyond any training on one duct."""
 MOST_INPUTS = 200_000
 MOST_BYTES = 16_000_000
 
@@ -46,25 +46,15 @@ InputKind = Literal["force", "grab", "hand", "let-go", "grasp", "threshold", "th
 
 
 class RunFileError(ValueError):
-    """A file that is no run, or not one that can be made again here."""
+    """A file that is not a run, or a run that cannot be replayed here."""
 
 
 class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which organ a run was made on.
-
-    Attributes
-    ----------
-    name
-        What it is called.
-    length_mm
-        Its length.
-    sha256
-        Digest of its axis, frames and curves.
-    """
+    """Which organ a run was made on."""
 
     name: str
     length_mm: float
-    sha256: str
+    sha256: str  # digest of its axis, frames and curves
 
     @classmethod
     def of(cls, organ: Organ) -> "OrganIdentity":
@@ -78,22 +68,12 @@ class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A theory by its name and options, as `theory_named` takes them.
-
-    Attributes
-    ----------
-    name
-        Name of the theory.
-    q
-        Of the cubic.
-    shear, law
-        Of the exact beam.
-    """
+    """A theory by its name and options, as `theory_named` takes them."""
 
     name: str
-    q: float | Literal["fitted"] | None = None
-    shear: bool = False
-    law: LawName | None = None
+    q: float | Literal["fitted"] | None = None  # of the cubic
+    shear: bool = False  # of the exact beam
+    law: LawName | None = None  # of the exact beam
 
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
@@ -114,98 +94,41 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a run starts from.
+    """The settings that a run starts from."""
 
-    Attributes
-    ----------
-    preset
-        Name of a preset that ships, or a preset of one's own in full.
-    theory
-        The theory.
-    grasp_mm
-        Distance of the grasp from the first clamp, mm.
-    threshold_MPa
-        Stress at which the duct tears, MPa.
-    """
-
-    preset: str | Preset
+    preset: str | Preset  # name of a shipped preset, or another in full
     theory: TheoryChoice
-    grasp_mm: float
-    threshold_MPa: float  # noqa: N815
+    grasp_mm: float  # from the first clamp
+    threshold_MPa: float  # stress at which the duct tears  # noqa: N815
 
 
 class RunInput(msgspec.Struct, frozen=True, array_like=True):
-    """One input, taken before a tick.
+    """One input, applied before a tick."""
 
-    Attributes
-    ----------
-    tick
-        Ticks done when it came.
-    kind
-        What was asked for.
-    value
-        N for "force", mm for "grab" (where), "hand" (how far) and "grasp", MPa for "threshold";
-        nothing for "let-go", a choice for "theory".
-    """
-
-    tick: int
+    tick: int  # number of ticks done before it
     kind: InputKind
+    # N for "force"; mm for "grab" (station), "hand" (deflection) and "grasp"; MPa for "threshold";
+    # a choice for "theory"; None for "let-go"
     value: float | TheoryChoice | None
 
 
 class RunLog(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A run: all that its course depends on.
+    """All that the course of a run depends on."""
 
-    Attributes
-    ----------
-    versions
-        Of this program and what it computes with.
-    organ
-        Which organ.
-    start
-        What it starts from.
-    seed
-        Of the torn rim's raggedness.
-    tick_seconds
-        Length of a tick, s.
-    ticks
-        How many there were.
-    inputs
-        The inputs in order; only changes.
-    exercise
-        The exercise that was done, or None.
-    feedback
-        When its figures were to be seen.
-    exercise_inputs
-        What the exercise was done with.
-    """
-
-    versions: dict[str, str]
+    versions: dict[str, str]  # of this program and of the libraries that it computes with
     organ: OrganIdentity
     start: RunStart
-    seed: int
+    seed: int  # of the torn rim's raggedness
     tick_seconds: float
     ticks: int
-    inputs: list[RunInput]
+    inputs: list[RunInput]  # in order; only those that changed something
     exercise: Exercise | None = None
-    feedback: Feedback = Feedback.CONTINUOUS
-    exercise_inputs: ExerciseInputs = "any"
+    feedback: Feedback = Feedback.CONTINUOUS  # when the figures were shown
+    exercise_inputs: ExerciseInputs = "any"  # which inputs counted in the exercise
 
 
 class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A run and its result, as they are downloaded.
-
-    Attributes
-    ----------
-    format, version
-        What the file is.
-    log
-        The run.
-    measures
-        Its measures.
-    outcome
-        How the exercise ended, or None.
-    """
+    """A run and its result, as they are downloaded."""
 
     format: Literal["bluntdissect-run"]
     version: int

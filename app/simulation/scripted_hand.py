@@ -1,9 +1,11 @@
 """Scripted hands: an exercise done as a careful, hasty or clumsy person would, always the same.
 
-A hand goes to the middle of the goal's band by a reach of minimum jerk (Flash and Hogan 1985, J
-Neurosci 5:1688), stays as long as it is to, and goes on to what the exercise wants next, again and
-again until the exercise is over. What a manner adds to that: how long a reach takes, how far it
-goes past the goal, how the hand sways, and how often it loses the duct.
+A hand moves to the middle of the goal's band by a reach of minimum jerk (Flash and Hogan 1985, J
+Neurosci 5:1688),
+    x(t) = x0 + (x1 - x0) (10 s^3 - 15 s^4 + 6 s^5),   s = t / T,
+stays as long as the exercise asks for, and moves on to what it asks for next until it is over. A
+manner adds to that: how long a reach takes, how far it overshoots, how the hand sways, and how
+often it loses the duct.
 """
 
 import math
@@ -18,39 +20,28 @@ from app.simulation.session import Session
 __all__ = ["CAREFUL", "CLUMSY", "HASTY", "Manner", "do_exercise"]
 
 SPARE_SECONDS = 0.5
-"""Stayed for longer than is asked."""
+"""s of staying beyond what the exercise asks for."""
 LOST_SECONDS = 0.3
-"""For which a duct that was lost is not held."""
+"""s for which a lost duct is not held."""
 PEAK_SPEED = 1.875
-"""Largest speed of a reach of minimum jerk, in mean speeds."""
+"""Peak speed of a reach of minimum jerk over its mean speed: 15/8."""
 
 
 @dataclass(frozen=True, slots=True)
 class Manner:
-    """How a hand moves.
+    """How a hand moves."""
 
-    Attributes
-    ----------
-    reach_seconds
-        Time of a reach, s.
-    overshoot
-        How far a reach out goes past its goal before it is put right, as a part of the goal.
-    sway
-        Its own movement: parts of the goal, and how often a second.
-    loses_after
-        Time after which the duct slips away, again and again, s.
-    """
-
-    reach_seconds: float
-    overshoot: float
+    reach_seconds: float  # s
+    overshoot: float  # of an outward reach before it is corrected, over the goal
+    # amplitude over the goal, and Hz, of each of its own oscillations
     sway: tuple[tuple[float, float], ...]
-    loses_after: float = math.inf
+    loses_after: float = math.inf  # s of holding after which the duct slips away, each time
 
 
 CAREFUL = Manner(1.5, 0.0, ((0.004, 9.0),))
 """Slow, with the tremor that every hand has, of 8 to 12 Hz."""
 HASTY = Manner(0.3, 0.4, ((0.01, 9.0),))
-"""As quick as a hand goes; it sees what it has done a reaction time late."""
+"""As quick as a hand can be; it corrects its overshoot a reaction time late."""
 CLUMSY = Manner(1.2, 0.1, ((0.2, 0.7), (0.15, 1.9)), 4.0)
 """Neither quick nor steady; it loses the duct every few seconds."""
 

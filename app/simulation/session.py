@@ -1,8 +1,8 @@
-"""A session: one trainee's duct, what is done to it, what is chosen, and its runs. No viewer in it.
+"""A session: one trainee's duct, the inputs to it, its settings and its runs, without a viewer.
 
 The same action has one name from the page down: `set_target_force`, `set_grasp`, `set_threshold`,
 `grab`, `move_hand`, `release`. An input is clamped to its range here, set on the grasper or the
-duct, written into the run's log as it came out, and solved with the next tick by `advance`.
+duct, logged with the value applied after clamping, and solved with the next tick by `advance`.
 """
 
 import contextlib
@@ -36,38 +36,24 @@ from physics import Cubic, NoEquilibrium, Theory
 __all__ = ["VERTICES", "Session"]
 
 VERTICES = 5000
-"""Vertices of the skin, about: what a browser without a graphics card still draws smoothly."""
+"""Vertices of the skin, about: as many as a browser without a graphics card draws smoothly."""
 TASK_THRESHOLD = 0.5
-"""Force above which a run's time is counted, in forces at break with a grasp in the middle."""
+"""Force above which a run's time is counted, over the force at break at mid-span."""
 MOST_TRIES = 20
-"""Judged runs that are kept, to be compared with."""
+"""Most finished exercises kept for comparison."""
 
 
 class Session:
     """One duct under one grasper, stepped in time. Safe to call from several threads.
 
-    Inputs out of range are clamped to it and inputs that are no number are ignored: they come
-    from a browser. Time goes in ticks of `TICK_SECONDS`; what happens is a function of the inputs
-    and the ticks they come at, to the bit.
+    Inputs come from a browser: out of range they are clamped, and those that are not numbers are
+    ignored. Time advances in ticks of `TICK_SECONDS`; to the bit, the course of a session is a
+    function of the inputs and of the ticks at which they come.
 
-    Parameters
-    ----------
-    organ
-        The organ.
-    preset
-        The preset to start with; `default_preset` when None.
-    vertices
-        About how many vertices the skin shall have.
-    seed
-        Chooses the raggedness of the torn rim.
-
-    Attributes
-    ----------
-    duct, grasper, drawn, run
-        What is pulled, what pulls it, its surfaces, and the run that goes: to look at. The duct is
-        another object after a choice of organ or preset, the run after each reset.
-    seed
-        As given.
+    It opens on `preset`, or on `default_preset` when that is None; its skin has about `vertices`
+    vertices, and `seed` chooses the raggedness of the torn rim. `duct`, `grasper`, `drawn` and
+    `run` are public for reading; `duct` is another object after a choice of organ or preset, `run`
+    after a reset.
     """
 
     def __init__(
@@ -94,7 +80,7 @@ class Session:
     # What the trainee does.
 
     def set_target_force(self, force: float) -> None:
-        """Go to a force with the next ticks, N."""
+        """Pull with a force, N, reached over the next ticks."""
         with self._lock:
             if self._accepts_slider(force):
                 if force > 0.0:
@@ -130,10 +116,7 @@ class Session:
                 self.run.note("let-go")
 
     def set_grasp(self, grasp: float) -> None:
-        """Hold the duct elsewhere, mm from the first clamp.
-
-        Under the same force, or by hand as far out as the duct is there.
-        """
+        """Hold the duct elsewhere, mm from the first clamp; keep the force or the deflection."""
         with self._lock:
             if not self._accepts_slider(grasp):
                 return
@@ -152,9 +135,9 @@ class Session:
                     self.run.note("threshold", threshold)
 
     def reset(self) -> None:
-        """Let go of the duct and make it whole: the next pull starts a run without an exercise.
+        """Release the duct and make it whole; the next pull starts a run without an exercise.
 
-        The grasp of an exercise goes back to where the exercise was started.
+        The grasp goes back to where the last exercise was started.
         """
         with self._lock:
             torn = self.duct.tear is not None
@@ -167,10 +150,10 @@ class Session:
                 self._task_grasp = None
             self._new_run()
 
-    # What goes on.
+    # Time and readings.
 
     def advance(self, ticks: int = 1) -> bool:
-        """Advance by a number of ticks and draw; return whether anything has moved or will."""
+        """Advance by some ticks and draw; return whether anything has moved or is going to."""
         with self._lock:
             duct, changed = self.duct, False
             for _ in range(ticks):
@@ -201,7 +184,7 @@ class Session:
             beam, deepest = self.duct.grasped, self.duct.deepest
         return beam.curve(count, deepest=deepest)
 
-    # What is set beside the duct.
+    # Comparisons beside the duct.
 
     @property
     def ghost(self) -> Ghost | None:
@@ -227,7 +210,7 @@ class Session:
             return self.ghost.reading(self.grasper.grip_force, deflection)
 
     def choose_ghost(self, theory: Theory | None) -> None:
-        """Lay the duct by another theory over this one, under the same load."""
+        """Show a ghost by another theory under the same load, or none."""
         dissection = self.duct.dissection
         model = None if theory is None else BeamModel.of(dissection, theory)
         with self._lock:
@@ -237,13 +220,13 @@ class Session:
             self.duct.touch()
 
     def show_chain(self, shown: bool) -> None:
-        """Set the mass-spring chain beside the beam, or take it away."""
+        """Show or hide the mass-spring chain."""
         with self._lock:
             if shown != (self._chain is not None):
                 self._chain = self._new_chain() if shown else None
                 self.duct.touch()
 
-    # What the duct is; each choice starts anew.
+    # Organ, preset and theory; each choice but the theory starts anew.
 
     def presets_offered(self) -> list[Preset]:
         """Return the presets that this organ can be clamped for, and one of one's own in use."""
@@ -252,7 +235,7 @@ class Session:
         return shipped if own.ships else [*shipped, own]
 
     def choose_preset(self, preset: Preset | str) -> None:
-        """Start anew with another preset; a torn duct is reset first, by `reset`."""
+        """Start anew with another preset; the name of a shipped one will do."""
         chosen = preset_named(preset) if isinstance(preset, str) else preset
         model = BeamModel.of(Dissection.of(self._organ, chosen), self.duct.theory)
         with self._lock:
@@ -297,18 +280,18 @@ class Session:
 
     @property
     def task_grasp(self) -> float:
-        """Where the grasp is that exercises are set for, mm from the first clamp.
+        """Grasp that exercises are scaled for, mm from the first clamp.
 
-        An exercise that was started keeps the one it was started with, wherever the hand takes
-        hold, until the duct is reset or, once the exercise is over, another grasp is asked for.
+        An exercise that was started keeps its own, wherever the hand takes hold, until the duct is
+        reset or, once the exercise is over, another grasp is set.
         """
         return self.duct.grasp if self._task_grasp is None else self._task_grasp
 
     @property
     def goal(self) -> tuple[float, float] | None:
-        """Deflections between which the goal of the exercise lies, with the present grasp, mm.
+        """Deflections between which the exercise's goal lies with the present grasp, mm.
 
-        None without an exercise that waits or goes on, and for one without such a goal.
+        None without an exercise that waits or goes on, and for one that has no such goal.
         """
         with self._lock:
             run, beam = self.run, self.duct.grasped
@@ -361,7 +344,7 @@ class Session:
         return [each for each in tries if each.log.start == run.log.start and each != run]
 
     def _start(self, model: BeamModel) -> None:
-        """Start anew with a model that has been found."""
+        """Start anew with a model that is already built."""
         self._task_grasp = None
         self.duct = Duct(model)
         self.grasper.reset()
@@ -401,7 +384,7 @@ class Session:
         return not self.run.hand_only and self.duct.accepts(value)
 
     def _hold_at(self, grasp: float) -> bool:
-        """Let the grasper hold another place; return whether it is another."""
+        """Move the grasp to a place, mm; return whether it is another."""
         if grasp == self.duct.grasp:
             return False
         self.duct.grasp = grasp
@@ -409,7 +392,7 @@ class Session:
         return True
 
     def _begin_run(self) -> None:
-        """Start the run's clock with the first pull, on a duct that nothing was done to before."""
+        """Start the run with the first pull, on a beam that has solved nothing before."""
         if self.run.started or self.run.over:
             return
         duct = self.duct
@@ -418,7 +401,7 @@ class Session:
         duct.renew()
 
     def _follow(self, moved: bool, *, regrasped: bool) -> bool:
-        """Let all that goes along with a whole duct follow a tick of it."""
+        """Let the run, the ghost and the chain of a whole duct follow a tick."""
         duct, grasper, changed = self.duct, self.grasper, False
         beam, tear = duct.grasped, duct.tear
         if self._ghost is not None and moved:

@@ -14,13 +14,13 @@ from physics import BreakEvent
 __all__ = ["FRONT_SECONDS", "SETTLED_SECONDS", "Phase", "Tear", "tear_front", "tear_swing"]
 
 FRONT_SECONDS = 0.6
-"""Time in which the front crosses the section: slow enough to see on which side it starts."""
+"""s in which the front crosses the section: slow enough to see on which side it starts."""
 RIM_SECONDS = 0.3
-"""Time in which the free rims draw back."""
+"""s in which the free rims draw back."""
 SETTLED_SECONDS = FRONT_SECONDS + 2.2
-"""Time after which nothing moves any more: the swing has fallen below 0.2 % of the pull."""
+"""s after which nothing moves: the swing has decayed below 0.2 % of the displacement."""
 FADE_SECONDS = 0.35
-"""Time in which the swing falls to 1/e."""
+"""s in which the swing decays to 1/e."""
 SWINGS_PER_SECOND = 2.0
 
 
@@ -33,17 +33,12 @@ class Phase(StrEnum):
 
 
 def tear_front(elapsed: float) -> float:
-    """Return how far a tear has run.
-
-    Parameters
-    ----------
-    elapsed
-        Time since it started, s.
+    """Return how far a tear has run, `elapsed` seconds after its start.
 
     Returns
     -------
     float
-        0 at the start, 1 when it has crossed the section, 2 when the rims are drawn back.
+        0 at the start, 1 when it has crossed the section, 2 when the rims have drawn back.
 
     Examples
     --------
@@ -57,17 +52,12 @@ def tear_front(elapsed: float) -> float:
 
 
 def tear_swing(elapsed: float) -> float:
-    """Return the part of the pull's displacement that a piece still has.
-
-    Parameters
-    ----------
-    elapsed
-        Time since the tear started, s.
+    """Return the fraction of the displacement that a piece still has, `elapsed` s after the start.
 
     Returns
     -------
     float
-        1 until the section is crossed, then a damped swing about 0, in the end 0.
+        1 until the front has crossed the section, then a damped oscillation about 0, in the end 0.
 
     Examples
     --------
@@ -81,13 +71,7 @@ def tear_swing(elapsed: float) -> float:
 
 
 class Tear:
-    """A duct that has met the criterion, tick by tick.
-
-    Parameters
-    ----------
-    event
-        The load at which it broke, and the criterion there.
-    """
+    """A tear in progress, tick by tick, at the load that met the criterion."""
 
     __slots__ = ("_ticks", "event")
 
@@ -101,7 +85,7 @@ class Tear:
 
     @property
     def phase(self) -> Phase:
-        """Whether the front still runs."""
+        """Tearing until the front has crossed the section and the pieces are apart, then torn."""
         return Phase.TEARING if self._elapsed < FRONT_SECONDS else Phase.TORN
 
     @property
@@ -116,12 +100,12 @@ class Tear:
 
     @property
     def swing(self) -> float:
-        """Part of the pull's displacement that the pieces still have (`tear_swing`)."""
+        """Fraction of the displacement under the pull that the pieces still have (`tear_swing`)."""
         return tear_swing(self._elapsed)
 
     @property
     def stress_left(self) -> float:
-        """Part of its stress that the duct still has: 1 at the break, 0 when it is in two."""
+        """Fraction of its stress that the duct still has: 1 at the break, 0 when it is in two."""
         return max(0.0, 1.0 - self.front)
 
     def advance(self) -> None:

@@ -1,4 +1,4 @@
-"""Trials: one go at an exercise, judged tick by tick."""
+"""Trials: one attempt at an exercise, judged tick by tick."""
 
 from abc import ABC, abstractmethod
 from typing import NamedTuple
@@ -18,43 +18,21 @@ __all__ = ["Figures", "Trial", "trial_of"]
 
 
 class Figures(NamedTuple):
-    """What an exercise is judged by, at one tick.
+    """The values that an exercise is judged by, at one tick."""
 
-    Attributes
-    ----------
-    force
-        The grasper's whole force, N.
-    deflection
-        Displacement of the grasp, mm.
-    distance_to_break
-        1 at rest, 0 at the break.
-    taker
-        The measures so far.
-    held
-        Whether the grasper holds the duct.
-    torn
-        Whether the duct has just torn.
-    """
-
-    force: float
-    deflection: float
-    distance_to_break: float
-    taker: MeasureTaker
+    force: float  # N
+    deflection: float  # mm
+    distance_to_break: float  # 1 at rest, 0 at the break
+    taker: MeasureTaker  # the measures so far
     held: bool
-    torn: bool
+    torn: bool  # in this tick
 
 
 class Trial(ABC):
-    """One go at an exercise, judged tick by tick.
+    """One attempt at an exercise, judged tick by tick.
 
-    Attributes
-    ----------
-    outcome
-        How it has ended; None while it runs.
-    progress
-        How far it has come, from 0 to 1.
-    standing
-        What is to be done now, in a few words; with the seconds left of a stay.
+    `outcome` is None while it runs, `progress` goes from 0 to 1, and `standing` says in a few words
+    what to do now, with the seconds left of a stay.
     """
 
     def __init__(self, time_limit: float) -> None:
@@ -121,7 +99,7 @@ class _Approach(Trial):
             return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
         self._nearest = min(self._nearest, figures.distance_to_break)
         done = self._stay.take(figures.held and figures.distance_to_break <= margin)
-        # Half for the way there, half for staying.
+        # Half of the progress is for getting there, half for staying.
         way = min(max((1.0 - self._nearest) / (1.0 - margin), 0.0), 1.0)
         self.progress, self.standing = 0.5 * way + 0.5 * self._stay.part, self._stay.standing
         if done:
@@ -137,7 +115,7 @@ class _Gentle(Trial):
         self._exercise = exercise
         self._stay = _Stay(exercise.seconds)
         self._done = 0
-        self._back = False  # whether this lift has stayed long enough, and is to be led back
+        self._back = False  # whether this lift has stayed long enough and is to be led back
         self.standing = self._say()
 
     def judge(self, figures: Figures) -> Outcome | None:
@@ -148,7 +126,7 @@ class _Gentle(Trial):
         if passed is not None:
             return Outcome(False, passed)
         if not figures.held:
-            self._back = False  # it has sprung back: nobody has led it
+            self._back = False  # it was released and sprang back, which does not count as led back
         there = figures.held and wanted.low_mm <= figures.deflection <= wanted.high_mm
         if self._back:
             if figures.deflection <= wanted.slack_mm:
@@ -219,7 +197,7 @@ class _Impulse(Trial):
 
 
 class _Stay:
-    """Counts the time for which something has held without a break."""
+    """Counts the time for which a condition has held without a break."""
 
     def __init__(self, seconds: float) -> None:
         self._wanted = max(1, round(seconds / TICK_SECONDS))

@@ -18,19 +18,11 @@ __all__ = ["BedPreset", "PatchPreset", "beam_in_space", "bed_named", "bed_preset
 
 
 class PatchPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An adhesion, in shares of its bed's length.
-
-    Attributes
-    ----------
-    from_share, to_share
-        Where it is, from 0 to 1.
-    factor
-        How many times as tough and stiff its strands are.
-    """
+    """An adhesion: where it is along its bed, as fractions of the bed's length."""
 
     from_share: float
     to_share: float
-    factor: float
+    factor: float  # on the strands' toughness and stiffness
 
 
 class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,4 +1,4 @@
-"""A scene of a beam on a bed as a TOML file says it, without an organ (docs/peel.md)."""
+"""A scene of a beam on a bed, read from a TOML file; no organ is needed (docs/peel.md)."""
 
 import math
 from dataclasses import replace
