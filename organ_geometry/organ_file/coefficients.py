@@ -1,10 +1,18 @@
-"""Sections as sixteen signals along an organ, of which little is left where sections are round.
+"""A section's boundary as sixteen shape coefficients ("signals" along the organ).
 
-The signals of a boundary are half its width a and its middle e in x, then seven numbers s and
-seven numbers d: half the difference and half the sum of the bottom and the top half-curve, as
-coefficients of Chebyshev polynomials of the second kind in u = (x - e) / a, s less those of a
-circle of that width. A change of a coefficient by c moves a round boundary along its normal by
-c sin((k + 1) t) at u = cos t: all s and d count alike, and none disturbs another.
+    u = (x - e) / a                        place across the boundary, from -1 to 1; u = cos t
+    a    WIDTH                             half its width, mm
+    e    ASIDE                             its middle in x, mm
+    s_k  SYMMETRIC, k = 0 .. 6             (bottom_k - top_k) / 2 - a CIRCLE_k, mm
+    d_k  SKEW, k = 0 .. 6                  (bottom_k + top_k) / 2, mm
+
+bottom_k and top_k are coefficients of the two half-curves y(u) in Chebyshev polynomials of the
+second kind, U_k(cos t) = sin((k + 1) t) / sin t. On a circle of radius a a change of s_k or d_k by
+c moves the boundary along its normal by c sin((k + 1) t): the normal's y component is sin t, which
+cancels the denominator. So all coefficients count alike in distance, none disturbs another (the
+sines are orthogonal), one step suits all, and a round section has s = 0 and d = (y, 0, ...): next
+to nothing to store. An organ's rows of half-curves have Chebyshev polynomials of the first kind T_k
+in place of U_k; U_k = 2 (T_k + T_(k-2) + ...), the last T_0 counted once.
 """
 
 import numpy as np
@@ -19,7 +27,7 @@ from organ_geometry.curves.half_curves import (
     TOP,
 )
 
-SIGNALS = ROW_SIZE
+SIGNALS = ROW_SIZE  # 16
 WIDTH = 0
 ASIDE = 1
 SYMMETRIC = slice(2, 2 + COEFFICIENTS)
@@ -31,6 +39,7 @@ CIRCLE = np.array([0.8551, 0.0, -0.1680, 0.0, -0.0235, 0.0, -0.0079])
 
 def _second_kind_to_first() -> NDArray[np.float64]:
     """Return (7, 7) Chebyshev coefficients of the first kind, a row for each of the second."""
+    # U_k = 2 (T_k + T_(k-2) + ...), down to T_1 or to T_0, which counts once.
     change = np.zeros((COEFFICIENTS, COEFFICIENTS))
     for order in range(COEFFICIENTS):
         change[order, order::-2] = 2.0
@@ -42,7 +51,7 @@ _TO_FIRST = _second_kind_to_first()
 
 
 def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the half-curves of signals."""
+    """Return the (K, 16) half-curves of (K, 16) shape coefficients, mm."""
     rows = np.empty_like(signals)
     half = signals[:, SYMMETRIC] + signals[:, WIDTH, np.newaxis] * CIRCLE
     rows[:, MIDDLE] = signals[:, ASIDE]
@@ -53,7 +62,8 @@ def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def second_kind(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Chebyshev polynomials of the second kind of degrees 0 to 6."""
+    """Return (..., 7) Chebyshev polynomials of the second kind, degrees 0 to 6."""
+    # U_(k+1) = 2 u U_k - U_(k-1).
     values = np.empty((*u.shape, COEFFICIENTS))
     values[..., 0] = 1.0
     values[..., 1] = 2.0 * u

@@ -1,8 +1,12 @@
-"""The order in which key sections are stored, and how each is foretold by those before it.
+"""The order in which key sections are stored, and how each is predicted from those before it.
 
-What is stored of a key is its difference from the line between keys known before it, in steps; the
-first key is stored as it is, the last as its difference from the first, and then always the middle
-one of the keys between two known ones.
+Keys lie at places k of a grid of 2^L pieces. The first is stored as it is, the last as its
+difference from the first. The others follow in bisection order: by the largest power of two that
+divides their place, so that coarse places come first. Each is predicted on the straight line
+between its nearest known neighbours before and after it, and the residual is stored, in steps. Its
+level, one more than the higher of its neighbours' (0 at both ends), chooses its contexts: residuals
+shrink as keys come closer. (This is linear interpolation in hierarchical order, as of a wavelet
+lifting scheme.) Values at keys are linear in what is stored, by the matrix `differences_to_values`.
 """
 
 from bisect import bisect_left
@@ -12,7 +16,7 @@ from numpy.typing import NDArray
 
 
 def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
-    """Return the order in which keys between the two ends become known."""
+    """Return (key, neighbour before, neighbour after, level) of the keys between the ends."""
     places = [int(place) for place in keys]
     known, levels = [0, len(places) - 1], {0: 0, len(places) - 1: 0}
     order: list[tuple[int, int, int, int]] = []
@@ -27,7 +31,7 @@ def known_order(keys: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
 
 
 def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return how the values at keys follow from what is stored of them."""
+    """Return the (K, K) matrix that makes values at keys of what is stored of them."""
     count = len(keys)
     values = np.zeros((count, count))
     values[:, 0][[0, -1]] = 1.0

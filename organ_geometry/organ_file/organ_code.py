@@ -1,4 +1,17 @@
-"""An organ in whole numbers, as its file holds it, and the organ that they give."""
+"""An organ in integers, as its file holds it, and the organ that they give.
+
+    tolerance    a floating-point number of 6 binary digits, from 2^-32 mm on
+    steps        multiples of the tolerance, four to an octave: one of the axis, one of the sections
+    axis         natural cubic spline through 2^La + 1 keys: two ends, and bends between them, each
+                 an offset from what the coarser keys foretell, in the frame of the chord
+    frames       rotation-minimising from the first point on (`least_turning`), which stands by an
+                 axis of space, turned by the roll; near both ends the sections lean by tilts
+    sections     16 shape coefficients at K key sections of 2^L + 1 candidates (`coefficients`),
+                 as residuals in bisection order (`key_order`), blended between
+
+All of it is decoded with the same operations in the same order everywhere: the encoder evaluates
+the very organ that a reader will have. docs/organ-format.md specifies it for other readers.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +24,12 @@ from organ_geometry.organ import Organ
 from organ_geometry.organ_file.coefficients import ASIDE, SIGNALS, WIDTH, signals_to_rows
 from organ_geometry.organ_file.key_order import differences_to_values
 
+# Parts of a full turn by which x_dir is turned at the first point: a byte. Sections are fitted in
+# the turned frame, so that nothing is lost by rounding it by up to 0.7 degrees.
 ROLLS = 256
 TURNS = 32
 """Parts of half a turn by which the sections' half-curves may be turned in them."""
+# Tilts are tangents in steps of 1/8, 1/16, 1/32 or 1/64.
 COARSEST_TILTS = 8
 _ALONG_STEPS = 2
 """The axis may be off along its chord by 2^2 times what it may be off across it."""
@@ -21,20 +37,24 @@ TILTED_PART = 0.25
 """Share of the length over which the sections turn from an end's plane to those across the axis."""
 SPAN_STEPS = 2
 """Width and middle are kept in steps twice as long: half-curves take up what they leave."""
+# 129 keys of the axis and 4097 candidates for key sections at most: three bits and four say which.
 LARGEST_AXIS_DEPTH = 7
 LARGEST_KEY_DEPTH = 12
+# A reader's axis has at least so many pieces of equal length: chords of a quarter turn over half of
+# them are shorter than their arcs by less than 1e-5.
 _FEWEST_AXIS_PIECES = 256
+# Parts of an octave, and how many octaves below 1 mm tolerances begin.
 _TOLERANCE_PARTS = 64
 _TOLERANCE_BIAS = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrganCode:
-    """An organ as whole numbers."""
+    """An organ as integers."""
 
-    units: str  # What the lengths are called
+    units: str
     left_handed: bool  # Whether x_dir, y_dir and the way along the axis are a left-handed frame
-    tolerance: int  # Number of the tolerance, see `tolerance_of`
+    tolerance: int  # See `tolerance_of`
     axis_scale: int  # Step of the axis in tolerances, see `scale_of`
     start_axis: int  # 0, 1 or 2: the axis of space from which x_dir is turned at the first point
     roll: int  # That turn, in 1/256
@@ -47,12 +67,13 @@ class OrganCode:
     # (2^La + 1, 3) stored differences of the axis's keys, in steps along the chord and two
     # directions across it; the rows of the ends are zero.
     bends: NDArray[np.int64]
-    section_scale: int  # Step of the sections' signals in tolerances
+    section_scale: int  # Step of shape coefficients, see `scale_of`
     candidates: int  # Number of equal pieces along the axis at whose ends key sections can be, 2^L
     # (K,) which ends of pieces are key sections, growing from 0 to the number of pieces.
     keys: NDArray[np.intp]
-    outer: NDArray[np.int64]  # (K, 16) stored differences of the outer boundary's signals, in steps
-    # (K, 16) those of the lumen's signals less the outer ones, or None.
+    # (K, 16) stored differences of the outer boundary's shape coefficients, in steps, and of the
+    # lumen's less the outer's, which a wall of even thickness leaves nearly constant.
+    outer: NDArray[np.int64]
     lumen: NDArray[np.int64] | None
 
     @property
@@ -62,7 +83,7 @@ class OrganCode:
 
     @property
     def section_step(self) -> float:
-        """Step in which the sections' signals are kept, mm."""
+        """Step in which the sections' shape coefficients are kept, mm."""
         return tolerance_of(self.tolerance) * scale_of(self.section_scale)
 
     def signals(self) -> list[NDArray[np.float64]]:
@@ -104,24 +125,26 @@ class OrganCode:
 
 def axis_pieces(candidates: int) -> int:
     """Return into how many pieces of equal length an organ's axis is divided."""
+    # A multiple of the candidates, so that each of them is a point of the axis.
     return max(_FEWEST_AXIS_PIECES, 2 * candidates)
 
 
 def signal_steps(step: float) -> NDArray[np.float64]:
-    """Return the (16,) steps of a section's signals, mm."""
+    """Return the (16,) steps of shape coefficients, mm."""
     steps = np.full(SIGNALS, step)
     steps[[WIDTH, ASIDE]] *= SPAN_STEPS
     return steps
 
 
 def tolerance_of(number: int) -> float:
-    """Return a tolerance from its number."""
+    """Return a tolerance, mm, from its number n from 0 to 4095."""
+    # (1 + n mod 64 / 64) 2^(n div 64 - 32)
     power, part = divmod(number, _TOLERANCE_PARTS)
     return math.ldexp(1.0 + part / _TOLERANCE_PARTS, power - _TOLERANCE_BIAS)
 
 
 def tolerance_number(tolerance: float) -> int:
-    """Return the number of the largest tolerance that is kept and not above a given one."""
+    """Return the number of the largest tolerance not above a given one, mm."""
     part, power = math.frexp(max(tolerance, math.ldexp(1.0, -_TOLERANCE_BIAS)))
     number = (power - 1 + _TOLERANCE_BIAS) * _TOLERANCE_PARTS
     number += math.floor((2.0 * part - 1.0) * _TOLERANCE_PARTS)
@@ -129,7 +152,8 @@ def tolerance_number(tolerance: float) -> int:
 
 
 def scale_of(number: int) -> float:
-    """Return a step in tolerances from its number."""
+    """Return a step in tolerances from its number n from 0 to 63."""
+    # (4 + n mod 4) 2^(n div 4 - 16)
     power, part = divmod(number, 4)
     return math.ldexp(4.0 + part, power - 16)
 
@@ -142,14 +166,14 @@ def scale_number(scale: float) -> int:
 
 
 def leans_of(tilts: NDArray[np.int64], scale: int) -> NDArray[np.float64]:
-    """Return how far sections lean out of the axis."""
+    """Return (2, 2) tangents of the angles by which end sections lean along x_dir and y_dir."""
     return tilts / (COARSEST_TILTS << scale)
 
 
 def axis_keys(
     ends: NDArray[np.int64], bends: NDArray[np.int64], step: float
 ) -> NDArray[np.float64]:
-    """Return the keys of an axis."""
+    """Return the (K, 3) keys of an axis, mm."""
     count = len(bends)
     first, chord = ends[0] * step, ends[1] * step
     frame = chord_frame(chord)
@@ -159,16 +183,17 @@ def axis_keys(
 
 
 def bend_steps(step: float) -> NDArray[np.float64]:
-    """Return the steps of an axis's bends."""
+    """Return the (3,) steps of an axis's bends, mm: along the chord and twice across it."""
     return np.array([math.ldexp(step, _ALONG_STEPS), step, step])
 
 
 def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return unit directions along a chord and across it."""
+    """Return rows along a (3,) chord, across it, and along their cross product."""
     length = math.sqrt(float(chord @ chord))
     if not length > 0.0:
         raise ValueError("the two ends of the axis must be apart, above 0 mm")
     along = chord / length
+    # Across lies by the axis of space that the chord has least of; of equal ones by the first.
     unit = np.eye(3)[int(np.abs(chord).argmin())]
     across = unit - float(unit @ along) * along
     across = across / math.sqrt(float(across @ across))
@@ -185,7 +210,9 @@ def axis_and_frames(
     *,
     left_handed: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return an axis at equal arc length and the frames along it."""
+    """Return (N + 1, 3) points of an axis at equal arc length, mm, and frames (N + 1, 3, 3)."""
+    # Columns of a frame are x_dir, y_dir and the section's normal. Roll, leans and turn are as in
+    # `OrganCode`; N is the number of pieces.
     points, tangents = even_axis(np.asarray(keys, dtype=np.float64), pieces)
     unit = np.eye(3)[start_axis]
     across = unit - float(unit @ tangents[0]) * tangents[0]
@@ -205,6 +232,7 @@ def axis_and_frames(
         along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_PART
         for end, way in ((0, along), (1, along[::-1])):
             x_lean, y_lean = leans[end]
+            # The lean fades out with a smooth step, 1 at the end and 0 a quarter of the way in.
             rest = np.clip(1.0 - way, 0.0, 1.0)
             part = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
             normals = normals + part * (x_lean * x_dirs + y_lean * y_dirs)

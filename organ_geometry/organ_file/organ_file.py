@@ -1,4 +1,24 @@
-"""The organ file: an organ in few bytes, checked when it is read (docs/organ-format.md)."""
+"""The organ file: an organ in few bytes, checked when it is read (docs/organ-format.md).
+
+Four bytes, magic, version and CRC-16, and then the integers of an `OrganCode` through the binary
+arithmetic coder (`symbol_coder`), in the order of `_pass_code`: header, axis, key places, outer
+boundary, lumen. `_pass_code` and the functions that it calls both write and read: a writer codes
+what it is passed, a reader ignores that and returns what it decodes, so the two cannot disagree.
+
+What the names in them mean:
+
+    flag      a bit that is seldom yes; it begins with counts (14, 2), odds of one in eight
+    usual     a number that mostly lies in a short range: a seldom flag says whether it does not,
+              then it follows plainly in few bits from the range's first on, or in more bits from 0
+    plain     bits at even odds (`symbol_coder`)
+    whole     a signed integer with odds learned in contexts (`symbol_coder`)
+    kind      group of coefficients that share odds: a, e, and s_k, d_k by their order
+    start     counts of no and yes that a context begins with
+    level     generation of a key in bisection order (`key_order`)
+
+All start values are part of the format and may not change without another version. A file is
+canonical: a reader encodes what it has read and refuses data that are not those bytes.
+"""
 
 import binascii
 from pathlib import Path
@@ -22,10 +42,14 @@ from organ_geometry.organ_file.symbol_coder import (
     SymbolWriter,
 )
 
+# Not ASCII, as of PNG: no text file begins with it.
 MAGIC = 0x89
 FILE_VERSION = 3
+# The second byte's high half; its low half is the version.
 _VERSION_MARK = 0xE0
+# Organs have hundreds of bytes; files beyond a MiB are refused unread.
 LARGEST_FILE_BYTES = 2**20
+# Bytes of a unit's name: four bits say how many.
 LONGEST_UNITS = 15
 LONGEST_MM = 10_000.0
 """Length of an organ, mm: the gut has seven metres; more is a slip of the unit."""
@@ -43,7 +67,7 @@ class OrganFileError(ValueError):
 
 
 def write_organ(organ: Organ, path: Path) -> int:
-    """Write an organ to a file, which appears complete or not at all."""
+    """Write an organ to a file, complete or not at all, and return its size in bytes."""
     if not organ.encoded:
         raise OrganFileError("only an organ that was built from images can be written")
     stored = organ_from_bytes(organ.encoded)
@@ -55,7 +79,7 @@ def write_organ(organ: Organ, path: Path) -> int:
 
 
 def read_organ(path: Path) -> Organ:
-    """Return the organ of a file."""
+    """Return the organ of a file, called what the file is."""
     source = Path(path)
     try:
         with source.open("rb") as file:
@@ -93,7 +117,7 @@ def _check_size(organ: Organ) -> None:
 
 
 def code_bytes(code: OrganCode) -> bytes:
-    """Return the content of the file of an organ in whole numbers."""
+    """Return the content of the file of an organ in integers."""
     writer = SymbolWriter()
     try:
         _pass_code(writer, code)
@@ -104,7 +128,7 @@ def code_bytes(code: OrganCode) -> bytes:
 
 
 def code_from_bytes(data: bytes) -> OrganCode:
-    """Return the whole numbers of a file's content."""
+    """Return the integers of a file's content."""
     if len(data) > LARGEST_FILE_BYTES:
         raise OrganFileError(f"larger than an organ file may be, {LARGEST_FILE_BYTES} bytes")
     for number, magic in enumerate(_FIRST_MAGICS, start=1):
@@ -130,7 +154,8 @@ def code_from_bytes(data: bytes) -> OrganCode:
         again = code_bytes(code)
     except SymbolError as error:
         raise OrganFileError(f"damaged: {error}") from error
-    # What the checksum lets pass by chance seldom is what a writer makes of its numbers.
+    # Sixteen bits of checksum let one damage in 65,536 pass. Hardly any of those is what a writer
+    # would make of the numbers read.
     if again != data:
         raise OrganFileError("truncated or damaged: its numbers are not written like this")
     return code
@@ -141,7 +166,7 @@ def _checksum(packed: bytes) -> bytes:
 
 
 def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) -> OrganCode:
-    """Write an organ's numbers, or read them if none are given."""
+    """Write an organ's integers, or read them if none are given."""
     # A reader ignores what it is passed, so that one order of numbers serves both ways.
     code = _BLANK if given is None else given
     hollow = _pass_flag(numbers, "hollow", code.lumen is not None)
@@ -191,14 +216,14 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
 
 
 def _pass_flag(numbers: SymbolWriter | SymbolReader, name: str, flag: bool) -> bool:
-    """Pass what is seldom so."""
+    """Pass a flag that is seldom set."""
     return bool(numbers.bit(((name,),), int(flag), _SELDOM))
 
 
 def _pass_usual(
     numbers: SymbolWriter | SymbolReader, name: str, number: int, usual: tuple[int, int, int]
 ) -> int:
-    """Pass a number in few bits from a first one on, and otherwise in more."""
+    """Pass a number that is mostly in a range [first, first + 2^few), otherwise in more bits."""
     first, few, more = usual
     if _pass_flag(numbers, name, not first <= number < first + 2**few):
         return numbers.plain(number, more)
@@ -223,7 +248,7 @@ def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
 def _pass_point(
     numbers: SymbolWriter | SymbolReader, point: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Pass three numbers of the bits that the largest needs."""
+    """Pass three numbers in as many bits each as the largest needs."""
     width = max(int(abs(number)).bit_length() for number in point)
     if width >= 2 ** _USUAL_WIDTHS[2]:
         raise SymbolError("the axis ends too far away for its step")
@@ -234,7 +259,7 @@ def _pass_point(
 def _pass_bends(
     numbers: SymbolWriter | SymbolReader, bends: NDArray[np.int64], depth: int
 ) -> NDArray[np.int64]:
-    """Pass the axis's differences, coarse levels first."""
+    """Pass the axis's bends, coarse levels first: those are the largest and learn apart."""
     passed = np.zeros_like(bends)
     levels = key_levels(depth)
     for level in range(1, depth + 1):
@@ -271,7 +296,10 @@ def _pass_signals(
     stored: NDArray[np.int64],
     wall: str,
 ) -> NDArray[np.int64]:
-    """Pass the differences of one boundary's signals, key by key."""
+    """Pass the stored differences of one boundary's shape coefficients, key by key."""
+    # Whether one is zero is learned in two contexts together: that of this very coefficient of this
+    # wall, and that of its kind at its level. Sizes are learned by level and by kind. The first key
+    # is stored whole, not as a difference, and has contexts of its own.
     passed = np.zeros_like(stored)
     last = len(stored) - 1
     inner = ((key, level) for key, _, _, level in known_order(keys))
@@ -299,19 +327,21 @@ def _pass_signals(
 
 
 KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
-"""Kind of each signal: half width, middle, then both halves' coefficients by their order."""
+"""Kind of each coefficient: a, e, then s_0 to s_6 and d_0 to d_6 by their order."""
 KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
-"""Counts of zeros and others that a kind's odds begin with: shapes are smooth."""
+"""Counts of zeros and others that a kind's odds begin with: high orders are mostly zero."""
 FIRST_STARTS = ((1, 5), (2, 2), (2, 3), (2, 2), (3, 2), (5, 2), (9, 1))
-"""The same for the first key section."""
+"""The same for the first key section, whose width is hardly ever zero."""
 WIDTH_RUN_START = (1, 5)
 """Counts of no and yes that the odds of the first width's size begin with."""
 BEND_STARTS = (((2, 4), (2, 3), (3, 2), (5, 2)), ((1, 5), (1, 6), (1, 4), (3, 2)))
 """Counts of zeros and others of the axis's bends, along and across, by level."""
 BEND_RUN_STARTS = ((1, 4), (1, 4), (2, 3), (3, 2))
 """Counts of no and yes of their sizes, by level."""
+# Counts of no and yes that a seldom flag begins with: unset takes 0.19 bits, set takes 3.
 _SELDOM = (14, 2)
-# The first of the usual numbers, the bits of those, and the bits of any.
+# (first, bits in the range, bits of any). Scales 44 to 59 are steps of 1/8 to 1.75 tolerances;
+# widths 7 to 14 are axes of up to 128 to 16,384 steps.
 _USUAL_SCALES, _USUAL_WIDTHS = (44, 4, 6), (7, 3, 5)
 _BLANK = OrganCode(
     units="mm",

@@ -1,9 +1,20 @@
-"""Whole numbers as bytes: bits with learned odds, packed by constriction's range coder.
+"""Integers as bytes: adaptive binary arithmetic coding, by constriction's range coder.
 
-Every number is split into yes-or-no questions. Each question belongs to contexts, which count the
-answers so far; the odds of an answer are their sums. `SymbolWriter` and `SymbolReader` have the
-same methods, so that one function describes a format both ways: what is passed in is written, or
-is ignored and read.
+Every integer is binarised: split into bits (here also "answers" to yes-or-no questions). A bit is
+coded with the probability P(1) = n1 / (n0 + n1) of the contexts that it is given, whose counts of
+zeros and ones, n0 and n1, begin with a start value and grow by 4 with each bit coded. A bit of
+probability p takes -log2 p bits of the file. There are three forms:
+
+    plain     k bits at even odds, highest first: uniform numbers, of which nothing is foretold
+    bit       one bit with learned odds; a rare flag begins with (14, 2), an eighth for yes
+    whole     an adaptive signed integer: is it zero; its sign, at even odds; its size s as the
+              Elias-gamma code has it, e = floor(log2 s) in unary ("runs" of ones, with learned
+              odds), then the e lower binary digits of s, plainly
+
+A bit with several contexts takes the sum of their counts, so that a context with few bits so far
+leans on one that has more (a mixture by counts). `SymbolWriter` and `SymbolReader` have the same
+methods, so that one function describes a format both ways: what is passed in is written, or is
+ignored and read.
 """
 
 from collections.abc import Hashable, Sequence
@@ -15,12 +26,19 @@ from numpy.typing import NDArray
 
 EVEN_START = (2, 2)
 """Counts of no and yes that a context begins with."""
+# What a bit adds to its count: as much as most starts have together. Files are short and must learn
+# fast.
 _ANSWER = 4
+# Unary digits from the fourth on share a context: few sizes are that large.
 _MOST_RUNS = 3
+# Sizes stay below 2^48, so that all arithmetic on them is exact in 64 bits, and in doubles.
 _MOST_DIGITS = 47
+# Bytes end in zeros without end, and a damaged file could be read for ever: more bits than this no
+# organ has (4097 keys of two walls' 16 coefficients, about 20 bits each).
 _MOST_QUESTIONS = 4_000_000
 _STREAM: Any = vars(constriction)["stream"]
 _FAMILY: Any = _STREAM.model.Bernoulli(perfect=False)
+# Odds of bits that nothing foretells: constriction codes them in the same stream.
 _EVEN = 0.5
 
 
@@ -47,7 +65,7 @@ class _Contexts:
 
 
 class _Numbers:
-    """Numbers made of questions."""
+    """Integers made of bits: the forms that writer and reader share."""
 
     def bit(
         self, contexts: Sequence[Hashable], answer: int, start: tuple[int, int] = EVEN_START
@@ -60,7 +78,7 @@ class _Numbers:
         raise NotImplementedError
 
     def plain(self, number: int, bits: int) -> int:
-        """Pass a number from 0 to 2^bits - 1 at even odds, highest bit first."""
+        """Pass an unsigned number of some bits at even odds, highest bit first."""
         value = 0
         for place in range(bits - 1, -1, -1):
             value = 2 * value + self.even_bit(number >> place & 1)
@@ -78,7 +96,9 @@ class _Numbers:
         start: tuple[int, int] = EVEN_START,
         run_start: tuple[int, int] = EVEN_START,
     ) -> int:
-        """Pass a whole number: whether it is zero, its sign, and its size."""
+        """Pass a signed integer with odds learned: whether it is zero, its sign, and its size."""
+        # `contexts` learn whether it is zero, `runs` how many binary digits its size has; the two
+        # starts are counts of no and yes.
         if not self.bit([("zero", one) for one in contexts], int(number != 0), start):
             return 0
         negative = self.even_bit(int(number < 0))
