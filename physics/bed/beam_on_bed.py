@@ -30,46 +30,23 @@ EVERYWHERE = (True, True, True)
 
 @dataclass(frozen=True, slots=True)
 class Books:
-    """Where the hands' work went, mJ: work = stored + dissipated + snap + open.
+    """The energy balance of the hands' work, mJ: work = stored + dissipated + snap + open."""
 
-    Attributes
-    ----------
-    work
-        Of all hands on the beam and on rods.
-    stored
-        In beam, strands, floor and contact.
-    dissipated
-        In strands that yielded and parted, by their law.
-    snap
-        Released in jumps at standing hands.
-    open
-        What the trapezoid rule left unexplained.
-    """
-
-    work: float
-    stored: float
-    dissipated: float
-    snap: float
-    open: float
+    work: float  # of all hands on the beam and on rods
+    stored: float  # in beam, strands, floor and contact
+    dissipated: float  # in strands that yielded and parted, by their law
+    snap: float  # released in jumps while the hands stand still
+    open: float  # what the trapezoidal rule leaves unexplained
 
 
 @dataclass(frozen=True, slots=True)
 class WorstStress:
-    """The largest normal plus bending stress in the beam's wall.
+    """The largest normal plus bending stress in the beam's wall."""
 
-    Attributes
-    ----------
-    station
-        Where, mm from the first end.
-    normal, bending
-        The two parts, MPa.
-    side
-        Angle about the axis from up where bending stretches it most, rad, above zero towards y.
-    """
-
-    station: float
-    normal: float
-    bending: float
+    station: float  # mm from the first end
+    normal: float  # MPa
+    bending: float  # MPa
+    # angle about the axis at which bending stretches most: rad from up, positive towards y
     side: float
 
     @property
@@ -94,9 +71,9 @@ class BeamOnBed:
     """A beam in space on strands, in its last state, from which the next one is found.
 
     Hooks hold nodes: by displacement (`take`, `lead`), through a spring (`take` with a stiffness)
-    or by a force (`push`). Rods push strands aside (`set_rod`). What is asked for happens with the
-    next `advance`, through equilibria, or `tick`, in real time. Not for two threads at once; other
-    threads run meanwhile.
+    or by a force (`push`). Rods push strands aside (`set_rod`). These calls set targets; the next
+    `advance` reaches them through equilibria, the next `tick` in real time. Not for two threads at
+    once; the compiled steps let other threads run meanwhile.
 
     Parameters
     ----------
@@ -297,19 +274,7 @@ class BeamOnBed:
     def set_rod(
         self, rod: int, tip: Sequence[float], shaft: Sequence[float], radius: float
     ) -> None:
-        """Put a rod somewhere at once, touching nothing before; `lead_rod` moves it.
-
-        Parameters
-        ----------
-        rod
-            Its number.
-        tip
-            (3,) place of its tip, mm.
-        shaft
-            (3,) direction from the tip back along the shaft.
-        radius
-            mm.
-        """
+        """Place a rod that touches nothing: its tip, mm, way back along the shaft, radius, mm."""
         way = np.asarray(shaft, dtype=np.float64)
         row = np.array([*tip, *(way / np.sqrt(way @ way)), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):

@@ -17,17 +17,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A stretch of a bed whose strands are so many times as stiff and as tough: an adhesion.
+    """An adhesion: a stretch of a bed whose strands are `factor` times as stiff and as tough."""
 
-    Attributes
-    ----------
-    from_mm, to_mm
-        The stretch, mm from the first end.
-    factor
-        How many times.
-    """
-
-    from_mm: float
+    from_mm: float  # from the first end
     to_mm: float
     factor: float
 
@@ -48,66 +40,34 @@ class Bed:
     With nothing scattered the strands are evenly spaced in one row, straight down from the axis,
     as alike as they can be. The elongation at which they yield follows from stiffness, toughness
     and softening: G = k u_0 u_f / 2 with u_f = softening u_0.
-
-    Attributes
-    ----------
-    from_mm, to_mm
-        Where it lies under the beam, mm from its first end; its whole length when None.
-    strands
-        How many.
-    stiffness
-        Of the bed, for each mm of beam and of elongation, N/mm^2: a number, or one for each of
-        `stations`.
-    toughness
-        Energy to part it, for each mm of beam, N (mJ/mm): likewise.
-    softening
-        Elongation at which a strand has parted over that at which it begins to yield; 1: brittle.
-    stations
-        Where stiffness and toughness are given, mm; linear between them.
-    two_sided
-        Whether strands also push when they are shorter than at rest.
-    floor
-        Stiffness with which the bed pushes back a beam that lies deeper than at rest, N/mm^2.
-    gap
-        Length of a strand straight down, mm.
-    around
-        Strands hold the surface up to this angle from straight down on either side, rad; None: the
-        axis itself.
-    fan
-        Standard deviation of their directions off straight down, rad.
-    slack
-        Up to how far they are slack at rest, mm.
-    scatter
-        Coefficient of variation of the energy to part one, with stiffness in proportion.
-    stiffness_scatter
-        Coefficient of variation of the stiffness alone, with the energy to part as it is.
-    jitter
-        How far along strands are off their even places, in spacings: 0 none, 1 anywhere in their
-        own spacing.
-    patches
-        Adhesions.
-    seed
-        Of all that is scattered.
     """
 
+    # where it lies under the beam, from its first end; the whole length when None
     from_mm: float | None = None
     to_mm: float | None = None
     strands: int = 600
+    # of the bed, for each mm of beam and of elongation, N/mm^2; or one for each of `stations`
     stiffness: float | tuple[float, ...]
+    # energy to part it, for each mm of beam, N (mJ/mm); likewise
     toughness: float | tuple[float, ...]
-    softening: float = 2.0
+    softening: float = 2.0  # u_f / u_0: elongation at parting over that at yield; 1 is brittle
+    # where stiffness and toughness are given, mm; linear between them
     stations: tuple[float, ...] | None = None
-    two_sided: bool = False
+    two_sided: bool = False  # whether strands also push when they are shorter than at rest
+    # stiffness with which the bed pushes back a beam deeper than at rest, N/mm^2
     floor: float = 0.0
-    gap: float = 3.0
+    gap: float = 3.0  # length of a strand straight down, mm
+    # rad from straight down, either side, to which strands hold; None: the axis
     around: float | None = None
-    fan: float = 0.0
-    slack: float = 0.0
+    fan: float = 0.0  # standard deviation of their directions off straight down, rad
+    slack: float = 0.0  # largest slack at rest, mm; spread evenly from 0
+    # coefficient of variation of the energy to part one, stiffness in proportion
     scatter: float = 0.0
-    stiffness_scatter: float = 0.0
+    stiffness_scatter: float = 0.0  # coefficient of variation of the stiffness alone
+    # offset along from the even places, in spacings: 0 none, 1 anywhere in their own
     jitter: float = 0.0
     patches: tuple[Patch, ...] = ()
-    seed: int = 1
+    seed: int = 1  # of all that is scattered
 
     def __post_init__(self) -> None:
         if not 1 <= self.strands <= 200_000:
@@ -191,18 +151,7 @@ class Bed:
         )
 
     def floor_under(self, beam: SpaceBeam) -> Floats:
-        """Return the stiffness of the bed's floor at a beam's nodes.
-
-        Parameters
-        ----------
-        beam
-            The beam.
-
-        Returns
-        -------
-        Floats
-            (N,) N/mm.
-        """
+        """Return the (N,) stiffnesses of the bed's floor at a beam's nodes, N/mm."""
         a, b = self._reach(beam.span)
         s = beam.stations
         edges = np.concatenate([[s[0]], 0.5 * (s[1:] + s[:-1]), [s[-1]]])

@@ -1,13 +1,14 @@
 """The compiled part of a beam in space on a bed of strands: energy, gradient, tangent, Newton.
 
-Units mm, N, MPa. Only + - * / and square roots, in a fixed order and without fast-math: a run gives
-the same bits on every machine that computes by IEEE 754. The whole chain is in one file because
-cached machine code does not notice a change in another.
+Units mm, N, MPa, rad. Only + - * / and square roots, in a fixed order and without fast-math: a
+run gives the same bits on every machine that computes by IEEE 754. Indices: e elements; n, i and j
+nodes; r and c (or `col`) the freedoms of a node (x, y, z, then the spin about them); m rods.
 
-**Beam** (Simo and Reissner). Nodes have a place x and a unit quaternion q; their rotations change
-by a spin w through Cayley's map, q <- (1, w/2) q / |.|, so that no trigonometry is needed. An
-element of length h at rest has the mid rotation R = R(q_i + q_j) with columns t_a, the half Gibbs
-vector c = vec(q_j q_i*) / scal = tan(phi/2) e of its twist, t = tan(phi/4) e and d = (x_j - x_i)/h.
+**Beam** [Simo 1985, Reissner 1981]. Nodes have a place x and a unit quaternion q; their
+rotations change by a spin w through Cayley's map, q <- (1, w/2) q / |.|, so that no trigonometry is
+needed. An element of length h at rest has the mid rotation R = R(q_i + q_j) with columns t_a, the
+half Gibbs vector c = vec(q_j q_i*) / scal = tan(phi/2) e of its nodes' relative rotation, t =
+tan(phi/4) e and d = (x_j - x_i)/h.
 Strains Gamma = R^T d - Gamma_0 and kappa = (2/h) R^T c - kappa_0, energy
 U = h/2 (Gamma.C.Gamma + kappa.C_m.kappa), forces n = R C Gamma and m = R C_m kappa.
 
@@ -24,21 +25,29 @@ with C and C_m turned by R. It is symmetric everywhere, at rest or not: Newton c
 quadratically and Cholesky's factors tell a stable equilibrium from one that would not stay.
 
 **Strand.** A central spring from r = R_n rho of the nearest node n to a foot b: l = x_n + r - b,
-elongation u = |l| - L, force f(u) along l: nothing while slack, (1 - d) k u, and past the yield
-elongation u_0 down a straight line to nothing at u_f, d = u_f (u - u_0) / (u (u_f - u_0)). Damage d
-never heals; what was dissipated is G (u - u_0)/(u_f - u_0) for the largest u so far, with
-G = k u_0 u_f / 2.
-A strand touches the block of its node only, so the tangent stays block-tridiagonal (6 x 6).
+elongation u = |l| - L, force f(u) along l: zero while slack, (1 - d) k u, and past the yield
+elongation u_0 down a straight line to zero at u_f, where it has parted: a bilinear cohesive law
+with the damage d = u_f (u - u_0) / (u (u_f - u_0)), which never heals. Dissipated is
+G (u - u_0)/(u_f - u_0) for the largest u so far, with G = k u_0 u_f / 2. With t = l/|l|, b = f/|l|,
+a = f'(u) - b, v = r x t and e = l - r the second derivatives are
 
-**Rod.** A half-line from its tip with a radius. A strand that meets it takes the shortest way round
-(straight on the unrolled cylinder) on the side where it was first touched; the duct, a round bar
-about the axis, is kept off it by a stiff contact.
+    x x   a t t^T + b I     x w   a t v^T - b [r]     w w   a v v^T + b (sym(e r^T) - (e.r) I)
+
+They touch the block of the strand's node only, so the tangent stays block-tridiagonal (6 x 6).
+
+**Rod.** A half-line from its tip, with direction u and radius r. A strand that meets it takes the
+shortest path round it, straight on the unrolled cylinder, on the side where it was first touched:
+length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_b/r)), with
+l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
+There is no friction. The duct, a round bar about the axis, is kept off by a penalty contact.
 
 **Equilibrium** is a minimum of the beam's energy plus the strands' incremental potential (elastic
 energy plus what is dissipated from the last accepted state on), held at the nodes that hooks hold:
-Newton's method with a line search on that energy and a shift of the tangent where it is not
-definite (`equilibrium`; `yielded` then lets damage follow). **Tick** is the same beam in real time:
-damage follows with a delay, then one Newton step with a slight drag, at a fixed cost.
+Newton's method with a line search on that energy (Armijo's rule) and a shift of the tangent where
+it is not positive definite (`equilibrium`; `yielded` then updates the damage). **Tick** is the same
+beam in real time: damage relaxes towards its law with a delay tau, d' = (d_law - d) / tau, then one
+Newton step with a small viscous drag. While d stands, every strand's secant stiffness is positive,
+so that one factorisation is nearly always enough: a fixed cost.
 """
 
 import math
@@ -69,7 +78,9 @@ Nine = tuple[float, float, float, float, float, float, float, float, float]
 ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, PART, PUSHES = range(11)
 STRAND_ROWS = 11
 
-# Entries of `sums`, what the last assembly or advance found.
+# Entries of `sums`. Of the last assembly: energies of beam, strands, contacts and dead loads, mJ;
+# energy dissipated now, mJ; strands not parted; largest strand force and force scale, N. Since the
+# beginning: the energy balance of `Books`, mJ.
 BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
 WORK, STORED, DISSIPATED, SNAP, OPEN = range(8, 13)
 SUM_ROWS = 13
@@ -78,7 +89,7 @@ SUM_ROWS = 13
 TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
 ROD_ROWS = 8
 
-# How strands answer an assembly: damage stands; incremental potential; damage follows with a delay.
+# What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
 STANDING, POTENTIAL, DELAYED = 0, 1, 2
 
 
@@ -88,31 +99,32 @@ class State(NamedTuple):
     `held` are bits of what is held at a node (1 2 4 along x y z, 8 16 32 turning about them),
     `goal` where, `load` dead forces, `spring` what draws a node to its goal. `stiff` and
     `strain` are rows of normal, two shear, torsion and two bending terms. `first[n]` is node n's
-    first strand. `section` has the forces at an element's middle and its moments at both ends.
+    first strand. `section` has an element's normal and shear forces, its moments at both ends
+    (torsion, bending up, bending across) and the normal forces there.
     """
 
-    x: Floats
-    q: Floats
-    goal: Floats
-    held: Ints
-    load: Floats
-    spring: Floats
-    h: Floats
-    stiff: Floats
-    strain: Floats
-    first: Ints
-    strand: Floats
-    damage: Floats
-    floor: Floats
-    thick: Floats
-    rods: Floats
-    side: Ints
-    pull: Floats
-    section: Floats
-    g: Floats
-    step: Floats
-    diagonal: Floats
-    upper: Floats
+    x: Floats  # (N, 3) mm
+    q: Floats  # (N, 4) unit quaternions, scalar first
+    goal: Floats  # (N, 3) mm
+    held: Ints  # (N,)
+    load: Floats  # (N, 3) N
+    spring: Floats  # (N, 3) N/mm
+    h: Floats  # (N - 1,) lengths at rest, mm
+    stiff: Floats  # (N - 1, 6) N, N mm^2
+    strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
+    first: Ints  # (N + 1,)
+    strand: Floats  # (STRAND_ROWS, S)
+    damage: Floats  # (S,) 0 whole to 1 parted
+    floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
+    thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
+    rods: Floats  # (M, ROD_ROWS) mm
+    side: Ints  # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch
+    pull: Floats  # (M, 3) forces of hands on rods, N
+    section: Floats  # (N - 1, 11)
+    g: Floats  # (N, 6) gradient, N and N mm
+    step: Floats  # (N, 6) mm and rad
+    diagonal: Floats  # (N, 6, 6) the tangent's diagonal blocks, lower triangles
+    upper: Floats  # (N - 1, 6, 6) its blocks of one node and the next
     diagonal_kept: Floats
     upper_kept: Floats
     x_kept: Floats
@@ -124,7 +136,7 @@ class State(NamedTuple):
     rods_from: Floats
     rods_to: Floats
     hold: Floats
-    react: Floats
+    react: Floats  # (N, 3) forces of hands that hold, N
     sums: Floats
 
 
@@ -273,6 +285,8 @@ def beam_pass(s: State) -> None:
         k3 = f * dot(t3, c) - strain[e, 5]
         n1, n2, n3 = stiff[e, 0] * g1, stiff[e, 1] * g2, stiff[e, 2] * g3
         m1, m2, m3 = stiff[e, 3] * k1, stiff[e, 4] * k2, stiff[e, 5] * k3
+        # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
+        # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
         energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
         n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
         m = added(added(scaled(t1, m1), scaled(t2, m2)), scaled(t3, m3))
@@ -284,6 +298,7 @@ def beam_pass(s: State) -> None:
         gs = scaled(dn, -h[e])
         tg = cross(t, gs)
         s.section[e, 0], s.section[e, 1], s.section[e, 2] = n1, n2, n3
+        # Moments on the two nodes: (I - [t])/2 and (I + [t])/2 times the gradient by sigma, -+ y.
         ei = (
             0.5 * (gs[0] - tg[0]) - y[0],
             0.5 * (gs[1] - tg[1]) - y[1],
@@ -310,6 +325,8 @@ def beam_pass(s: State) -> None:
             g[i, 3 + r] += ei[r]
             g[j, 3 + r] += ej[r]
 
+        # The tangent in (u', sigma, D), 3 x 3 blocks by rows: p for u' sigma (over h), w for
+        # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
         big_c = turned(stiff, e, 0, t1, t2, t3)
         big_m = turned(stiff, e, 3, t1, t2, t3)
         cd = times_cross(big_c, d)  # C [d]
@@ -369,7 +386,10 @@ def beam_pass(s: State) -> None:
         z02 = b11 * big_m[2] + c[0] * a[2] + a[0] * c[2] + k[0] * y[2] + y[0] * k[2]
         z12 = b11 * big_m[5] + c[1] * a[2] + a[1] * c[2] + k[1] * y[2] + y[1] * k[2]
 
-        # From (u', sigma, D) to the nodes, with w_i in sigma by (I + [t])/2 and w_j by (I - [t])/2.
+        # From (u', sigma, D) to the nodes: u' = (u_j - u_i)/h, D = (w_j - w_i)/2, and sigma has w_i
+        # by (I + [t])/2 and w_j by (I - [t])/2. So the blocks of w are, with Y = [t] v + ([t] v)^T,
+        #   w_j w_j, w_i w_i   (w -+ (w [t] + (w [t])^T) - [t] w [t] +- (v + v^T) + Y + z) / 4
+        #   w_i w_j            (w + [t] w [t] - Y - z - (w [t] + [t] w) + (v - v^T)) / 4
         pt = times_cross(p, t)
         wt = times_cross(w, t)  # its transpose is -[t] w
         twt = cross_times(t, wt)
@@ -481,6 +501,7 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
         if dot(foot, foot) >= r * r:
             return 0, 0.0, none, none, 0.0
         side = 1 if turn > 0.0 else -1
+    # Ends inside the rod count as just outside, where the tangents' lengths still have derivatives.
     da = max(dot(a, a), 1.0001 * r * r)
     db = max(dot(b, b), 1.0001 * r * r)
     la, lb = math.sqrt(da - r * r), math.sqrt(db - r * r)
@@ -489,7 +510,8 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
         arc += 2.0 * math.pi
     arc -= angle(la, r) + angle(lb, r)
     if arc <= 0.0 or arc > 3.0:
-        return 0, 0.0, none, none, 0.0  # let go, or slipped over the rod
+        return 0, 0.0, none, none, 0.0  # straight again, or slipped off past 3 rad
+    # `arc` is the angle wrapped: phi less the angles from both ends to their points of tangency.
     plane = la + lb + r * arc
     axial = b0 - a0
     length = math.sqrt(plane * plane + axial * axial)
@@ -537,7 +559,7 @@ def rods_near(s: State, n: int) -> bool:
             s.sums[CONTACT] += 0.5 * push * deep * deep
         if away < s.thick[n, 0] + s.rods[m, RADIUS] + s.thick[n, 2]:
             near = True
-        else:
+        else:  # out of reach: strands forget on which side they touched it
             for i in range(s.first[n], s.first[n + 1]):
                 s.side[m, i] = 0
     return near
@@ -592,7 +614,8 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             if rod >= 0:
                 length = way
                 tx, ty, tz = by_a
-                # The end turns about where it leaves the rod.
+                # The end turns about the point of tangency, at `straight`. Nearer than 0.5 mm is
+                # taken as 0.5 mm: the geometric stiffness f/|l| would grow without bound.
                 il = 1.0 / max(straight, 0.5)
                 ux, uy, uz = tx / il - rx, ty / il - ry, tz / il - rz
             else:
@@ -613,7 +636,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 if goal > d:
                     if kind == DELAYED:
                         new = d + mix * (goal - d)
-                        if goal >= 1.0 and new > 0.98:
+                        if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
                             new = 1.0
                         lost += 0.5 * k * u * u * (new - d)
                         damage[i] = new
@@ -625,6 +648,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         stored = 0.5 * f * u
                     else:
                         full = 0.5 * k * u0 * uf / (uf - u0)  # dissipated for each mm beyond u0
+                        # The largest elongation so far, less u0: the law solved for u at d.
                         before = u0 * uf / (uf - d * (uf - u0)) - u0
                         if u >= uf:
                             energy += full * (uf - u0 - before)
@@ -640,6 +664,8 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 s.pull[rod, 1] -= f * pull[1]
                 s.pull[rod, 2] -= f * pull[2]
             b = f * il
+            # A pushing strand's geometric stiffness is negative: left out in a tick, so that the
+            # tangent stays definite. The gradient stays exact.
             if kind == DELAYED and b < 0.0:
                 b = 0.0
             a = slope - b
@@ -795,7 +821,10 @@ def hold_nodes(s: State, part: float) -> None:
 @inner
 def solve(s: State) -> bool:
     """Turn `step` into -K^-1 step by block Cholesky; False where K is not definite."""
-    # K has the lower triangles of `diagonal` and the full blocks of `upper`; it is overwritten.
+    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_i,i+1 in the full blocks of
+    # `upper`, both overwritten: L_ii L_ii^T = K_ii - Y^T Y with Y = L_i-1,i-1^-1 K_i-1,i. The
+    # diagonal of L_ii keeps the inverse, so that there is one division for each freedom.
+    # A pivot that falls below 1e-14 of its entry is rounding: K is singular or worse.
     n = s.x.shape[0]
     for i in range(n):
         low = s.diagonal[i]
@@ -951,9 +980,11 @@ def largest_way(s: State) -> float:
 
 
 TURN_LIMIT = 0.5
-"""Largest rotation of a node in one Newton step, rad."""
+"""Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
+is far off, and Gibbs vectors grow without bound as neighbours come to be half a turn apart."""
 UNSTABLE_TRIES = 12
-"""How often an equilibrium that would not stay is left by a nudge."""
+"""How often an unstable equilibrium is left by a nudge. Nudges grow fourfold, from 4e-6 of an
+element's length to some 17 lengths: beyond those nothing near the last shape is left to find."""
 
 
 @inner
@@ -971,6 +1002,8 @@ def nudge(s: State, size: float) -> None:
 def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) -> int:
     """Find a minimum of the energy near this shape, the held nodes at goals; iterations, or -1."""
     # `tolerance` is the largest force out of balance as a part of the largest one, `floor` in N.
+    # Moments count as forces over the longest element. `least_shift` is 1e-11 of the largest shear
+    # stiffness of an element: next to nothing beside what holds, yet above the rounding.
     length = s.h[0]
     for e in range(s.h.size):
         length = max(length, s.h[e])
@@ -990,6 +1023,8 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         going = way_to_goal(s)
         arrived = going <= 1e-13 * span
         out_of_balance = residual(s, length)
+        # Balanced once held places are where they should be and free forces are small; the tangent
+        # without any shift then says whether the equilibrium is stable.
         balanced = arrived and out_of_balance <= tolerance * s.sums[FORCE_SCALE] + floor
         if balanced:
             shift = 0.0
@@ -1008,7 +1043,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             s.diagonal[:] = s.diagonal_kept
             s.upper[:] = s.upper_kept
         if balanced and not found:
-            # A way along which the energy does not change at all is no way out.
+            # A mode along which the energy does not change at all (neutral) is not unstable.
             s.diagonal[:] = s.diagonal_kept
             s.upper[:] = s.upper_kept
             s.step[:] = s.g
@@ -1019,8 +1054,8 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             return it
         keep_shape(s)
         if balanced:
-            # It would not stay. A nudge that has a part along every way is enough: from there the
-            # energy falls along the softest one.
+            # Unstable. A nudge with a part along every mode is enough: from there the energy falls
+            # along the softest one.
             left += 1
             if left > UNSTABLE_TRIES:
                 return -1
@@ -1035,9 +1070,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         if turn > TURN_LIMIT:
             part = TURN_LIMIT / turn
         far = largest_way(s)
+        # Nor does any node go farther in one step than a quarter of the beam.
         if part * far > 0.25 * span:
             part = 0.25 * span / far
-        if not arrived:
+        if not arrived:  # held places still move: their work is no part of the energy searched
             move(s, part)
             energy = assemble(s, kind, 0.0)
             continue
@@ -1048,6 +1084,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                     slope += s.g[n, r] * s.step[n, r]
         before = energy
         rounding = 1e-13 * (abs(s.sums[BEAM]) + abs(s.sums[STRANDS]) + abs(s.sums[LOADS])) + 1e-300
+        # Armijo's rule: at least 1e-4 of the fall that the slope promises. 0.4^30 is no step.
         accepted = False
         for _ in range(30):
             move(s, part)
@@ -1056,6 +1093,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                 accepted = True
                 break
             part *= 0.4
+        # The shift fades while full steps are taken, and grows steeply where none is.
         if accepted:
             shift = 0.0 if part == 1.0 and shift < 16.0 * least_shift else 0.0625 * shift
             if part < 0.1:
@@ -1117,8 +1155,9 @@ def yielded(s: State) -> float:
 @njit(cache=True, error_model="numpy", nogil=True)
 def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
     """Go to `..._to` in so many real-time ticks; False where no tangent is definite."""
-    # A tick lets damage go the part `mix` of its way, then takes `newton` Newton steps with a drag
-    # (N/mm at each node) against the motion: a fixed cost.
+    # A tick lets damage go the part `mix` = dt / (tau + dt) of its way to the law (implicit Euler),
+    # then takes `newton` Newton steps with a drag (N/mm at each node: c / dt) against the motion: a
+    # fixed cost. Work is summed by the trapezoidal rule from the forces before and after each tick.
     sums = s.sums
     for now in range(ticks):
         part = (now + 1.0) / ticks
@@ -1155,6 +1194,7 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
                         sums[WORK] += s.pull[m, r] * way
             s.step[:] = s.g
             hold_nodes(s, 1.0)
+            # Not definite, which is rare: more and more drag, until it is.
             extra = 100.0 * drag + 1e-3
             while not solve(s):
                 if extra > 1e9:

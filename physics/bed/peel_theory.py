@@ -1,7 +1,9 @@
 """Closed forms that a beam on a bed is held against: beams on springs, peeling, bending, buckling.
 
-Symbols: k stiffness of the bed for each mm of beam, G energy to part it for each mm of beam, EI and
-EA the beam's stiffnesses, lambda = (k / 4 EI)^(1/4). A bed is a row of springs that pull and push.
+Symbols: k stiffness of the bed for each mm of beam, N/mm^2; G energy to part it for each mm of
+beam, N (mJ/mm); P a force, N; EI bending, EA axial and GA shear stiffness of the beam, N mm^2, N
+and N; lambda = (k / 4 EI)^(1/4), 1/mm; a length of beam beyond the bed, mm. A bed is a row of
+springs that pull and push. Angles are rad.
 """
 
 import math
@@ -24,91 +26,31 @@ Floats = NDArray[np.float64]
 def end_deflection(
     force: float, stiffness: float, bending: float, shear: float = math.inf
 ) -> float:
-    """Return the deflection of a long beam on a bed under a force across its free end, mm.
-
-    [Hetenyi 1946], with the shear deformation of the beam: w = 2 P alpha / k with
-    alpha^2 = lambda^2 + k / (4 G A).
-
-    Parameters
-    ----------
-    force
-        P, N.
-    stiffness
-        k of the bed, N/mm^2.
-    bending, shear
-        EI, N mm^2, and shear stiffness, N.
-
-    Returns
-    -------
-    float
-        The deflection.
-    """
+    """Return the deflection of a long beam on a bed under a force P across its free end, mm."""
+    # [Hetenyi 1946], with the shear deformation of the beam: w = 2 P alpha / k with
+    # alpha^2 = lambda^2 + k / (4 G A).
     alpha = math.sqrt(math.sqrt(stiffness / (4.0 * bending)) + stiffness / (4.0 * shear))
     return 2.0 * force * alpha / stiffness
 
 
 def cantilever_compliance(crack: float, stiffness: float, bending: float) -> float:
-    """Return the deflection for each N at the end of a beam that sticks out beyond its bed, mm/N.
-
-    [Kanninen 1973]: a^3 / (3 EI) (1 + 3/(la) + 3/(la)^2 + 3/(2 (la)^3)), la = lambda a.
-
-    Parameters
-    ----------
-    crack
-        Length a beyond the bed, mm.
-    stiffness, bending
-        k, N/mm^2, and EI, N mm^2.
-
-    Returns
-    -------
-    float
-        The compliance.
-    """
+    """Return the deflection for each N at the end of a beam that sticks out of its bed, mm/N."""
+    # [Kanninen 1973]: a^3 / (3 EI) (1 + 3/(la) + 3/(la)^2 + 3/(2 (la)^3)), la = lambda a.
     la = (stiffness / (4.0 * bending)) ** 0.25 * crack
     return crack**3 / (3.0 * bending) * (1.0 + 3.0 / la + 3.0 / la**2 + 1.5 / la**3)
 
 
 def crack_force(crack: float, toughness: float, stiffness: float, bending: float) -> float:
-    """Return the force at which the bed of such a beam parts further, N.
-
-    [Kanninen 1973]: half the square of the force times the change of compliance with a is G, so
-    P = sqrt(2 EI G) / (a + 1/lambda).
-
-    Parameters
-    ----------
-    crack
-        Length a beyond the bed, mm.
-    toughness
-        G, N.
-    stiffness, bending
-        k, N/mm^2, and EI, N mm^2.
-
-    Returns
-    -------
-    float
-        The force.
-    """
+    """Return the force at which the bed of a beam that sticks out of it parts further, N."""
+    # [Kanninen 1973]: half the square of the force times the change of compliance with a is G, so
+    # P = sqrt(2 EI G) / (a + 1/lambda).
     reach = (4.0 * bending / stiffness) ** 0.25
     return math.sqrt(2.0 * bending * toughness) / (crack + reach)
 
 
 def peel_force(angle: float, toughness: float, stretching: float) -> float:
-    """Return the steady force that peels a strip at an angle, N.
-
-    [Rivlin 1944], with the stretch of the arm [Kendall 1975]: F (1 - cos) + F^2 / (2 EA) = G.
-
-    Parameters
-    ----------
-    angle
-        Between the force and the strip that is still held, rad.
-    toughness, stretching
-        G and EA, N.
-
-    Returns
-    -------
-    float
-        The force.
-    """
+    """Return the steady force that peels a strip off at an angle to what still holds, N."""
+    # [Rivlin 1944], with the stretch of the arm [Kendall 1975]: F (1 - cos) + F^2 / (2 EA) = G.
     slack = stretching * (1.0 - math.cos(angle))
     return math.sqrt(slack * slack + 2.0 * stretching * toughness) - slack
 
@@ -119,22 +61,12 @@ def peel_toughness(force: float, angle: float, stretching: float) -> float:
 
 
 def double_peel_force(toughness: float, stretching: float) -> tuple[float, float]:
-    """Return the steady force and angle, N and rad, at which both arms of a long strip peel.
-
-    The strip is held by its middle, straight up; each arm, stretched by 1/cos - 1, meets its front
-    at the angle at which EA ((1/cos - 1)(1/cos - cos) - (1/cos - 1)^2 / 2) = G: the work of the
-    force less the energy of the arm's growing length ([Putignano 2014] has the same by energy).
-
-    Parameters
-    ----------
-    toughness, stretching
-        G and EA, N.
-
-    Returns
-    -------
-    tuple[float, float]
-        2 EA (1/cos - 1) sin, and the angle.
-    """
+    """Return the steady force, N, and angle, rad, at which both arms of a long strip peel."""
+    # The strip is pulled by its middle, straight up, with 2 EA (1/cos - 1) sin. Each arm, stretched
+    # by 1/cos - 1, meets its front at the angle at which
+    # EA ((1/cos - 1)(1/cos - cos) - (1/cos - 1)^2 / 2) = G: the work of the force less the energy
+    # of the arm's growing length ([Putignano 2014] has the same by energy). The left side falls as
+    # the cosine c grows, so bisection finds the root.
     low, high = 1e-6, 1.0
     for _ in range(200):
         c = 0.5 * (low + high)

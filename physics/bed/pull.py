@@ -26,34 +26,19 @@ MOST_STEPS = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hand:
-    """A hook that holds the beam at one place and follows a path.
+    """A hook that holds the beam at one place and follows a path."""
 
-    Attributes
-    ----------
-    at
-        Where it holds, mm from the first end along the axis at rest.
-    path
-        Points that it goes through in straight lines from nothing: displacements of the place that
-        is held, mm, from where it was taken, or forces, N.
-    by
-        Whether the path is of displacements or of dead forces.
-    steps
-        Steps along the whole path, shared among its legs by their lengths; or one number a leg.
-    along
-        Which of x, y and z it holds by displacement; along the others the beam slides in it.
-    from_step
-        After how many steps of the whole it takes hold.
-    until_step
-        After how many it lets go; never when None.
-    """
-
-    at: float
+    at: float  # where it holds, mm from the first end along the axis at rest
+    # points joined by straight legs, from 0: displacements from where it took hold, mm, or forces,
+    # N
     path: tuple[tuple[float, float, float], ...]
     by: Literal["displacement", "force"] = "displacement"
+    # along the whole path, shared among its legs by their lengths; or one number a leg
     steps: Steps = 100
+    # which of x, y and z it holds by displacement; the beam slides in it along the others
     along: tuple[bool, bool, bool] = (True, True, True)
-    from_step: int = 0
-    until_step: int | None = None
+    from_step: int = 0  # takes hold after so many steps of the whole
+    until_step: int | None = None  # lets go after so many; never when None
 
     def __post_init__(self) -> None:
         finite(self.at, "a hook's place", "mm")
@@ -68,23 +53,12 @@ class Hand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rod:
-    """A blunt rod that is moved among the strands: a jaw, a closed dissector, a swab.
+    """A blunt rod moved among the strands: a jaw, a closed dissector, a swab; steps as a `Hand`."""
 
-    Attributes
-    ----------
-    path
-        Places of its tip, mm: it is there at the first of them when it begins, touching nothing.
-    shaft
-        Direction from the tip back along the shaft.
-    radius
-        mm.
-    steps, from_step
-        As of a `Hand`.
-    """
-
+    # places of its tip, mm; at the first of them it touches nothing
     path: tuple[tuple[float, float, float], ...]
-    shaft: tuple[float, float, float]
-    radius: float
+    shaft: tuple[float, float, float]  # direction from the tip back along the shaft
+    radius: float  # mm
     steps: Steps = 100
     from_step: int = 0
 
@@ -103,29 +77,7 @@ class Rod:
 def step_places(
     path: Sequence[Sequence[float]], steps: Steps, name: str, *, begin: bool = True
 ) -> Floats:
-    """Return where a path is after each of its steps.
-
-    Parameters
-    ----------
-    path
-        (P, 3) its points.
-    steps
-        How many steps, or how many for each leg.
-    name
-        What it is called in a message.
-    begin
-        Whether it begins at 0, 0, 0 even where its first point is another.
-
-    Returns
-    -------
-    Floats
-        (steps, 3) places; every point of the path is one of them.
-
-    Raises
-    ------
-    ValueError
-        If a point is not three finite numbers, or there are too few steps.
-    """
+    """Return the (steps, 3) places after each step of a path, or forces; from 0 if `begin`."""
     try:
         points = np.array(path, dtype=np.float64)
     except (TypeError, ValueError):
@@ -165,43 +117,22 @@ def step_places(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """What happened in each of T steps of H hands.
+    """What happened in each of T steps of H hands."""
 
-    Attributes
-    ----------
-    hands
-        (T, H, 3) displacements of the places that are held, mm, from where they were at rest; NaN
-        while a hand does not hold.
-    forces
-        (T, H, 3) forces of the hands on the beam, N; NaN likewise.
-    rods
-        (T, R, 3) forces of the hands on the rods, N.
-    freed
-        (T,) lengths of beam whose strands have parted, mm.
-    parted
-        (T,) strands parted.
-    work, stored, dissipated, snap
-        (T,) the books, mJ; see `physics.bed.Books`.
-    stress
-        (T,) largest normal plus bending stress of the wall, MPa; None without a wall.
-    shape
-        (N, 3) the nodes after the last step, mm.
-    damage
-        (S,) of the strands after the last step.
-    """
-
+    # (T, H, 3) displacements of the places held, mm from rest; NaN while a hand does not hold
     hands: Floats
-    forces: Floats
-    rods: Floats
-    freed: Floats
-    parted: NDArray[np.int64]
-    work: Floats
+    forces: Floats  # (T, H, 3) of the hands on the beam, N; NaN likewise
+    rods: Floats  # (T, R, 3) forces of the hands on the rods, N
+    freed: Floats  # (T,) lengths of beam whose strands have parted, mm
+    parted: NDArray[np.int64]  # (T,) numbers of strands parted
+    work: Floats  # (T,) this and the next three: the energy balance, mJ; see `Books`
     stored: Floats
     dissipated: Floats
     snap: Floats
+    # (T,) largest normal plus bending stress of the wall, MPa; None without a wall
     stress: Floats | None
-    shape: Floats
-    damage: Floats
+    shape: Floats  # (N, 3) the nodes after the last step, mm
+    damage: Floats  # (S,) of the strands after the last step, 0 to 1
 
     @property
     def steps(self) -> int:
@@ -290,9 +221,8 @@ def pull(
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
 
-    All hands move at the same time, a step of each with a step of the others; one whose path is
-    through stays where it is. The result does not depend on any rate and is the same to the bit in
-    each run.
+    All hands move at the same time, step by step; one whose path is through stays where it is. The
+    result depends on no rate and is the same to the bit in each run.
 
     Parameters
     ----------
@@ -300,10 +230,8 @@ def pull(
         The beam at rest, with nodes where hands take hold (`SpaceBeam.made(nodes_at=...)`).
     bed
         Its bed or beds, or strands made by hand.
-    hands
-        The hands.
-    rods
-        Rods among the strands.
+    hands, rods
+        What moves.
     plane
         Whether nothing leaves the plane of x and z.
     floor

@@ -30,33 +30,17 @@ class SpaceBeam:
     """A geometrically exact beam in space, N nodes, straight or curved at rest.
 
     x runs along a straight one, z away from the bed. Arrays are copied and locked.
-
-    Attributes
-    ----------
-    stations
-        (N,) distances of the nodes from the first end along the axis at rest, mm.
-    places
-        (N, 3) where they are at rest, mm.
-    rotations
-        (N, 4) unit quaternions that turn x, y, z into the axis, across and up.
-    stiffness
-        (N - 1, 6) of the elements: axial and two shear stiffnesses, N; torsion and two bending
-        stiffnesses, N mm^2 (`STIFFNESSES`).
-    ends
-        How the two ends are held.
-    radius
-        (N,) outer radius, mm: where strands take hold and rods touch.
-    wall
-        (N, 3) area, mm^2, and section moduli I/c for bending up and across, mm^3, from which
-        stresses are read; None where nobody asks for stresses.
     """
 
-    stations: Floats
-    places: Floats
-    rotations: Floats
+    stations: Floats  # (N,) distances of the nodes from the first end along the axis at rest, mm
+    places: Floats  # (N, 3) at rest, mm
+    rotations: Floats  # (N, 4) unit quaternions that turn x, y, z into the axis, across and up
+    # (N - 1, 6) of the elements: axial, two shear, N; torsion, two bending, N mm^2 (`STIFFNESSES`)
     stiffness: Floats
     ends: tuple[End, End]
-    radius: Floats
+    radius: Floats  # (N,) outer radius, mm: where strands take hold and rods touch
+    # (N, 3) area, mm^2, and section moduli I/c for bending up and across, mm^3; None: no stresses
+    # are read
     wall: Floats | None = None
 
     def __post_init__(self) -> None:
@@ -91,21 +75,17 @@ class SpaceBeam:
         Parameters
         ----------
         elements
-            How many, 2 or more.
+            How many, 2 to 20,000.
         stiffness
             (6,) of a constant beam, or (K, 6) at `stations`, linear between them.
-        span
-            Length of a straight beam along x, mm.
-        axis
-            (P, 3) points that the axis at rest goes through, mm, instead of a span.
+        span, axis
+            Length of a straight beam along x, mm; or (P, 3) points of a curved axis at rest, mm.
         ends
             How the two ends are held.
         stations
             (K,) where stiffness, radius and wall are given, mm, from 0 to the span.
-        radius
-            Outer radius, mm, or (K,).
-        wall
-            (3,) or (K, 3); see the class.
+        radius, wall
+            Constant or (K, ...); see the class.
         nodes_at
             Stations that shall be nodes: where hooks take hold.
 
@@ -179,20 +159,9 @@ class SpaceBeam:
         axis: Floats | None = None,
         nodes_at: Sequence[float] = (),
     ) -> "SpaceBeam":
-        """Return a beam of the other theories as one in space, with the same stiffness all round.
-
-        Parameters
-        ----------
-        beam
-            The beam: its shear areas are those of `Exact(Linear(shear=True))`.
-        elements, ends, axis, nodes_at
-            See `made`. An axis is as long as the beam's span.
-
-        Returns
-        -------
-        SpaceBeam
-            The beam.
-        """
+        """Return a beam of the other theories in space, equally stiff all round."""
+        # Its shear areas are those of `Exact(Linear(shear=True))`. Along a curved `axis`, which
+        # should be as long, sections are spread in proportion.
         stations = beam.key_stations
         areas, moments, fibres, shear_areas, _ = beam.sections_at(stations)
         e = beam.modulus

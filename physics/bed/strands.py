@@ -24,35 +24,16 @@ class Strands:
     A strand carries nothing while it is shorter than `length`, then `stiffness` for each mm more;
     from the elongation `yield_` on it softens, and at `part` it has parted: the energy to part it
     is stiffness yield_ part / 2. Arrays are copied, rounded to `GRAIN` and locked.
-
-    Attributes
-    ----------
-    stations
-        (S,) where they hold the beam, mm from its first end.
-    ends
-        (S, 3) places on the beam's surface at rest, mm.
-    feet
-        (S, 3) places on the bed, mm.
-    stiffness
-        (S,) N/mm.
-    length
-        (S,) lengths at which they come taut, mm.
-    yield_
-        (S,) elongations at which they begin to soften, mm.
-    part
-        (S,) elongations at which they have parted, mm.
-    pushes
-        (S,) 1 for a strand that also pushes when it is shorter, else 0.
     """
 
-    stations: Floats
-    ends: Floats
-    feet: Floats
-    stiffness: Floats
-    length: Floats
-    yield_: Floats
-    part: Floats
-    pushes: Floats
+    stations: Floats  # (S,) where they hold the beam, mm from its first end
+    ends: Floats  # (S, 3) places on the beam's surface at rest, mm
+    feet: Floats  # (S, 3) places on the bed, mm
+    stiffness: Floats  # (S,) k, N/mm
+    length: Floats  # (S,) L, at which they come taut, mm
+    yield_: Floats  # (S,) elongations u_0 at which they begin to soften, mm
+    part: Floats  # (S,) elongations u_f at which they have parted, mm
+    pushes: Floats  # (S,) 1 for a strand that also pushes when it is shorter, else 0
 
     def __post_init__(self) -> None:
         count = np.asarray(self.stations).size
@@ -152,20 +133,17 @@ class Strands:
             The beam.
         stations
             (S,) where they hold it, mm from its first end.
-        around
-            (S,) angles about the axis from straight down, rad, above zero to the side of y.
-        out
-            (S,) distances from the axis, mm.
+        around, out
+            (S,) angles about the axis from straight down, rad, positive towards y; and distances
+            from the axis, mm.
         gap
             Depth of the bed's surface under the beam's lowest strand end, mm.
         lean
             (S, 2) how far feet are off the point below, along the axis and across it, mm.
         slack
             (S,) mm before they come taut.
-        stiffness, yield_, part
-            (S,) see the class.
-        pushes
-            Whether they also push.
+        stiffness, yield_, part, pushes
+            (S,) and one for all; see the class.
 
         Returns
         -------
