@@ -1,8 +1,15 @@
 """The quantised axis: a few keys near the sections' centroids, in few bits.
 
-Least-squares keys of a natural cubic spline go through the centroids, and their ends are rounded.
-What is stored of the keys between is chosen by coordinate descent, coarse levels first: only the
-part of a centroid's distance across the axis counts, since along it places are free.
+    k    (K, 3) keys of a natural cubic spline at even parameters, K = 2^L + 1
+    t_s  parameter at which the spline passes centroid c_s
+    N    spline weights: its point at t_s is N(t_s) k
+    q    stored bends: k = straight chord + refinement(L) (q step) in the chord's frame
+    P_s  I - t t^T, what is left of a vector across the spline's tangent t at t_s
+
+Keys and t_s are fitted in turn, by least squares and by Newton's step to the nearest point, and the
+ends are rounded. The bends are chosen by coordinate descent on sum |P_s (N k - c_s)|^2 / (2 worth)
+plus their bits, coarse levels first: refinement is hierarchical, each level adds to the spline of
+the coarser ones. Only the part across the axis counts, since along it places are free.
 """
 
 import math
@@ -40,13 +47,13 @@ from organ_geometry.organ_file.organ_code import (
 class QuantisedAxis:
     """An axis in integers."""
 
-    # ends, bends: As in `OrganCode`.
+    # As in `OrganCode`: (2, 3) and (K, 3), in steps.
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
-    scale: int  # Its step in tolerances, see `scale_of`
-    step: float  # The step, mm
-    keys: NDArray[np.float64]  # (K, 3) the keys that they give, mm
-    cost: float  # Its squared error and the worth of its bits, mm^2
+    scale: int  # See `scale_of`
+    step: float  # mm
+    keys: NDArray[np.float64]  # (K, 3) mm, decoded from ends and bends
+    cost: float  # Squared error plus the worth of its bits, mm^2
 
     def bent(self, bends: NDArray[np.int64]) -> "QuantisedAxis":
         """Return the axis with other (K, 3) bends; its cost is not known."""
@@ -133,6 +140,7 @@ def _fitted(
     steps = np.linalg.norm(np.diff(targets, axis=0), axis=1)
     places = np.concatenate([[0.0], np.cumsum(steps)])
     length = max(float(places[-1]), np.finfo(np.float64).tiny)
+    # The keys span the centroids and the reach beyond both ends, as shares of the whole length.
     whole = length + reach[0] + reach[1]
     places = (places + reach[0]) / whole
     keys = _least_squares(targets, places, count)
@@ -143,6 +151,7 @@ def _fitted(
         away = targets - natural_cubic(places, count) @ keys
         squared = np.maximum((slopes * slopes).sum(axis=1), np.finfo(np.float64).tiny)
         places = places + 0.7 * (away * slopes).sum(axis=1) / squared
+        # Places stay in the sections' order and apart, or the fit would have no single solution.
         places = np.maximum.accumulate(places) + 1e-9 * np.arange(len(places))
         places = (places - places[0]) / (places[-1] - places[0])
         places = (places * length + reach[0]) / whole
@@ -153,5 +162,6 @@ def _fitted(
 def _least_squares(
     targets: NDArray[np.float64], places: NDArray[np.float64], count: int
 ) -> NDArray[np.float64]:
+    # rcond: keys that few centroids tell apart stay small instead of running off.
     weights = natural_cubic(places, count)
     return np.asarray(np.linalg.lstsq(weights, targets, rcond=1e-6)[0], dtype=np.float64)

@@ -1,4 +1,19 @@
-"""An organ's contours sampled across its axis, in frames that lie as the images do."""
+"""An organ's contours sampled across its axis, in frames that lie as the images do.
+
+For one quantised axis this finds what does not depend on the sections' integers:
+
+    frames    x_dir, y_dir and normal along the axis, from integers alone: the start axis, the roll
+              that turns x_dir to the images' columns (the mean angle of all of them, by the sum of
+              their unit vectors), and tilts that lean both end sections into their images' planes
+    places    where along the axis each imaged section's centroid is
+    outlines  the contours cut at even places: lofts through them, carried on beyond both ends, met
+              by the planes of the frames. Key sections are fitted to these
+    edges     every edge point in the section (piece of the axis, place across it) that it lies in.
+              Distances are measured with these, and so depend on the axis too
+
+The frames are those of a reader, by the same operations on the same integers, so that distances
+in them are a reader's too.
+"""
 
 import math
 from collections.abc import Sequence
@@ -62,6 +77,8 @@ class AxisSampling:
         # Number of pieces between candidates.
         self.candidates = 2**depth if frames_from is None else frames_from.candidates
         # Number of pieces between outlines, a multiple of that.
+        # Twice as many outlines as candidates where sections are closer together than those, so
+        # that no section falls between outlines.
         self.samples = (1 if 2**depth + 1 >= len(contours) else 2) * 2**depth
         samples, hand = self.samples, left_handed
         self.tilt_scale = tilt_scale
@@ -96,6 +113,7 @@ class AxisSampling:
             np.linspace(0.0, 1.0, len(points)), self.places, np.arange(len(self.places))
         )
         normals = frames[:, :, 2]
+        # `numbers` say between which contours a plane is; one is added for the loft's first shift.
         walls: list[NDArray[np.float64]] = []
         for loft in self._lofts:
             longer = loft.extended(-self._far * normals[0], self._far * normals[-1])
@@ -105,7 +123,7 @@ class AxisSampling:
 
     @cached_property
     def encoder(self) -> SectionEncoder:
-        """What codes the outlines."""
+        """The encoder of the outlines; its fits are made once for all steps."""
         return SectionEncoder(self.outlines, self.candidates, self._settings)
 
     def _fit_frames(
@@ -115,6 +133,7 @@ class AxisSampling:
         left_handed: bool,
     ) -> None:
         """Find frames that lie as the images do, and that end in the planes of the end sections."""
+        # x_dir starts from the axis of space most nearly across the first tangent.
         keys, samples, hand = self.axis.keys, self.samples, left_handed
         upright, tilts = np.zeros((2, 2)), COARSEST_TILTS << self.tilt_scale
         self.tilts = np.zeros((2, 2), dtype=np.int64)
@@ -127,6 +146,7 @@ class AxisSampling:
         right = np.array([contour.x_dir for contour in contours])
         local = np.einsum("si,sij->sj", right, frames[at])
         angle = math.atan2(float(local[:, 1].sum()), float(local[:, 0].sum()))
+        # The roll turns about the tangent; in a left-handed frame that is away from y.
         angle *= -1.0 if hand else 1.0
         self.roll = round(angle * ROLLS / (2.0 * math.pi)) % ROLLS
         points, frames = axis_and_frames(keys, samples, start, self.roll, upright, left_handed=hand)
@@ -134,7 +154,8 @@ class AxisSampling:
             return
         for end, contour in ((0, contours[0]), (-1, contours[-1])):
             lean_x, lean_y, onwards = contour.normal @ frames[end]
-            # An image that is nearly along the axis says little of how its section leans.
+            # Tangents of the angles, from the image's normal. An image that is nearly along the
+            # axis says little of how its section leans: a quarter bounds the tangent to 4.
             self.tilts[end] = np.round(
                 np.array([lean_x, lean_y]) / max(float(onwards), 0.25) * tilts
             ).astype(np.int64)
@@ -147,7 +168,7 @@ class AxisSampling:
         left_handed: bool,
         hollow: bool,
     ) -> None:
-        """Find out where the edge points lie across the axis that a reader will have."""
+        """Find the piece and the place of each edge point across the axis of a reader."""
         # Number of pieces of the axis that a reader will have.
         self.pieces = axis_pieces(self.candidates)
         axis, frames = axis_and_frames(
@@ -160,6 +181,7 @@ class AxisSampling:
         for wall in ("outer", "lumen") if hollow else ("outer",):
             edges = [getattr(contour, wall) for contour in contours]
             section = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
+            # Points are sought from their section's centroid on, by pieces nearby.
             near = self.places[section] * self.pieces
             located = LocatedPoints.along(np.concatenate(edges), near, axis, frames)
             self.edges.append((located, section))
@@ -181,6 +203,7 @@ class AxisSampling:
         count = len(axis.bends)
         spline = natural_cubic(even_places(axis.keys, self.pieces), count)
         weights = spline @ refinement(key_depth(count))
+        # Directions of a bend by one step, in space, then as x and y of each section.
         ways = chord_frame(np.asarray(axis.ends[1] * axis.step, dtype=np.float64))
         ways *= bend_steps(axis.step)[:, np.newaxis]
         across = np.einsum("wc,ncx->nwx", ways, self._frames_read[:, :, :2])
@@ -206,7 +229,9 @@ class AxisSampling:
 
 def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
     """Return the rotation of half-curves nearest to outlines, and what it leaves of the error."""
-    # 32 outlines along an organ and every second rotation tell; the error has one minimum.
+    # Half-curves y(x) follow flat sides best and upright ones worst, so that an oblong section
+    # gains by being turned. 32 outlines along an organ and every second rotation tell; the error has one
+    # minimum.
     some = outlines[:: max(1, len(outlines) // 32)]
     errors = np.empty(TURNS // 2)
     for number in range(len(errors)):
@@ -227,6 +252,8 @@ def _places(
     centroids: NDArray[np.float64], points: NDArray[np.float64], tangents: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return where along the axis the centroids are, from 0 to 1, growing."""
+    # The nearest axis point in a window from the one before on, which an axis that comes back to
+    # itself cannot mislead; then to first order along the tangent there.
     last = len(points) - 1
     window = 8 + 4 * (last // len(centroids) + 1)
     piece = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean())

@@ -1,8 +1,18 @@
 """Candidates: an organ in integers, for one axis and one step, with its bytes and errors.
 
-`CandidateEncoder` samples the contours across an axis, encodes them in steps of a size, refines the
-integers round by round (linearise, descend, evaluate, learn the penalty), and evaluates each
-candidate on all edge points as a reader of its file has it: what is promised is what was measured.
+`CandidateEncoder` does for one choice of axis and steps what `search` does for many:
+
+    sample    cut the contours across a quantised axis (`axis_sampling`)
+    encode    key sections and their first integers (`section_encoder`)
+    refine    rounds: linearise distances, descend, evaluate, learn the penalty (`refinement`)
+    evaluate  RMS distance of all edge points to the surface that a reader has
+
+Only `evaluate` decides whether a candidate keeps the tolerance: what is promised is what was
+measured. Lengths:
+
+    T      the tolerance as the file stores it, rounded down to its 64ths of an octave
+    limit  RMS distance that a section may have: T less a reader's error, lower where walls cross
+    unit   what all steps are multiples of: T, unless the overall limit or a thin section needs less
 """
 
 import copy
@@ -42,10 +52,10 @@ _WALLS: tuple[Wall, Wall] = ("outer", "lumen")
 class Encoding:
     """An organ in integers, and how well they keep its sections."""
 
-    code: OrganCode  # The integers
-    sampling: AxisSampling  # The contours sampled across their axis
+    code: OrganCode
+    sampling: AxisSampling
     rms: NDArray[np.float64]  # (S,) RMS distance of each section's edge points, mm
-    overall: float  # That of all edge points, mm
+    overall: float  # RMS distance of all edge points, mm
     # The larger of the worst section's RMS over its limit and the overall RMS over its own; up to
     # 1, the encoding keeps what was promised.
     worst: float
@@ -57,7 +67,7 @@ class Encoding:
 
     @property
     def integers(self) -> OrganIntegers:
-        """Those of the integers that are chosen together."""
+        """Those of the integers that refinement chooses together."""
         walls = [self.code.outer] if self.code.lumen is None else [self.code.outer, self.code.lumen]
         return OrganIntegers(KeySections(self.code.keys, np.stack(walls)), self.code.bends)
 
@@ -90,6 +100,7 @@ class CandidateEncoder:
         self._radius = float(np.mean([radius for _, radius in measures]))
         self._lofts: list[ContourLoft] = []
         counts = np.sum([[len(edge) for edge in edges] for edges in self._edges], axis=0)
+        # Each section's part of all edge points: the overall RMS weights sections by it.
         self._shares = counts / counts.sum()
         # Steps below a thousandth of the radius say nothing of images; tolerances above fifty radii
         # nothing of an organ.
@@ -106,12 +117,14 @@ class CandidateEncoder:
         self._overall = self._allowed if overall is None else min(overall, self._allowed)
         # Steps go with the tolerance, but none is so long that it would leave nothing of a section:
         # a fifth of the narrowest half width.
+        # The width along x is what rounding could make vanish; it is quantised in double steps.
         narrowest = min(float(np.ptp(contour.outer @ contour.x_dir)) for contour in contours)
         longest = 0.2 * min(self._radius, 0.5 * narrowest)
         self._unit = min(stored, max(1.25 * self._overall, finest), longest)
         # What steps are multiples of, in tolerances; 1 unless a section is too narrow.
         self.step_unit = self._unit / stored
         # Tilts are rounded by half a step: at the edge that is 0.6 of a tolerance at most.
+        # (Half a step of 1/n at a radius R is off by R / 2n, and n >= 0.8 R / T.)
         steps = 0.8 * self._radius / self._allowed
         self._tilt_scale = min(max(0, math.ceil(math.log2(steps / COARSEST_TILTS))), 3)
         self.tolerance = stored  # The tolerance as the file says it, mm
@@ -133,6 +146,8 @@ class CandidateEncoder:
 
     def subset(self, chosen: NDArray[np.intp], settings: EncoderSettings) -> "CandidateEncoder":
         """Return an encoder of some of the sections, growing, with the same steps and limits."""
+        # Made by copying: steps, tilts and radius must be those of all sections, or integers found
+        # here would not mean the same there.
         some = copy.copy(self)
         some.settings = settings
         some.contours = [self.contours[int(number)] for number in chosen]
@@ -166,6 +181,7 @@ class CandidateEncoder:
         # sections and its half-curves a turn, as in `OrganCode`.
         reach = [0.0, 0.0]
         found: list[tuple[float, AxisSampling]] = []
+        # Points beyond an end by a fifth of a step add 2 % to a distance of one unit (in squares).
         enclosed = 0.2 * self._unit
         # An axis is carried on at its ends by how far edges are beyond its ends' planes. That turns
         # the planes a little: four times are enough, or the best of them is taken.
@@ -179,11 +195,13 @@ class CandidateEncoder:
                 break
             for end in (0, 1):
                 if rms[end] > 0.5 * enclosed:
+                    # A little more than what is missing, so that the next plane is not just short.
                     reach[end] += 1.05 * float(beyond[end].max())
         return min(found, key=lambda one: one[0])[1]
 
     def _sample(self, axis: QuantisedAxis, depth: int, turn: int) -> AxisSampling:
         return AxisSampling(
+            # Lofts go on for two diameters, because planes of oblique ends reach beyond them.
             self.contours, self._loft(), self.centroids, axis, depth, 4.0 * self._radius, turn,
             settings=self.settings, left_handed=self._left_handed, tilt_scale=self._tilt_scale,
         )  # fmt: skip
@@ -221,6 +239,7 @@ class CandidateEncoder:
         if together:
             # All sections' errors at their limit cost a share of the bits.
             errors = len(self.contours) * (self._overall / self._allowed) ** 2
+            # The sum of D at the overall limit, times the slope, is that share of the file's bits.
             slope = settings.overall_share * 8.0 * len(one.data) / errors
             penalty = replace(penalty, slope=slope)
         controller = PenaltyController(penalty, together=together)
@@ -229,6 +248,7 @@ class CandidateEncoder:
         # Near the sections the axis is kept: bends are linear no more where distances are so small.
         bend_axis, still = not nearest, 0
         for _ in range(rounds):
+            # Enough, the price found, or twice nothing changed although the penalty did.
             if (nearest and one.worst <= 1.0) or controller.settled or still == 2:
                 break
             if one.sampling is not sampling:
@@ -246,7 +266,8 @@ class CandidateEncoder:
                 )
             encoding = self.evaluate(new, scale, integers.sections)
             excess = math.inf if encoding is None else float((encoding.rms / self.limits).max())
-            # Slices that are off by a fifth more than predicted: the axis was bent too far.
+            # Sections that are off by a fifth more than predicted: the axis was bent too far for
+            # linear distances, and stays as it is from here on.
             if bent and excess > 1.2 * max(1.0, refinement.predicted):
                 bend_axis = False
                 continue
@@ -259,7 +280,8 @@ class CandidateEncoder:
                 break
             if settings.penalty_learned:
                 controller.learn(excess, encoding.overall / self._overall)
-            # What is beyond what all together may be has lost keys that it does not find again.
+            # With an overall limit, one that missed it is not gone on from if one that kept it is
+            # there: it has lost key sections, and refinement does not put them back.
             if not together or encoding.worst <= 1.0 or one.worst > 1.0:
                 one = encoding
         return found
@@ -310,8 +332,9 @@ class CandidateEncoder:
 
     def has_outliers(self, one: Encoding) -> bool:
         """Return whether an outline goes where no edge is, which no edge point's distance says."""
-        # That is, by more than 0.4 of the mean radius: a half-curve that has run away between
-        # points.
+        # Beyond 0.4 of the mean radius: a half-curve of degree 6 that has run away between edge
+        # points, as it can where sections have few. The decoded outline is compared with the edge,
+        # not the other way round, because each edge point has the outline near.
         organ, edges = one.code.organ(), one.sampling.outlines
         stations = np.linspace(0.0, organ.length, len(edges.outer))
         rings = [edges.outer] if edges.lumen is None else [edges.outer, edges.lumen]
@@ -326,6 +349,7 @@ class CandidateEncoder:
 
 def thinnest_wall(outer: NDArray[np.float64], lumen: NDArray[np.float64]) -> float:
     """Return the thinnest wall between two outlines, below 0 where the lumen is not inside."""
+    # Measured from the lumen's corners to the outer outline's sides.
     squared, inside = polygon_sides(lumen, outer)
     away = np.sqrt(squared)
     return float(np.where(inside, away, -away).min())
@@ -338,5 +362,6 @@ def _same(one: Encoding, other: Encoding) -> bool:
 
 def _depth(sections: int) -> int:
     """Return how often the axis is halved for the candidates for key sections."""
-    # Up to 2^0.4 sections a candidate: the next power of two would double the keys' answers.
+    # Up to 2^0.4 sections a candidate: the next power of two would double the bits that say where
+    # keys are.
     return min(max(1, math.ceil(math.log2(max(2, sections - 1)) - 0.4)), LARGEST_KEY_DEPTH)

@@ -33,37 +33,39 @@ UNBOUNDED = 2**40
 class Bands(NamedTuple):
     """Rows of weights b, each of a range of points."""
 
-    # first, last: (R,) first point of each row, and the one after its last.
+    # (R,): row r has the points first[r] to last[r] - 1.
     first: NDArray[np.intp]
     last: NDArray[np.intp]
-    start: NDArray[np.intp]  # (R,) where its weights begin
-    weights: NDArray[np.float64]  # Weights of all rows, one after the other
+    start: NDArray[np.intp]  # (R,) where the weights of a row begin
+    weights: NDArray[np.float64]  # b_rp of all rows, one after the other
 
 
 class Residuals(NamedTuple):
-    """Points and their sections; what a descent changes are the last two."""
+    """Points and their sections; a descent changes the last two fields."""
 
     sections: NDArray[np.intp]  # (N,) section of each point, growing
-    weights: NDArray[np.float64]  # (N,) w, weight of its square in its section's D
-    residuals: NDArray[np.float64]  # (N,) e
-    errors: NDArray[np.float64]  # (S,) D
+    weights: NDArray[np.float64]  # (N,) w_p, weight of e_p^2 in its section's D
+    residuals: NDArray[np.float64]  # (N,) e_p
+    errors: NDArray[np.float64]  # (S,) D_s, measured by more points in `Refinement`
 
 
 class Coordinates(NamedTuple):
     """What each of M integers does, and what it costs."""
 
-    # row, change: (M,) its row of the bands, and of the changes.
+    # (M,) r and c: integer i moves point p by A_pi = b_rp C_cp step_i.
     row: NDArray[np.intp]
     change: NDArray[np.intp]
-    step: NDArray[np.float64]  # (M,) its step
-    # lowest, highest: (M,) its bounds.
+    step: NDArray[np.float64]  # (M,) step_i
+    # (M,) bounds of q_i, both included.
     lowest: NDArray[np.int64]
     highest: NDArray[np.int64]
-    bits: NDArray[np.float64]  # (M, 13) its table of bits
+    bits: NDArray[np.float64]  # (M, 13) r_i of sizes 0 to 12; larger ones are extrapolated
 
 
 def dense_bands(columns: NDArray[np.float64], least: float = 0.0) -> Bands:
     """Return a dense (N, R) matrix's columns as rows, cut where below a share of their largest."""
+    # Natural splines reach far with next to nothing. What a share cuts off there only makes the
+    # prediction a little worse: evaluation has all of it.
     sizes = np.abs(columns)
     used = sizes > least * sizes.max(axis=0, initial=0.0)
     there = used.any(axis=0)
@@ -99,6 +101,7 @@ def _phi(error: float, penalty: NDArray[np.float64]) -> float:
 
 @njit(cache=True)
 def _bits(table: NDArray[np.float64], size: int) -> float:
+    # Beyond the table a size costs two bits more per doubling: a unary digit and a plain one.
     most = len(table) - 1
     return table[size] if size <= most else table[most] + 2.0 * math.log2(size / most)
 
@@ -116,8 +119,10 @@ def descend(
     passes: int,
 ) -> int:
     """Change integers one after the other for the least J, and return how many changed."""
-    # Those of each range [begin, end) of (G, 2) ranges are changed, and the points' residuals and
-    # errors with them.
+    # Changed are q_i of each [begin, end) of (G, 2) ranges, by `reach` at once at most, and with
+    # them e_p and D_s of the points, in place; `passes` bounds the rounds over all of them.
+    # Integers follow one another along the organ, so that a pass carries an error made by one on to
+    # its neighbours, as in Gauss-Seidel iteration.
     row, change, step, lowest, highest, bits = coordinates
     first, last, start, weights = bands
     sections, shares, residuals, errors = points
@@ -159,6 +164,9 @@ def descend(
                 low, high = max(lowest[i], now - reach), min(highest[i], now + reach + 1)
                 wanted = min(max(now - force / stiff, float(low)), float(high))
                 floor = int(np.floor(wanted))
+                # Zero first: it is the cheapest, and what is not cheaper than the best so far in
+                # bits alone is not looked at. Then both neighbours, and both roundings of the
+                # optimum.
                 options[0] = 0
                 options[1] = now - 1
                 options[2] = now + 1
@@ -169,13 +177,14 @@ def descend(
                 best, choice = cost + _bits(bits[i], abs(now)), now
                 for o in range(len(options)):
                     integer = options[o]
+                    # The neighbours have been tried as 1 and 2.
                     if integer == now or (o > 2 and abs(integer - now) <= 1):
                         continue
                     if integer < low or integer > high:
                         continue
                     delta = integer - now
                     cost = _bits(bits[i], abs(integer))
-                    if cost >= best:
+                    if cost >= best:  # phi is never negative
                         continue
                     for s in range(s0, s1):
                         cost += _phi(
@@ -215,8 +224,8 @@ def zero_groups(
     row, change, step, _, _, bits = coordinates
     first, last, start, weights = bands
     sections, shares, residuals, errors = points
-    trial = np.empty(len(residuals))
-    after = np.zeros(len(errors))
+    trial = np.empty(len(residuals))  # e_p without the group
+    after = np.zeros(len(errors))  # change of D_s
     zeroed = 0
     for g in range(len(groups)):
         begin, end = groups[g, 0], groups[g, 1]
@@ -226,7 +235,7 @@ def zero_groups(
             continue
         s0, s1 = sections[p0], sections[p1 - 1] + 1
         at = start[r] - p0
-        saved, used = own_bits, 0
+        saved, used = own_bits, 0  # bits that zeros save, and how many are not zero yet
         for p in range(p0, p1):
             trial[p] = residuals[p]
         for i in range(begin, end):

@@ -4,7 +4,9 @@ The rate of an integer q is read from a table r[|q|] of 13 sizes; a larger one c
 each time its size doubles. Tables are either first guesses or learned from integers stored so far,
 as the file's adaptive coder learns its odds: P(0) from the share of zeros, and for the others a
 sign (one bit), the power of two below the size in unary with learned odds, and the rest of the size
-plainly. Errors cost what `Penalty` says; `PenaltyController` learns how much that must be.
+plainly (`symbol_coder`): r(0) = -log2 P(0), r(s) = 1 - log2(1 - P(0)) + bits of the size s.
+
+Errors cost what `Penalty` says; `PenaltyController` learns how much that must be.
 """
 
 import math
@@ -43,7 +45,8 @@ def learned_bits(stored: NDArray[np.int64]) -> NDArray[np.float64]:
 
 def first_axis_bits() -> NDArray[np.float64]:
     """Return the (13,) bits of an axis's bend before any are known."""
-    # Bends are larger and less often zero than coefficients.
+    # Bends are larger and less often zero than coefficients; by eye as well, and used for the first
+    # choice of an axis only.
     sizes = np.arange(1.0, LARGEST_SIZE + 1)
     return np.concatenate([[0.7], 2.5 + 2.0 * np.log2(sizes)])
 
@@ -70,6 +73,7 @@ def _size_bits(sizes: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the (12,) bits of sizes from 1 on where others are as these."""
     # powers[e]: how many sizes reach 2^e; their ratios are the odds of the unary exponent.
     powers = np.array([(sizes >= 2**power).sum() for power in range(6)]) + 0.5
+    # Bounded, because a few integers say nothing certain of the next.
     more = np.clip(powers[1:] / powers[:-1], 0.05, 0.9)
     bits = np.zeros(LARGEST_SIZE)
     for size in range(1, LARGEST_SIZE + 1):
@@ -132,5 +136,6 @@ class PenaltyController:
             off = min(max(overall, 1.0 / 1.25), 1.25)
             slope *= (1.1 if overall > 1.0 else 1.0 / 1.1) * off**8.0
         else:
+            # Bisection in the logarithm, as prices differ by factors.
             slope = math.sqrt(self._low * self._high)
         self.penalty = replace(self.penalty, slope=slope)

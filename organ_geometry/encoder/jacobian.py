@@ -50,7 +50,8 @@ from organ_geometry.surface_distance import OUTLINE_CORNERS, LocatedPoints
 class AxisMotion:
     """How the sections of an axis move with its bends."""
 
-    weights: NDArray[np.float64]  # (N + 1, K) weights of the axis's K keys in the N + 1 sections
+    # (N + 1, K) weight of a bend of each of K axis keys in each of N + 1 sections of the axis.
+    weights: NDArray[np.float64]
     # (N + 1, 3, 2) how far a bend of one in each of its three directions moves a section in x and y
     # where its weight is one, mm.
     directions: NDArray[np.float64]
@@ -58,19 +59,18 @@ class AxisMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeJacobian:
-    """Some edge points of every slice, in the sections of one axis that they lie in."""
+    """Some edge points p of every slice s, in the sections of one axis that they lie in."""
 
-    slices: NDArray[np.intp]  # (N,) slice of each point, growing
-    lumen: NDArray[np.bool_]  # (N,) whether it lies on the lumen's edge
-    points: LocatedPoints  # Where they lie along the axis and across it
+    slices: NDArray[np.intp]  # (N,) s of each point, growing
+    lumen: NDArray[np.bool_]  # (N,) on the lumen's edge, else on the outer one
+    points: LocatedPoints  # piece of the axis and place across it
     # (N,) where their sections are, in pieces between candidates for key sections.
     at: NDArray[np.float64]
     weights: NDArray[np.float64]  # (N,) weight of each point's squared distance in its slice's mean
-    # pieces, candidates: Number of pieces of a reader's axis, and of those between candidates for
-    # key sections.
+    # Of a reader's axis, and between candidates for key sections, which divide them.
     pieces: int
     candidates: int
-    motion: AxisMotion  # How the axis moves with its bends
+    motion: AxisMotion
 
     @classmethod
     def of(

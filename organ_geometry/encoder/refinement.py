@@ -2,8 +2,15 @@
 
 All integers of an encoding, the axis's bends and what is stored of the key sections, are chosen
 together by coordinate descent on the distances linearised about the encoding (`jacobian`,
-`coordinate_descent`). Key sections go where all their integers are zero and where that costs less,
-and with full effort they are also moved, left out and put between others one by one.
+`coordinate_descent`): the least J = R + sum of phi(D_s). A slice is a section as it was imaged.
+
+    w_p   share of p in its slice's mean, over limit_s^2: D_s = sum of w_p e_p^2 is 1 at the limit
+    D_s   begins as measured by all edge points, and changes by what the chosen points predict
+
+Key sections go where all their integers are zero and where that costs less. With full effort they
+are also moved, left out and put between others one by one: a greedy search over sets of keys, each
+trial by a short descent of the keys nearby. Integers are in one row: the axis's 3 B bends, then for
+each key section the 16 of the outer boundary and the 16 of the lumen.
 """
 
 import math
@@ -74,6 +81,7 @@ class Refinement:
         sections, bends = integers.sections, integers.bends
         self._jacobian, self._steps, self._settings = jacobian, steps, settings
         self._penalty, self._row = penalty, penalty_row(penalty)
+        # C is linearised once, about the integers given; e_p and D_s then follow all changes.
         residuals, changes = jacobian.linearised(sections.keys, sections.stored, steps)
         self._axis, ways = jacobian.axis_bands(changes[0])
         # Rows of C: those of the walls' coefficients, then the axis's three directions.
@@ -85,6 +93,7 @@ class Refinement:
             np.concatenate([first_bits() for _ in sections.stored]),
             np.concatenate([learned_bits(wall) for wall in sections.stored]),
         ])  # fmt: skip
+        # Tables are learned from the encoding given, and stay: they are the prices of this round.
         self._axis_bits = learned_axis_bits(bends)
         self._bends, self._bend_axis = bends, bend_axis and settings.farthest_bend > 0
         stored = sections.stored.transpose(1, 0, 2).ravel()
@@ -121,6 +130,8 @@ class Refinement:
 
     def _coordinates(self, keys: int) -> Coordinates:
         """Return what each integer does and costs, with so many key sections."""
+        # Integers of a key section share its row b, and a column of C each; a bend's row is its
+        # axis key's, its columns come after those of the coefficients.
         bends, block = self._bends.ravel(), self._walls * SIGNALS
         reach = self._settings.farthest_bend
         unbounded = np.full(keys * block, UNBOUNDED)
@@ -154,6 +165,7 @@ class Refinement:
             begin, end = max(0, trial - 2), min(count, trial + 3)
         free = self._bend_axis and trial is None
         ranges = np.array([[0, bends if free else 0], [starts[begin], starts[end]]])
+        # The first and the last key section are always stored: no groups of theirs.
         groups = np.stack([starts[1:-2], starts[2:-1]], axis=1)
         # Zeroed key sections let others change, and the other way round.
         for _ in range(3 if trial is None else 1):
@@ -172,6 +184,7 @@ class Refinement:
     def _move_keys(self) -> bool:
         """Leave out, move and add key sections, one after the other, where that lowers the cost."""
         self._state = self._without_zero_keys(self._state)
+        # The first change that pays is taken, and its place is looked at no more in this pass.
         cost = self._cost(self._state)
         moved = False
         place = 1
@@ -188,6 +201,7 @@ class Refinement:
 
     def _with_keys(self, state: _State, keys: NDArray[np.intp]) -> _State:
         """Return a state of other key sections, with nearly the same coefficients between them."""
+        # The old blend's values at the new keys, rounded again; residuals follow by C.
         here, there = differences_to_values(state.keys), differences_to_values(keys)
         bends = self._bends.size
         stored: list[NDArray[np.int64]] = []
@@ -242,6 +256,7 @@ def _neighbours(keys: NDArray[np.intp], place: int) -> list[NDArray[np.intp]]:
     here, before = int(keys[place]), int(keys[place - 1])
     if place < len(keys) - 1:
         found.append(np.delete(keys, place))
+        # Nearest first, in candidates; farther ones are reached by several passes.
         for move in (-1, 1, -2, 2, -4, 4):
             if before < here + move < keys[place + 1]:
                 other = keys.copy()

@@ -1,9 +1,17 @@
 """The search for the fewest bytes: which axis, which steps, and which integers in them.
 
-Axes of a few refinement levels and steps are each encoded in the first section step, with few
-rounds; the one of most promise is encoded in the other steps. What keeps the promise is sorted by
-bytes, and the first without crossed walls and outlines where no edge is comes out. A long stack is
-searched by a sample of its sections first, which those join that the sample's encoding misses.
+Discrete choices, tried one by one:
+
+    levels    the axis has 2^levels + 1 keys; fewest bits for the centroids alone, and one less
+    scales    step of the axis and of the sections, as `scale_of` numbers, in step units
+    depth     2^depth pieces between candidates for key sections
+    turn      rotation of the half-curves in their sections
+
+Axes of a few levels and steps are each encoded in the first section step, with few rounds; the one
+of most promise, bytes times how much its worst section exceeds its limit, is encoded in the other
+steps. What keeps the tolerance is sorted by bytes, and the first without crossed walls and outlines
+where no edge is comes out. A long stack is searched by a sample of its sections first, which those
+join that the sample's encoding misses.
 """
 
 from collections.abc import Iterator
@@ -93,6 +101,7 @@ class Search:
 
     def _kept_soonest(self) -> list[Encoding]:
         """Return encodings that keep the tolerance, with candidates for keys as few as will do."""
+        # Half the candidates often do, and take fewer bits to say which are keys.
         *coarser, depth = range(max(1, self._candidates.depth - 1), self._candidates.depth + 1)
         if not self._sampled:
             kept = self._searched((*coarser, depth), last=True)
@@ -120,6 +129,7 @@ class Search:
             kept += _keeping(found)
             nearest = min([nearest, *(one.worst for one in found)])
             if found:
+                # Bytes of what keeps the tolerance; more where the last round still misses it.
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
                 tried.append((size, sampling))
         tried = _best_of_each_depth(tried)
@@ -184,6 +194,7 @@ class Search:
                 ways = [(levels, deeper, turn)]
         if not found:
             raise ValueError("the sections make no organ: their widths vanish")
+        # None was kept: name the section that is off furthest, and the best way found.
         _, nearest, best = found[0]
         worst = int(best.rms.argmax())
         index = candidates.contours[worst].index
@@ -209,7 +220,7 @@ class Search:
             encoding = candidates.evaluate(sampling, scale, sections)
             if encoding is not None and encoding.worst <= 1.0:
                 return encoding
-            threshold *= 0.8
+            threshold *= 0.8  # 0.8^24 is a 200th
         return exact
 
     def _levels(self, beyond: tuple[int, ...]) -> Iterator[int]:

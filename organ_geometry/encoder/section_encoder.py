@@ -1,7 +1,14 @@
 """First integers of the key sections: where they are, and their shape coefficients quantised.
 
 Along the axis the contours are outlines at even places, and each outline's half-curves sixteen
-shape coefficients. Breakpoints of the coefficients' best piecewise straight fit become the key
+shape coefficients (`organ_file.coefficients`).
+
+    f_m    (16,) coefficients fitted to outline m of M
+    N      (M, K) blend: values at the outlines, of values at the K key sections
+    M_ij   values at key i of what is stored of key j (`key_order`); N M is `design`
+    g_j    mean squared distance that a coefficient j of one makes on a round boundary
+
+Breakpoints of the coefficients' best piecewise straight fit become the key
 sections (`optimal_breakpoints`); what is stored of them, differences from what is foretold by other
 keys, comes of coordinate descent on squared error and bits, one coefficient after the other. The
 middle and width of the half-curves come first and the curves are fitted again over them, because a
@@ -52,7 +59,7 @@ class Outlines:
 class KeySections:
     """Key sections in integers, as in `OrganCode`."""
 
-    keys: NDArray[np.intp]  # (K,) key sections
+    keys: NDArray[np.intp]  # (K,) numbers of candidates, growing, both ends included
     # (W, K, 16) stored differences, of the outer boundary and then of the lumen if it counts.
     stored: NDArray[np.int64]
 
@@ -142,7 +149,8 @@ class _Quantiser:
         self._bands = dense_bands(self.design)
         self._weights, self._bit_worth, self._settings = weights, bit_worth, settings
         self._keys = keys
-        # Normal equations of the values at the keys, held a little where no outline fixes them.
+        # Normal equations N' w N v = N' w f of the values v at the keys, held a little where no
+        # outline fixes them.
         self._node_sums = nodes.T * weights
         self._node_products = self._node_sums @ nodes
         trace = float(np.trace(self._node_products))
@@ -259,6 +267,7 @@ def _rounded(values: NDArray[np.float64], dead: float) -> NDArray[np.int64]:
 
 def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return half width and middle of outlines."""
+    # The half-curves span a share of the width: a polynomial cannot stand upright at its end.
     low, high = outlines[:, :, 0].min(axis=1), outlines[:, :, 0].max(axis=1)
     return np.stack([0.5 * RANGE_SHARE * (high - low), 0.5 * (high + low)], axis=1)
 

@@ -17,9 +17,9 @@ class Penalty:
     D is a section's mean squared distance in squared limits, so that D = 1 is just kept.
     """
 
-    slope: float
-    wall: float
-    margin: float
+    slope: float  # bits for D from 0 to 1 in a section
+    wall: float  # bits for a D that exceeds the margin by 1; soft, so that descent can cross it
+    margin: float  # a D below 1, because what is evaluated differs a little from what is predicted
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +88,8 @@ class EncoderSettings:
 
 
 QUICK = EncoderSettings()
+# Full effort also tries what gains little, or on few sets: more axes, rotations and rounds, bends
+# together with sections, and moved key sections.
 FULL = EncoderSettings(
     axis_levels=(0, -1, -2),
     axis_steps=(1.0, 1.5, 2.0, 3.0),
@@ -105,6 +107,7 @@ SETTINGS: dict[Effort, EncoderSettings] = {"quick": QUICK, "full": FULL}
 
 def sample_settings(settings: EncoderSettings) -> EncoderSettings:
     """Return the settings for a sample: its encoding is only a start for that of all sections."""
+    # The middle axis step and two section steps. More rounds: on a sample they are quick.
     return replace(
         settings, axis_steps=(1.5,), section_steps=settings.section_steps[::2], axes=1, rounds=5
     )
