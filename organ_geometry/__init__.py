@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from organ_geometry.organ_file import write_organ as write_organ
     from organ_geometry.reslice.resliced_stack import ReslicedSlices as ReslicedSlices
     from organ_geometry.reslice.resliced_stack import When as When
-    from organ_geometry.reslice.resliced_stack import reslice as reslice
+    from organ_geometry.reslice.resliced_stack import reslice_stack as reslice_stack
     from organ_geometry.reslice.resliced_stack import reslice_where_needed as reslice_where_needed
     from organ_geometry.section_report import SectionReport as SectionReport
 else:
@@ -93,7 +93,12 @@ else:
             "encode_organ",
             "report_organ",
         ),
-        "reslice.resliced_stack": ("ReslicedSlices", "When", "reslice", "reslice_where_needed"),
+        "reslice.resliced_stack": (
+            "ReslicedSlices",
+            "When",
+            "reslice_stack",
+            "reslice_where_needed",
+        ),
         "section_report": ("SectionReport",),
     }
     _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}

@@ -68,7 +68,7 @@ class ReslicedSlices:
         )
 
 
-def reslice(
+def reslice_stack(
     stack: ImageStack, options: TraceOptions | None = None, *, spacing: float | None = None
 ) -> ImageStack:
     """Return a curved organ's sections, perpendicular to its centreline."""
@@ -97,7 +97,7 @@ def _where_needed(stack: ImageStack, options: TraceOptions, when: When) -> Image
     if when == "never":
         return None
     if when == "always":
-        return reslice(stack, options)
+        return reslice_stack(stack, options)
     if not needs_reslicing(stack, options):
         return None
     try:

@@ -94,10 +94,15 @@ def test_the_page_s_commands_work(images: Path, monkeypatch: pytest.MonkeyPatch)
         done = run(*words)
         assert done.returncode == 0, (words, done.stderr)
         assert read_organ(Path(words[words.index("-o") + 1])).length > 15.0
-    (example,) = examples("python")
+    first, stages = examples("python")
+    names: dict[str, object] = {}
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        exec(example, {})
+        exec(first, names)
     assert int(said.getvalue().split()[0]) > 30
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        exec(stages, names)
+    tight, loose = map(int, said.getvalue().split())
+    assert tight >= loose >= 2
 
 
 def test_an_organ_stands_where_its_volume_stands(images: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What `organ_geometry` offers by name, and what a command loads with it."""
 
 import ast
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,10 @@ def test_every_name_that_the_types_show_can_be_had() -> None:
     assert typed == offered
     assert all(hasattr(organ_geometry, name) for name in typed)
     assert set(typed) <= set(dir(organ_geometry))
+    # A module of the same name would take a name's place once it is imported.
+    assert not {module.name for module in pkgutil.iter_modules(organ_geometry.__path__)} & set(
+        typed
+    )
 
 
 def test_reading_an_organ_loads_no_image_library() -> None:

@@ -17,7 +17,7 @@ from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.image_volume import VolumeSlices
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.reslice.organ_voxels import half_level, organ_voxels
-from organ_geometry.reslice.resliced_stack import reslice, reslice_where_needed
+from organ_geometry.reslice.resliced_stack import reslice_stack, reslice_where_needed
 
 # A stack that stands obliquely, with pixels that are not square and slices further apart.
 PIXEL = np.array([0.5, 0.6])
@@ -100,7 +100,7 @@ def edge_points(stack: ImageStack) -> list[NDArray[np.float64]]:
 
 
 def test_a_bent_tube_cut_lengthwise_is_recovered(arc: ImageStack) -> None:
-    sections = reslice(arc)
+    sections = reslice_stack(arc)
     pixel = float(sections.pixel_size[0])
     assert pixel == sections.pixel_size[1] == 0.5
     middles = own_axes(sections.origins) - MIDDLE
@@ -130,7 +130,7 @@ def test_a_bent_tube_cut_lengthwise_is_recovered(arc: ImageStack) -> None:
 
 
 def test_frames_and_names_are_the_sections_own(arc: ImageStack) -> None:
-    sections = reslice(arc, spacing=3.0)
+    sections = reslice_stack(arc, spacing=3.0)
     assert sections.slice_spacing == pytest.approx(3.0, rel=0.05)
     gaps = np.linalg.norm(np.diff(sections.origins, axis=0), axis=1)
     np.testing.assert_allclose(gaps, sections.slice_spacing, rtol=0.05)
@@ -147,7 +147,7 @@ def test_frames_and_names_are_the_sections_own(arc: ImageStack) -> None:
 
 def test_a_dark_organ_is_found_and_deep_levels_stay(arc: ImageStack) -> None:
     dark = volume_stack(40_000 - 100 * drawn(arc_distance(places(SHAPE)), np.uint16))
-    ours, theirs = reslice(dark), reslice(arc)
+    ours, theirs = reslice_stack(dark), reslice_stack(arc)
     assert ours.image(5).dtype == np.uint16
     np.testing.assert_allclose(ours.origins, theirs.origins, atol=0.05)
     np.testing.assert_allclose(ours.image(20), 40_000 - 100.0 * theirs.image(20), atol=150)
@@ -167,21 +167,21 @@ def test_the_seed_says_which_organ() -> None:
     thick = straight((-15, -20, 17), (-15, 25, 17), 5.0)
     thin = straight((12, -10, 0), (15, 10, 33), 3.0)
     stack = volume_stack(drawn(np.minimum(thick, thin)))
-    assert own_axes(reslice(stack).origins)[:, 0].max() < 0.0
+    assert own_axes(reslice_stack(stack).origins)[:, 0].max() < 0.0
     rows, columns = stack.shape
     seed = (12 / PIXEL[0] + (columns - 1) / 2, -10 / PIXEL[1] + (rows - 1) / 2)
-    assert own_axes(reslice(stack, TraceOptions(seed=seed)).origins)[:, 0].min() > 0.0
+    assert own_axes(reslice_stack(stack, TraceOptions(seed=seed)).origins)[:, 0].min() > 0.0
     half_way = (13.5 / PIXEL[0] + (columns - 1) / 2, (rows - 1) / 2, len(stack) // 2)
-    assert own_axes(reslice(stack, TraceOptions(seed=half_way)).origins)[:, 0].min() > 0.0
+    assert own_axes(reslice_stack(stack, TraceOptions(seed=half_way)).origins)[:, 0].min() > 0.0
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 1"):
-        reslice(stack, TraceOptions(seed=(2.0, 3.0, 1)))
+        reslice_stack(stack, TraceOptions(seed=(2.0, 3.0, 1)))
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 0"):
-        reslice(stack, TraceOptions(seed=(2.0, 3.0)))
+        reslice_stack(stack, TraceOptions(seed=(2.0, 3.0)))
     with pytest.raises(
         ImageStackError,
         match=r"seed must be a point x, y of the first image, from 0, 0 to 129, 109",
     ):
-        reslice(stack, TraceOptions(seed=(2.0, 300.0)))
+        reslice_stack(stack, TraceOptions(seed=(2.0, 300.0)))
 
 
 def mask(distance: NDArray[np.float64]) -> GreyImage:
@@ -236,7 +236,7 @@ def test_what_the_sections_leave_out_is_said() -> None:
     trunk = straight((-28, 0, 17), (28, 0, 17), 5.0)
     branch = straight((0, 0, 17), (0, 30, 17), 5.0)
     stack = volume_stack(mask(np.minimum(trunk, branch)))
-    (note,) = reslice(stack).notes
+    (note,) = reslice_stack(stack).notes
     found = re.search(
         r"; (\d+)% of the organ lies beside them, in a branch or where it touches itself, most of "
         r"it in slice (\d+) to slice (\d+)",
@@ -253,21 +253,21 @@ def test_what_the_sections_leave_out_is_said() -> None:
 def test_what_cannot_be_cut_again_is_named() -> None:
     ball = np.linalg.norm(places(SHAPE) - MIDDLE, axis=-1) - 12.0
     with pytest.raises(ImageStackError, match=r"drawn has no centreline: it is .* long and thin"):
-        reslice(volume_stack(mask(ball)))
+        reslice_stack(volume_stack(mask(ball)))
     with pytest.raises(ImageStackError, match="nothing stands out in the images of drawn"):
-        reslice(volume_stack(np.full(SHAPE, 9, dtype=np.uint8)))
+        reslice_stack(volume_stack(np.full(SHAPE, 9, dtype=np.uint8)))
     with pytest.raises(ImageStackError, match="nothing stands out in the images of drawn"):
-        reslice(volume_stack(mask(ball)), TraceOptions(threshold=255.0, polarity="bright"))
+        reslice_stack(volume_stack(mask(ball)), TraceOptions(threshold=255.0, polarity="bright"))
     turned = np.broadcast_to(np.eye(3), (SHAPE[0], 3, 3)).copy()
     turned[7] = turned[7][:, [1, 0, 2]]
     with pytest.raises(ImageStackError, match="not parallel, and so are no volume"):
-        reslice(volume_stack(mask(ball), frames=turned))
+        reslice_stack(volume_stack(mask(ball), frames=turned))
 
 
 def test_a_lumen_does_not_lead_the_centreline_astray(arc: ImageStack) -> None:
     distance = arc_distance(places(SHAPE))
     hollow = volume_stack(drawn(np.maximum(distance, -distance - 2.4)))
-    ours, theirs = reslice(hollow), reslice(arc)
+    ours, theirs = reslice_stack(hollow), reslice_stack(arc)
     middles = own_axes(ours.origins) - MIDDLE
     angles = np.arctan2(middles @ ARC_Y, middles @ ARC_X)
     inner = np.abs(angles) < HALF_ARC - 0.3
