@@ -99,11 +99,11 @@ class Dissection:
         return _sections(self.organ, self.clamps[0] + stations, direction, wall)
 
     def axis_point(self, station: float) -> NDArray[np.float64]:
-        """Return a point of the axis at rest."""
+        """Return the axis's point at rest, (3,) mm, at a distance from the first clamp, mm."""
         return self.organ.axis_at(np.array([self.clamps[0] + station]))[0]
 
     def rest_transforms(self) -> NDArray[np.float64]:
-        """Return the transforms of the driving points at rest."""
+        """Return (D, 3, 4) zeros: the driving points' transforms at rest."""
         return np.zeros((self.driving.stations.size, 3, 4))
 
     def move(
@@ -182,7 +182,7 @@ def holds(organ: Organ, length: float) -> bool:
 
 
 def default_preset(organ: Organ) -> Preset:
-    """Return the preset that an organ gets when nobody chooses one."""
+    """Return the thesis's preset for the shipped duct, or the assumed one."""
     shipped = bool(organ.encoded) and organ.encoded == _shipped()
     return preset_named(THESIS_PRESET if shipped else ASSUMED_PRESET)
 
@@ -202,6 +202,8 @@ def _organ_beam(
     keys = organ.key_stations
     keys = np.union1d(keys[(keys > clamps[0]) & (keys < clamps[1])], clamps)
     few = _sections(organ, keys, pull, wall)
+    # For theories of one section: the key section, or the one at a clamp, with the smallest section
+    # modulus, which is the one that bending stresses most.
     weakest = int(np.argmin(few.second_moment / few.fibre_distance))
     stations = np.union1d(np.linspace(0.0, span, SECTIONS_ALONG), keys[1:-1] - clamps[0])
     along = _sections(organ, clamps[0] + stations, pull, wall)
@@ -246,10 +248,11 @@ def _sections(
 
 
 def pull_frame(organ: Organ, clamps: tuple[float, float]) -> NDArray[np.float64]:
-    """Return the frame that a clamped organ is pulled in."""
+    """Return (3, 3) columns: from clamp to clamp, lateral, along the pull."""
     middle = 0.5 * (clamps[0] + clamps[1])
     first, last = organ.axis_at(np.array(clamps))
     along: NDArray[np.float64] = (last - first) / np.linalg.norm(last - first)
+    # The pull: up in the images at the middle, less its component along the organ.
     up: NDArray[np.float64] = organ.up_at(np.array([middle]))[0]
     up = up - np.dot(up, along) * along
     up = up / np.linalg.norm(up)

@@ -117,7 +117,7 @@ class Stresses:
 
     @classmethod
     def none(cls, count: int) -> "Stresses":
-        """Return those of a surface that bears nothing."""
+        """Return the zero stresses of a surface that bears no load."""
         nothing = np.zeros(count, dtype=np.float32)
         return cls(nothing, nothing, nothing, np.ones(count, dtype=np.float32))
 
@@ -144,7 +144,7 @@ class SurfaceStress:
         return out
 
     def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
-        """Return the stresses at each vertex, apart."""
+        """Return normal and bending stress at each vertex, for a beam sampled in any order."""
         normal, bending = (np.empty(self._share.size, dtype=np.float32) for _ in range(2))
         nothing = np.zeros(pulled.stations.size)
         self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
@@ -188,7 +188,7 @@ class SurfaceStress:
 
 
 def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far out in its section each vertex lies along a direction."""
+    """Return (V,) s in [-1, 1]: height along the pull over the section's outermost fibre."""
     stations, ring = np.unique(skin.stations, return_inverse=True)
     normals = organ.frames_at(stations)[:, :, 2]
     up = direction - normals * (normals @ direction)[:, None]

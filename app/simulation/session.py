@@ -235,7 +235,7 @@ class Session:
         return shipped if own.ships else [*shipped, own]
 
     def choose_preset(self, preset: Preset | str) -> None:
-        """Start anew with another preset; the name of a shipped one will do."""
+        """Start anew with a preset, or a shipped one's name; a torn duct stays as it is."""
         chosen = preset_named(preset) if isinstance(preset, str) else preset
         model = BeamModel.of(Dissection.of(self._organ, chosen), self.duct.theory)
         with self._lock:

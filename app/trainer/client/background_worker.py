@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 class BackgroundWorker:
     """A thread that starts with its first task and ends with `stop`, or with the program.
 
-    A newer task of a kind replaces the one that still waits, at its place in the queue.
+    A newer task of a kind replaces the waiting one and takes its place in the queue.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class BackgroundWorker:
         self._running: Hashable | None = None
 
     def submit(self, kind: Hashable, task: Callable[[], None]) -> None:
-        """Run a task soon, instead of one of its kind that has not begun."""
+        """Queue a task, in place of one of its kind that has not begun."""
         with self._lock:
             queued = kind in self._newest
             self._newest[kind] = task
@@ -40,7 +40,7 @@ class BackgroundWorker:
             return sum(each not in (kind, None) for each in (self._running, *self._newest))
 
     def stop(self) -> None:
-        """End the thread after the tasks that are queued; wait some seconds for it."""
+        """End the thread after the queued tasks; wait some seconds for it."""
         self._queue.put(None)
         if self._thread is not None:
             self._thread.join(timeout=5.0)

@@ -1,4 +1,4 @@
-"""A state: one client's session, what it wants to see of it, and the run that it replays."""
+"""What one client's page is showing: its session, its choices, and the run that it replays."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -17,28 +17,21 @@ from organ_geometry import Organ
 __all__ = ["HAND_ONLY", "ClientState", "Workers", "explained"]
 
 PAST_BREAK = 1.05
-"""Force of a ramp to the tear, in forces at break."""
+"""Target of a ramp to the tear, over the force at break."""
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 PATIENCE = 0.4
-"""A wait that is longer is explained, s."""
+"""s of waiting after which the client is told what is being done."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """What does the slow work of all clients.
+    """Threads and a process that do the slow work of all clients."""
 
-    Attributes
-    ----------
-    background
-        A thread for what nobody waits for.
-    builder
-        A thread for organs, which take seconds: one client's after the other's.
-    build_process
-        The process in which the builder has them built.
-    """
-
+    # solves what no client waits for
     background: BackgroundWorker = field(default_factory=BackgroundWorker)
+    # builds organs, which takes seconds, one client's after the other's
     builder: BackgroundWorker = field(default_factory=BackgroundWorker)
+    # runs the builder's work, so that it can be cancelled
     build_process: BuildProcess = field(default_factory=BuildProcess)
 
     def stop(self) -> None:
@@ -51,29 +44,8 @@ class Workers:
 class ClientState:
     """What the parts of one client's page share. Its methods may be called by any thread.
 
-    Parameters
-    ----------
-    client
-        The client.
-    session
-        Its session.
-    workers
-        Those of all clients.
-    exercise_inputs
-        What counts in exercises.
-
-    Attributes
-    ----------
-    client, session, workers, exercise_inputs
-        As given.
-    heat, overlay, plain
-        Whether the client wants to see the stress on the surface, and the points of the model.
-    device
-        What has the hook instead of mouse and sliders, or None.
-    pulls
-        Counts the changes of the pull that no slider has made.
-    last_run
-        The last run that has come to an end or was given up, to be judged and replayed.
+    `heat`, `overlay` and `plain` are the client's choices: stress on the surface, the model's
+    points, the simple picture. `exercise_inputs` says which inputs count in exercises.
     """
 
     def __init__(
@@ -87,9 +59,10 @@ class ClientState:
         self.client, self.session = client, session
         self.workers = workers
         self.heat = self.overlay = self.plain = False
-        self.pulls = 0
+        self.pulls = 0  # number of changes of the pull that no slider has made
+        # the last run that ended or was given up, to be judged and replayed
         self.last_run: RunFile | None = None
-        self.device: str | None = None
+        self.device: str | None = None  # the haptic device that holds the hook, or None
         self._device_notice: viser.NotificationHandle | None = None
         self._playback: ReplayPlayback | None = None
         self._paused = False
@@ -102,18 +75,18 @@ class ClientState:
 
     @property
     def playback(self) -> ReplayPlayback | None:
-        """The replay that is seen instead of the session, or None."""
+        """The replay that is shown in place of the session, or None."""
         return self._playback
 
     @property
     def shown(self) -> Session:
-        """The session that is seen."""
+        """The session that is shown: the client's own, or the replay's."""
         playback = self._playback
         return self.session if playback is None else playback.session
 
     @property
     def figures_visible(self) -> bool:
-        """Whether the trainee is to see the figures now."""
+        """Whether the trainee may see the figures now."""
         return self._playback is not None or self.session.run.feedback_visible
 
     @property
@@ -139,14 +112,14 @@ class ClientState:
         overlay: bool | None = None,
         plain: bool | None = None,
     ) -> None:
-        """Choose what is to be seen."""
+        """Choose what is shown; None leaves a choice as it is."""
         self.heat = self.heat if heat is None else heat
         self.overlay = self.overlay if overlay is None else overlay
         self.plain = self.plain if plain is None else plain
         self._changed = True
 
     def set_paused(self, paused: bool) -> None:
-        """Let the session's time stand still, or go on. An exercise is not held up."""
+        """Stop or continue the session's time; an exercise cannot be paused."""
         if paused and self.in_exercise:
             self.refuse("An exercise goes on until it is over. Stop it first.")
             return
@@ -154,12 +127,12 @@ class ClientState:
         self._changed = True
 
     def keep_run(self) -> None:
-        """Keep the run so far as the last one."""
+        """Keep the run so far as the last one, if anything was pulled."""
         with suppress(ValueError):  # nothing was pulled
             self.last_run = self.session.run_file()
 
     def bring_home(self) -> None:
-        """Let the camera show the whole duct again."""
+        """Ask for the camera to show the whole duct again."""
         self._home = True
 
     def take_home(self) -> bool:
@@ -174,13 +147,13 @@ class ClientState:
         self.bring_home()
 
     def practise_on(self, organ: Organ) -> None:
-        """Start anew on another organ, with the next `take_organ`."""
+        """Ask for another organ; the next `take_organ` starts anew on it."""
         if self.in_exercise:
             raise ValueError("An exercise goes on until it is over. Stop it first.")
         self._other_organ = self.session.prepare_organ(organ)
 
     def take_organ(self) -> None:
-        """Put the organ in place that is to be practised on; for whoever draws the session."""
+        """Start anew on the organ asked for, if there is one; called by the thread that draws."""
         start, self._other_organ = self._other_organ, None
         if start is None or self.in_exercise:
             return
@@ -209,7 +182,7 @@ class ClientState:
         self._changed = True
 
     def give_hook(self, device: str) -> None:
-        """Give the hook to the hand on a device, and say so; mouse and sliders cannot pull then."""
+        """Give the hook to a device and say so; mouse and sliders cannot pull then."""
         self.release_hand()
         self.device = device
         self._device_notice = self.client.add_notification(
@@ -226,20 +199,20 @@ class ClientState:
             self.client.add_notification("The device has let go", why, color="yellow")
 
     def grab_by_device(self) -> bool:
-        """Take the duct with the hand on the device, where the hook is."""
+        """Grab the duct with the device's hand, at the hook; return whether it holds."""
         self._begin_anew(True)
         return self.session.grab(self.session.duct.grasp) is not None
 
     def set_target_force(self, force: float) -> None:
-        """Set the force that the slider asks for; after a run that is over, as a new run."""
+        """Pull with the slider's force; once a run is over, this starts a new one."""
         if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_target_force(force)
-            # After the force is set: else the slider would be put back to none.
+            # Counted after the force is set: before, the slider would go back to zero.
             self.pulls += renewed
 
     def ramp_to_tear(self) -> None:
-        """Pull evenly until the duct tears."""
+        """Pull at a constant rate until the duct tears."""
         if self._playback is not None or self._refuses_mouse() or self._refuses_force():
             return
         self._begin_anew(True)
@@ -276,12 +249,12 @@ class ClientState:
             self.release()
 
     def release(self) -> None:
-        """Release the duct, whatever pulls it."""
+        """Release the duct from the hand or the force."""
         self.session.release()
         self.pulls += 1
 
     def start_replay(self, run: RunFile) -> ReplayPlayback:
-        """Show a run again instead of the session, which stands still meanwhile."""
+        """Replay a run in place of the session, which is stopped meanwhile."""
         playback = ReplayPlayback(run, self.session.duct.dissection.organ)
         self.release_hand()
         playback.play()
@@ -290,12 +263,12 @@ class ClientState:
         return playback
 
     def leave_replay(self) -> None:
-        """Show the session again, as it was left."""
+        """Show the session again, unchanged."""
         self._playback = None
         self._changed = True
 
     def refuse(self, reason: str) -> None:
-        """Tell the client why something cannot be done."""
+        """Tell the client why something is not possible."""
         if self._refusal is not None:
             self._refusal.remove()
         self._refusal = self.client.add_notification(
@@ -304,12 +277,12 @@ class ClientState:
 
     @contextmanager
     def preparing(self, what: str) -> Generator[None]:
-        """Tell the client what is being done, if it takes a while."""
+        """Tell the client what is being done, if it takes longer than `PATIENCE`."""
         with explained(self.client, what):
             yield
 
     def attempt(self, what: str, action: Callable[[], object]) -> bool:
-        """Do something that the client has asked for, or say why it cannot be done."""
+        """Do what the client has asked for; on an error tell it why and return False."""
         try:
             with self.preparing(what):
                 action()
@@ -341,7 +314,7 @@ class ClientState:
         self._changed = True
 
     def _begin_anew(self, pulls: bool) -> bool:
-        """Make way for a new run when the last one is over and the duct still whole."""
+        """Reset for a new run when the last one is over and the duct is still whole."""
         session = self.session
         renew = pulls and session.run.over and session.reading().phase is Phase.INTACT
         if renew:
@@ -351,7 +324,7 @@ class ClientState:
 
 @contextmanager
 def explained(client: viser.ClientHandle, what: str) -> Generator[None]:
-    """Tell a client what is being done, if it takes a while."""
+    """Tell a client what is being done, if it takes longer than `PATIENCE`."""
     shown: list[viser.NotificationHandle] = []
     over = threading.Event()
     lock = threading.Lock()

@@ -1,8 +1,10 @@
 """A haptic device in the trainer: it holds the hook of the first page, which says so.
 
-The servo computes the force at its own rate, in a process of its own. Each tick of the trainer's
-clock reads where the hook is and moves the session's hand there, as a mouse would: exercises,
-measures, tear and replay see no difference.
+The servo computes the force at its own rate, in a process of its own. At each tick of the trainer's
+clock the session's hand is moved to where the device's hook has been pulled, as a mouse would move
+it, so that exercises, measures, tear and replay work the same. The servo is given the session's
+beam, theory, grasp and threshold again whenever one of them changes. Each such setting has a
+generation number, and what the servo reports of an older one is ignored.
 """
 
 from app.haptics.servo_process import FeltSetting, ServoProcess
@@ -12,7 +14,8 @@ from app.trainer.client.client_state import ClientState
 __all__ = ["HapticHand", "felt_in"]
 
 TAKEN, LEFT = 0.3, 0.05
-"""Deflection, mm, from which a run begins, and below which the hand has left the duct."""
+"""Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
+apart so that a hand resting at the duct does not grab and release it at every tick."""
 
 
 def felt_in(session: Session) -> FeltSetting:
@@ -26,13 +29,7 @@ def felt_in(session: Session) -> FeltSetting:
 
 
 class HapticHand:
-    """Leads the session of one page by a device. Called by the trainer's clock alone.
-
-    Parameters
-    ----------
-    servo
-        The servo.
-    """
+    """Leads the session of one page by a servo's device. Called by the trainer's clock only."""
 
     def __init__(self, servo: ServoProcess) -> None:
         self._servo = servo
@@ -43,7 +40,7 @@ class HapticHand:
         self._told: str | None = None
 
     def attend(self, state: ClientState | None) -> None:
-        """Go one tick on."""
+        """Advance by one tick, for the page that has the device, or for none."""
         servo = self._servo
         if state is not self._state:
             self._leave()
@@ -71,7 +68,7 @@ class HapticHand:
         self._lead(state)
 
     def stop(self) -> None:
-        """End the servo: there is no force any more."""
+        """Release the duct and end the servo: the device's force is zero from then on."""
         self._leave()
         self._servo.stop()
 
@@ -89,7 +86,7 @@ class HapticHand:
             self._holds = state.grab_by_device()
         if not self._holds:
             return
-        # To the hand it has torn: the session follows, and tears at the same stress.
+        # Torn already in the servo: move on until the session tears too, at the same stress.
         session.move_hand(session.duct.deflection_limit if hook.torn else hook.peak)
         if hook.peak <= LEFT and not hook.torn:
             self._holds = False

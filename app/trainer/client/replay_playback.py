@@ -9,40 +9,24 @@ from organ_geometry import Organ
 __all__ = ["ReplayPlayback"]
 
 SEEK_SECONDS = 0.4 * TICK_SECONDS
-"""Longest work on a jump in one tick of the clock, which serves other clients too."""
+"""s of work on a jump in one tick of the clock, which serves the other clients too."""
 SEEK_TICKS = 5
-"""Made between two looks at the time: a millisecond or so."""
+"""Ticks replayed between two readings of the clock: about a millisecond of work."""
 
 
 class ReplayPlayback:
-    """A run made again. Any thread may ask for a moment; the clock's `tick` alone goes there.
+    """A replayed run. Any thread may ask for a moment; only the clock's `tick` goes there.
 
-    A jump back makes the run again from its start, over several ticks where it is a long one.
-
-    Parameters
-    ----------
-    run
-        The run.
-    organ
-        The organ that it was made on; a `RunFileError` says if it is another, or the run is one
-        that cannot be made again.
-
-    Attributes
-    ----------
-    run
-        As given.
-    duration
-        Length of what can be seen, s.
-    playing
-        Whether it goes on by itself.
+    A jump back replays the run from its start, over several ticks if that takes long. A
+    `RunFileError` says that the run was made on another organ or cannot be replayed here.
     """
 
     def __init__(self, run: RunFile, organ: Organ) -> None:
         self.run = run
         self._replay = Replay(run.log, organ)
         self._last = self._replay.ticks
-        self.duration = self._replay.duration
-        self.playing = False
+        self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces
+        self.playing = False  # whether it advances by itself
         self._at = 0
         # A request is a new object each time, so that the clock sees which one it has served.
         self._requested = self._served = (0,)
@@ -50,38 +34,38 @@ class ReplayPlayback:
 
     @property
     def session(self) -> Session:
-        """The session that is taken through the run; for looking at."""
+        """The session that is taken through the run; to be read only."""
         return self._replay.session
 
     @property
     def time(self) -> float:
-        """Where the playback is, or is going, s from the first pull."""
+        """Present time, or the one it is on its way to, s from the first pull."""
         requested = self._requested
         return (self._at if requested is self._served else requested[0]) * TICK_SECONDS
 
     @property
     def at_end(self) -> bool:
-        """Whether there is nothing more to play."""
+        """Whether the end is reached."""
         return self._at >= self._last and self._requested is self._served
 
     def play(self) -> None:
-        """Go on by itself, from the start if the end is reached."""
+        """Advance by itself from now on; from the start if the end is reached."""
         if self.at_end:
             self.seek(0.0)
         self.playing = True
 
     def pause(self) -> None:
-        """Stay where it is."""
+        """Stop where it is."""
         self.playing = False
 
     def seek(self, seconds: float) -> None:
-        """Go to a moment, s, with the next ticks; NaN is nowhere."""
+        """Go to a time, s, over the next ticks; NaN is ignored."""
         if not math.isnan(seconds):
             end = self._last * TICK_SECONDS
             self._requested = (round(min(max(seconds, 0.0), end) * TICKS_PER_SECOND),)
 
     def tick(self, ticks: int) -> bool:
-        """Go on by some ticks, or towards the moment asked for; return whether it has moved."""
+        """Advance by some ticks, or towards the time asked for; return whether it has moved."""
         requested = self._requested
         if requested is not self._served:
             if self._approach(requested[0]):

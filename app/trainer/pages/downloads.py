@@ -17,22 +17,14 @@ SUFFIXES = {
     ".html": "Page that plays it",
     ".organ": "Organ file",
 }
-"""Kinds of file and what they are called."""
+"""Suffixes and what the panel calls the files."""
 VERTICES = 20_000
-"""Of a surface, about: half a millimetre of a duct."""
+"""Of a surface, about: edges of half a millimetre on the shipped duct."""
 
 
 @dataclass(frozen=True, slots=True)
 class Download:
-    """A file for the browser.
-
-    Attributes
-    ----------
-    name
-        Its name.
-    content
-        Its bytes.
-    """
+    """A file for the browser: its name and bytes."""
 
     name: str
     content: bytes
@@ -62,7 +54,7 @@ def order_on_screen(session: Session) -> Order:
 
 
 def download(session: Session, suffix: str) -> Download:
-    """Return what is on the screen as a file. It takes up to some seconds: not in the clock."""
+    """Return what is on the screen as a file. It can take seconds: not for the clock."""
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
     return Download(f"{_file_name(session)}{suffix}", _content(session, suffix))

@@ -1,4 +1,4 @@
-"""The player: one page that shows a motion of an organ, with no server behind it."""
+"""Pages that play a motion of an organ by themselves, without a server."""
 
 import math
 from collections.abc import Sequence
@@ -28,27 +28,27 @@ from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 __all__ = ["PAGE_FRAMES", "page_edge_length", "player_page", "pull_page", "run_page"]
 
 VERTICES = 2400
-"""Of a page's skin, about: each is written at every key."""
+"""Vertices of a page's skin, about; every one is written at every key."""
 MOST_VERTICES = 12_000
-"""Of a page's skin: a hundred keys of more would make it too large to open or to send."""
+"""Most vertices of a page's skin: with more, a hundred keys are too large to open or to send."""
 MOST_PLACES = 2_500_000
-"""Vertices times keys: a page of thirty megabytes before it is packed."""
+"""Most vertices times keys: a page of thirty megabytes before compression."""
 UNITS = "Forces in N, lengths in mm."
 DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41
-"""Twenty a second."""
+"""Keys of a pull: twenty a second."""
 PAGE_FRAMES = 300
-"""Keys of a run in a page where nobody asks for others: each writes every vertex."""
+"""Keys of a run in a page by default."""
 GRID = 1.0 / 256.0
-"""What vertices are rounded to, mm, and light: the page packs to half the size, unseen."""
+"""Vertices, mm, and shades are rounded to multiples of this: invisible, and half the file."""
 REST_SECONDS, END_SECONDS = 0.6, 1.2
-"""How long the organ lies still before and after the motion."""
+"""s of rest before and after the motion."""
 ASPECT = 16.0 / 9.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
-    """A surface that moves, the whole organ or a piece, and its picture."""
+    """A moving surface, the whole organ or a piece, and how it is drawn."""
 
     bound: BoundSkin
     piece: TornPiece | None
@@ -137,7 +137,7 @@ def player_page(
         )
     bound = skin.bound_to(dissection.driving)
     drawn = "" if pieces is None else f" {DRAWN_NOT_COMPUTED}"
-    # Only its scene is wanted, but viser has no scene without a server.
+    # Only the scene is needed, but viser has no scene without a server.
     server = start_server("127.0.0.1", 0)
     try:
         return _recorded(server, dissection, motion, bound, pieces, [*notes, f"{UNITS}{drawn}"])
@@ -153,7 +153,7 @@ def _recorded(
     pieces: tuple[TornPiece, TornPiece] | None,
     notes: Sequence[str],
 ) -> str:
-    """Return the page that a server's scene gives, key by key."""
+    """Return the page of a server's scene, recorded key by key."""
     scene = server.scene
     first, last = dissection.organ.axis_at(np.array(dissection.clamps))
     hooks = np.array([reading.hook for reading in motion.readings])
@@ -165,7 +165,7 @@ def _recorded(
         tissue=mean_color(look),
         bite=look.bite,
         surroundings=look.surroundings,
-        # The environment map would be unpacked again whenever the page starts over.
+        # A page would unpack the environment map again at each loop of the motion.
         look="plain",
     )
     lift = float(hooks[:, 2].max()) + 1.5 * stage.radius
@@ -185,7 +185,7 @@ def _recorded(
     ]
     written = ""
 
-    # At which keys what is hidden from then on is made ready, and for which key.
+    # At these keys the hidden surfaces are sent as they are at the key where they appear next.
     comes_apart = int(motion.whole.sum())
     turns = {0: comes_apart, comes_apart: 0} if torn else {}
 
@@ -201,7 +201,7 @@ def _recorded(
         elif motion.fronts[key] >= 1.0:
             center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
         stage.place_hook(center, (0.0, 0.0, 1.0))
-        # What is not seen is ready for when it will be: a page takes a moment to read a surface.
+        # Sent ahead while hidden: a page takes a moment to read a surface.
         for body in torn if is_whole else [whole]:
             if key in turns:
                 at = turns[key]
@@ -213,8 +213,8 @@ def _recorded(
             written = words
             write_caption(server, written)
 
-    # A page that starts over keeps what it is not told anew. So the record begins with all that is
-    # not the same at the end as at the start.
+    # At a loop the page keeps whatever the recording does not set again. So the recording starts by
+    # going to the end and back to the start, which sets all that differs between them.
     times = motion.times.tolist()
     if torn:
         show(comes_apart)
@@ -236,7 +236,7 @@ def _body(
     bound: BoundSkin,
     piece: TornPiece | None,
 ) -> _Body:
-    """Add a surface; a piece starts as it is before the tear opens."""
+    """Add a surface; a piece is added as it is before the tear opens."""
     organ, skin = dissection.organ, bound.skin
     look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
     contact = Contact(

@@ -1,4 +1,4 @@
-"""Build: an organ of one's own images, from the edges in them to the duct that is practised on."""
+"""Build: an organ from the user's own images, from their edges to the duct that is trained on."""
 
 import html
 import logging
@@ -35,14 +35,14 @@ _TELLING = (
     "kept that the others cannot be drawn from to within a threshold."
 )
 THRESHOLDS = (0.05, 3.0)
-"""Ends of the threshold's slider, px."""
+"""Smallest and largest threshold on the slider, px."""
 THRESHOLD_STEP = 0.01
 SUITABLE = 0.7
-"""px: the slider's, until there is an organ."""
+"""px, the slider's threshold until there is an organ."""
 TELLS_EVERY = 0.25
-"""Shortest time between two reports of progress, s."""
+"""s, shortest time between two reports of progress."""
 PAUSE = 0.6
-"""So long after the last change of what is looked at, s, the organ is looked for."""
+"""s after the last change of the fields until the organ is looked for."""
 MOST_MM = 1000.0
 _GREY = "none: grey levels"
 _SENT = ".zip,.tif,.tiff,.dcm,.dicom,.ima,.nii,.gz,.nrrd,.mha"
@@ -51,15 +51,7 @@ log = logging.getLogger(__name__)
 
 
 class BuildTab:
-    """The tab in which an organ is built; it does nothing before a button is pressed.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    """
+    """The tab in which an organ is built; it does nothing before a button is pressed."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -154,7 +146,7 @@ class BuildTab:
 
     @property
     def _region(self) -> tuple[viser.GuiInputHandle[str], ...]:
-        """The ends of what is looked at: columns, rows, images."""
+        """The fields of the region of interest: first and last column, row and image."""
         return self._columns, self._rows, self._images
 
     def close(self) -> None:
@@ -177,20 +169,20 @@ class BuildTab:
                     sent.name, sent.content, pixel_mm=pixel, slice_mm=distance, progress=self._tell
                 )
             except UploadRefusedError:
-                self._again.visible = False  # no sizes help
+                self._again.visible = False  # other sizes would not help
                 raise
 
         self._make(lambda: self._open(read))
 
     def _request(self, value: object) -> None:
-        """Build at the threshold that the slider has come to."""
+        """Build at the threshold that the slider was set to."""
         wanted = number(value)
         if math.isfinite(wanted) and self._bench.opened is not None:
             wanted = min(max(wanted, THRESHOLDS[0]), THRESHOLDS[1])
             self._make(lambda: self._build(wanted))
 
     def _point_at(self) -> None:
-        """Look for another organ, once nothing more is changed for a moment."""
+        """Look for another organ, once the fields have not changed for a moment."""
         opened = self._bench.opened
         if opened is not None:
             self._make(lambda: self._choose(opened), after=PAUSE)
@@ -202,7 +194,7 @@ class BuildTab:
             self._make(lambda: self._choose(opened))
 
     def _make(self, work: Callable[[], None], *, after: float = 0.0) -> None:
-        """Do something that takes seconds, if nothing newer is asked for before it begins."""
+        """Queue work that takes seconds, in place of any of this client's that has not begun."""
         with self._lock:
             self._requests += 1
             request = self._requests
@@ -217,7 +209,9 @@ class BuildTab:
                 return
             except ValueError as error:
                 said = f"<b>Not possible:</b> {html.escape(str(error))}."
-                self._state.refuse(f"{error}.")  # beside viser's word that the file has come
+                self._state.refuse(
+                    f"{error}."
+                )  # beside viser's own notice that the file has arrived
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."
@@ -251,7 +245,7 @@ class BuildTab:
         self._build_first(opened)
 
     def _choose(self, before: OpenedStack) -> None:
-        """Find the organ that the fields say."""
+        """Find the organ that the fields describe."""
         opened = self._bench.choose(self._choice(before), self._tell)
         last = len(opened.shown) - 1
         if last != self._index.max:
@@ -284,7 +278,7 @@ class BuildTab:
         )
 
     def _offer(self, opened: OpenedStack) -> None:
-        """Show which organ is meant in the fields."""
+        """Show in the fields which organ was chosen."""
         choice, (rows, columns) = opened.choice, opened.whole.shape
         x0, y0, x1, y1, first, last = choice.region or (
             (0, 0, columns - 1, rows - 1, 0, len(opened.whole) - 1)
@@ -381,7 +375,7 @@ class BuildTab:
         state.attempt("Preparing your duct.", lambda: state.practise_on(built.organ))
 
     def _ask_before(self, built: BuiltOrgan) -> None:
-        """Ask whether an organ is wanted that is probably another."""
+        """Ask before training on an organ that is probably not the one that was meant."""
         gui = self._state.client.gui
         page = Dialog(gui, "Is this the organ that you mean?")
         with page:

@@ -1,4 +1,4 @@
-"""Compare: the theory that is pulled, another over it, and the chain of masses and springs."""
+"""Compare: the theory in use, a ghost by another, and the mass-spring chain."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ OFFERED_THEORIES: dict[str, Theory] = {
     "Exact beam, shear, neo-Hookean": Exact(NeoHooke()),
     "Finite elements (the thesis's reference)": Fem(),
 }
-"""Theories that are quick enough to be stepped for a room of trainees, by their label."""
+"""Theories that are fast enough to be stepped for a room of trainees, by their labels."""
 NO_GHOST = "None"
 _FIRST_TIME = "The first time after an installation takes up to a minute."
 _TELLING = (
@@ -33,15 +33,7 @@ _CHAIN = (
 
 
 class CompareTab:
-    """The tab of theories.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    """
+    """The tab of theories."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -72,7 +64,7 @@ class CompareTab:
         on_work(self._chain, lambda value: session.show_chain(value is True))
 
     def show(self, reading: Reading) -> None:
-        """Show a reading beside those of the others."""
+        """Show a reading beside the ghost's and the chain's."""
         state, session = self._state, self._state.session
         visible, live = state.figures_visible, state.playback is None
         settled = reading.phase is Phase.INTACT and not state.in_exercise and live

@@ -1,4 +1,4 @@
-"""What the tabs have in common: how inputs call back, and pieces of HTML."""
+"""What the tabs share: callbacks of inputs, and pieces of HTML."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,7 +22,7 @@ KPA_PER_MPA = 1000.0
 
 
 def on_input(handle: Any, take: Callable[[Any], None]) -> None:
-    """Call back with what the browser sets, in order; not with what we set ourselves."""
+    """Call back with values set in the browser, in order; not with those set by the server."""
 
     @handle.on_update
     async def _(event: viser.GuiEvent[Any]) -> None:
@@ -31,7 +31,7 @@ def on_input(handle: Any, take: Callable[[Any], None]) -> None:
 
 
 def on_work(handle: Any, take: Callable[[Any], None]) -> None:
-    """Call back with what the browser chooses, in a thread of its own: it may take a while."""
+    """Call back with values set in the browser, in a thread of its own, for slow work."""
 
     @handle.on_update
     def _(event: viser.GuiEvent[Any]) -> None:
@@ -49,7 +49,7 @@ def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
 
 
 def set_if_changed(handle: Any, **values: object) -> None:
-    """Set properties of a widget that differ: each that is set is sent to the page."""
+    """Set only those properties of a widget that differ: each one set is sent to the page."""
     for name, value in values.items():
         if getattr(handle, name) != value:
             setattr(handle, name, value)

@@ -14,16 +14,7 @@ __all__ = ["Dialog"]
 class Dialog:
     """A dialog with a closing button in its corner, which Escape and a click beside it press.
 
-    It is a context into which its widgets are put.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI.
-    title
-        Its title.
-    closed
-        Called when it has been closed, in whichever way.
+    As a context it takes the widgets added to it; `closed` is called however it was closed.
     """
 
     def __init__(
@@ -43,7 +34,7 @@ class Dialog:
         self._modal.__exit__()  # pyright: ignore[reportUnknownMemberType]
 
     def close(self) -> None:
-        """Close it; nothing if it is closed already."""
+        """Close it, if it is open."""
         if not self._modal.closed:
             self._modal.close()
             self._closed()

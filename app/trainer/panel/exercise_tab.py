@@ -1,4 +1,4 @@
-"""Exercises: one is chosen, its goal and limit are read, it is done, and its result is seen."""
+"""Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
 
@@ -23,17 +23,7 @@ NONE = "This duct cannot break"
 
 
 class ExerciseTab:
-    """The tab of exercises.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    show_result
-        Opens the result page of a run, in a thread that may wait.
-    """
+    """The tab of exercises."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -77,12 +67,12 @@ class ExerciseTab:
             self._state.start_exercise(exercise, feedback)
 
     def again(self, run: RunFile) -> None:
-        """Start a run's exercise again."""
+        """Start the exercise of a run again."""
         if run.log.exercise is not None:
             self._state.start_exercise(run.log.exercise, run.log.feedback, run.log.start.grasp_mm)
 
     def take_offers(self) -> None:
-        """Offer the exercises of the duct, for the grasp that they are set for."""
+        """Offer the duct's exercises, scaled for the present task grasp."""
         session = self._state.session
         key = (
             session.duct.dissection,
@@ -110,7 +100,7 @@ class ExerciseTab:
         self._state.workers.background.submit((id(self), "offers"), find)
 
     def show(self) -> None:
-        """Show how the exercise stands."""
+        """Show the state of the exercise."""
         state = self._state
         run, busy = state.session.run, state.in_exercise
         if not busy:

@@ -1,4 +1,4 @@
-"""Export: what is on the screen as a file for other tools."""
+"""Export: what is on the screen, as a file for other tools."""
 
 import viser
 
@@ -10,15 +10,7 @@ __all__ = ["ExportBox"]
 
 
 class ExportBox:
-    """A choice of file and a button that sends it.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside a tab.
-    state
-        The client's state.
-    """
+    """A choice of file type and a button that sends the file."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state

@@ -1,4 +1,4 @@
-"""Help: the first minute in three lines, and the rest for who asks for it."""
+"""Help: three lines for the first minute, and the rest on request."""
 
 from typing import Literal
 
@@ -49,7 +49,7 @@ mouse on them, or click.
 
 
 def show_first_minute(client: viser.ClientHandle) -> None:
-    """Show the first minute's three lines over the page, until they are dismissed."""
+    """Show the three lines for the first minute over the page, until they are dismissed."""
     gui = client.gui
     dialog = Dialog(
         gui,
@@ -63,11 +63,11 @@ def show_first_minute(client: viser.ClientHandle) -> None:
 
 
 SEEN = "first-minute"
-"""Under which the browser remembers that it has shown the first minute."""
+"""Key under which the browser remembers that it has shown the first minute."""
 
 
 def show_help(client: viser.ClientHandle) -> None:
-    """Show all of the help over the page, until it is closed."""
+    """Show the whole help over the page, until it is closed."""
     gui = client.gui
     with Dialog(gui, "Help"):
         gui.add_html(_FIRST_MINUTE)

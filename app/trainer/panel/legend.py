@@ -1,4 +1,4 @@
-"""The heat map's legend: beside the picture where there is room, else in the panel."""
+"""The heat map's legend: over the picture where there is room, else in the panel."""
 
 import viser
 
@@ -8,19 +8,13 @@ from app.trainer.stage.heat_map import heat_legend_html
 __all__ = ["HeatLegend"]
 
 NARROW = 0.8
-"""Width by height of a picture below which a floating legend would cover the duct."""
+"""Below this width by height of the picture a floating legend would cover the duct."""
 WIDTH, HEIGHT, GAP = 290, 154, 16
 """px."""
 
 
 class HeatLegend:
-    """One client's legend, hidden until it is wanted.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, where the legend goes if it does not float.
-    """
+    """One client's legend, hidden at first; in `gui` where it does not float."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui
@@ -30,7 +24,7 @@ class HeatLegend:
         self._content = ""
 
     def show(self, wanted: bool, threshold: float, aspect: float) -> None:
-        """Show the legend, or take it away."""
+        """Show or hide the legend, for a threshold, MPa, and the picture's width by height."""
         narrow = aspect < NARROW
         if wanted:
             content = heat_legend_html(threshold)

@@ -1,4 +1,4 @@
-"""A run's measures as a table: published names, units, which way is better, beside other tries."""
+"""A run's measures as a table: published names, units, which way is better, and other tries."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _CELL = "text-align:right;padding:3px 0 3px 8px"
 
 
 class _Row(NamedTuple):
-    """A measure: its name, its factor and unit as shown, which way is better, what it means."""
+    """One measure: its factor and unit as shown, which way is better, and what it means."""
 
     key: str
     name: str

@@ -1,4 +1,4 @@
-"""BeamModel: which duct it is, when it tears, what is computed, and where its figures come from."""
+"""Model: which duct it is, when it tears, what is computed, and where its figures come from."""
 
 import html
 
@@ -31,15 +31,7 @@ _POINTS = (
 
 
 class ModelTab:
-    """The tab of the model.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    """
+    """The tab of the model."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -85,7 +77,7 @@ class ModelTab:
         on_input(self._points, lambda value: state.show(overlay=value is True))
 
     def show(self, reading: Reading) -> None:
-        """Offer what can be chosen now."""
+        """Enable what can be chosen now."""
         state = self._state
         set_if_changed(self._plain, value=state.plain)
         free = reading.phase is Phase.INTACT and state.playback is None and not state.in_exercise

@@ -1,4 +1,4 @@
-"""The panel of one client: the read-out, the tabs, the keys."""
+"""The panel of one client: the read-out, the tabs and the keys."""
 
 import viser
 from viser import theme
@@ -35,13 +35,7 @@ BRAND = (38, 166, 154)
 
 
 class Panel:
-    """One client's panel: it writes inputs into the session and shows its readings.
-
-    Parameters
-    ----------
-    state
-        The client's state.
-    """
+    """One client's panel: it passes inputs to the session and shows its readings."""
 
     def __init__(self, state: ClientState) -> None:
         self._state = state
@@ -72,7 +66,7 @@ class Panel:
             f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
         )
         self._legend = HeatLegend(gui)
-        # A new tab is a module of its own, and a line here and, if it follows readings, in `show`.
+        # To add a tab: write a module, add a line here and, if it shows readings, one in `show`.
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, state)
@@ -91,7 +85,7 @@ class Panel:
         on_click(ask, lambda: show_help(state.client))
         on_click(self._exercises.result, self._show_last)
         self._add_commands()
-        if state.in_exercise:  # a page that was loaded anew
+        if state.in_exercise:  # the page was reloaded
             open_tab(state.client, LEARN)
         self.show(state.shown.reading())
 
@@ -119,7 +113,7 @@ class Panel:
         self._model.show(reading)
 
     def _announce(self, reading: Reading) -> None:
-        """Let a screen reader say what has become of the duct, and none of its figures."""
+        """Have a screen reader announce the duct's new state, without figures."""
         state = self._state
         run = state.session.run
         words = [
@@ -134,11 +128,11 @@ class Panel:
             announce(state.client, said)
 
     def close(self) -> None:
-        """Remove what the client has sent: it has gone."""
+        """Remove what the client has uploaded, when it has gone."""
         self._build.close()
 
     def show_result(self, run: RunFile) -> None:
-        """Open the result page of a run; it is made again for its plots, so this takes a while."""
+        """Open the result page of a run; replaying the run for its plots takes a while."""
         offered = run.log.exercise is not None
 
         def again() -> None:

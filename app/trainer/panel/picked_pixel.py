@@ -1,4 +1,4 @@
-"""A picture of an image in which a pixel can be pointed at, and the field that takes the pixel."""
+"""A picture in which a pixel can be picked, and the text field that receives it."""
 
 import base64
 import html

@@ -1,4 +1,4 @@
-"""Plots: uPlot charts in the panel's colours, with a key of their own below."""
+"""Plots: uPlot charts in the panel's colours, with a key of our own below."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ GOAL_COLOUR, GOAL_AREA = "#5cc8ff", "rgba(92,200,255,.25)"
 LIMIT_COLOUR = "#ff6b5e"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 MOST_POINTS = 600
-"""Of a plot over time: more than a panel has pixels."""
+"""Most points of a plot over time: more than a panel has pixels."""
 
 Curve = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def line(label: str, colour: str, width: float = 1.5, dash: tuple[float, ...] = 
         stroke=colour,
         width=width,
         points=uplot.Series_Points(show=False),
-        pxAlign=0,  # whole pixels make a staircase of a slope
+        pxAlign=0,  # rounded to whole pixels, a slope would be a staircase
     )
     if dash:
         series["dash"] = dash
@@ -93,7 +93,7 @@ def _mark(series: uplot.Series) -> str:
 
 
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
-    """Add a run over time: what its exercise's goal and limits are about, and always the force."""
+    """Plot a run over time: the force, and what its exercise's goal and limits are about."""
     limits = {} if exercise is None else exercise.limits
     percent = 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
     band = None if exercise is None else exercise.band
@@ -124,10 +124,10 @@ def _add_plot(
     band: tuple[float, float] | None = None,
     top: float | None = None,
 ) -> None:
-    """Add one chart over time: label, colour and values, a limit as a line, a goal as a band."""
+    """Add a chart over time: label, colour and values, a limit as a line, a goal as a band."""
     label, colour, values = drawn
     count = len(series.time)
-    if not count:  # it was over before its first tick
+    if not count:  # the run was over before its first tick
         return
     picked = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
     time, values = series.time[picked], values[picked]

@@ -1,4 +1,4 @@
-"""Figures of one's own: modulus, strength, wall and clamps, typed or in a preset file."""
+"""A preset of one's own: modulus, strength, wall and clamps, typed or from a preset file."""
 
 import html
 from typing import Any
@@ -30,22 +30,15 @@ __all__ = ["PresetForm"]
 
 STRESS, FORCE = "Stress", "Force at mid-span"
 DIGITS = 4
-"""Decimals of a typed figure: a tenth of a micrometre, a ten-thousandth of a kPa."""
+"""Decimals of a typed number: a tenth of a micrometre, a ten-thousandth of a kPa."""
 YOURS, REST = "Yours: ", ". The rest: "
-"""How the source of an edited preset begins, and what comes before the source that it had."""
+"""Start of an edited preset's source, and what precedes the source that it was edited from."""
 
 
 class PresetForm:
-    """Number fields of the preset that is solved, and what other numbers in them would change.
+    """Number fields of the preset in use, and what other numbers in them would change.
 
-    Nothing is solved by them before they are taken: half a number is no duct.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside a tab.
-    state
-        The client's state.
+    The session is not changed before the user applies them: a half-typed number is not a duct.
     """
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
@@ -105,11 +98,11 @@ class PresetForm:
         self.show()
 
     def see(self, visible: bool) -> None:
-        """Show the fields, or not: a duct in an exercise, torn or replayed stays as it is."""
+        """Show or hide the fields: no change in an exercise, in a replay or of a torn duct."""
         set_if_changed(self._folder, visible=visible)
 
     def show(self) -> None:
-        """Put the figures of the preset that is solved into the fields, if it is another."""
+        """Put the numbers of the preset in use into the fields, if it has changed."""
         dissection = self._state.session.duct.dissection
         if dissection is self._dissection:
             return
@@ -133,7 +126,7 @@ class PresetForm:
         self._typed()
 
     def _typed(self) -> None:
-        """Look for what the typed figures change, in the background; see what can be typed."""
+        """Find in the background what the typed numbers would change, and update the fields."""
         by_force = self._kind.value == FORCE
         for name, visible in (("force", by_force), ("stress", not by_force)):
             set_if_changed(self._fields[name], visible=visible)
@@ -231,7 +224,7 @@ class PresetForm:
 def _field(
     gui: viser.GuiApi, label: str, name: str, hint: str, unit: float, low: float | None = None
 ) -> viser.GuiNumberHandle[float]:
-    """Add a number field with the limits of a preset's number, in the page's unit."""
+    """Add a number field with the limits of a preset's number, in the unit shown."""
     least, most, _ = LIMITS[name]
     least, most = unit * least if low is None else low, unit * most
     return gui.add_number(
@@ -284,7 +277,7 @@ def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
 def _results(model: BeamModel) -> tuple[tuple[str, float, str], ...]:
     """Return what follows from a preset's figures: name, value and unit."""
     beam = model.dissection.beam
-    # Of a pull too small to stretch the beam.
+    # The stiffness of a pull too small to stretch the beam.
     small = 1e-4 * beam.fibre_distance
     pulled = model.theory.pull(beam, 0.5 * beam.span).to_deflection(small)
     return (

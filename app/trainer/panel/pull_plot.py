@@ -1,4 +1,4 @@
-"""The force-deflection plot of a pull: the chosen theory, the pull, and what others say of it."""
+"""The force-deflection plot of a pull: the theory in use, the pull so far, and other theories."""
 
 import threading
 from contextlib import suppress
@@ -34,11 +34,11 @@ _SERIES = {
 }
 REFERENCE_POINTS = 50
 SAME_BEAM = 1e-3
-"""Relative difference of a beam's numbers from a table's that its rounding explains."""
+"""Relative difference between a beam's numbers and a table's that the table's rounding explains."""
 STEP = 1e-6
-"""Width of a step in the plot, in its widths."""
+"""Width of a step in a plot, over the plot's width: vertical to the eye."""
 MIDDLE = 0.05
-"""How near the middle a grasp is in the middle, mm: half of the slider's step."""
+"""mm from mid-span within which a grasp counts as in the middle: half of the slider's step."""
 
 _Pair = tuple[Curve, Curve]
 
@@ -60,15 +60,7 @@ def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
 
 
 class PullPlot:
-    """One client's force-deflection plot.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI.
-    background
-        Solves the theories beside the chosen one.
-    """
+    """One client's force-deflection plot; `background` solves the other theories' curves."""
 
     def __init__(self, gui: viser.GuiApi, background: BackgroundWorker) -> None:
         nothing = np.zeros(2)
@@ -95,7 +87,7 @@ class PullPlot:
 
     @property
     def visible(self) -> bool:
-        """Whether it is drawn; while it is not, the page has none of its figures."""
+        """Whether it is shown; while it is hidden, none of its data are sent to the page."""
         return self._chart.visible
 
     @visible.setter
@@ -109,7 +101,7 @@ class PullPlot:
                     self._chart.data = (np.array([0.0, 1.0]), *[nothing] * len(_SERIES))
 
     def show(self, session: Session, reading: Reading) -> None:
-        """Draw the theory's curve, the part of it that this pull has covered, and the break."""
+        """Draw the theory's curve, the part that this pull has covered, and the break."""
         event = reading.breaks_at
         self._take_others(session)
         with self._lock:
@@ -122,7 +114,7 @@ class PullPlot:
             if key != self._key or reading.deepest > self._curve[0][-1]:
                 self._key = key
                 self._curve = session.curve()
-                # Said outright: the chart keeps the range that an earlier curve has left it.
+                # The range is always set: else the chart would keep that of an earlier curve.
                 self._chart.scales = {
                     end: uplot.Scale(time=False, range=(0.0, float(values[-1])))
                     for end, values in zip(("x", "y"), self._curve, strict=True)
@@ -136,7 +128,7 @@ class PullPlot:
             self._draw()
 
     def _take_others(self, session: Session) -> None:
-        """Have the thesis's cubic and the exact beam solved for another duct or grasp."""
+        """Have the thesis's cubic and the exact beam solved for a new duct or grasp."""
         dissection, grasp, chosen = session.duct.dissection, session.duct.grasp, session.duct.theory
         key = (dissection, grasp, chosen, session.duct.threshold)
         if key == self._others_key:
@@ -171,11 +163,11 @@ class PullPlot:
         )
 
     def _draw(self) -> None:
-        """Send all series on one grid, which has every point that must be hit."""
+        """Send all series on one common grid that contains every point to be hit exactly."""
         deflections, forces = self._curve
         last = float(deflections[-1])
         marks = np.empty(0) if self._ansys is None else self._ansys[0][self._ansys[0] <= last]
-        # A step at each of its ends: two points as good as in one place.
+        # A vertical step at each of its ends: two points almost at one place.
         goal = np.array(self._goal or (), np.float64)
         beside = np.add(goal, (-STEP * last, STEP * last)) if goal.size else goal
         grid = np.union1d(np.concatenate([deflections, [self._deepest], goal, beside]), marks)

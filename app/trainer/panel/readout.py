@@ -1,4 +1,4 @@
-"""The read-out above the sliders: distance to break in large, the other figures below it."""
+"""The read-out above the sliders: distance to break in large, the other figures below."""
 
 import html
 
@@ -9,7 +9,7 @@ __all__ = ["duct_html", "hidden_readout_html", "readout_html", "zone", "zone_tol
 
 CAREFUL_BELOW = 0.40
 STOP_BELOW = 0.15
-"""Distances to break at which the word and the colour change."""
+"""Distances to break below which the word and the colour change."""
 
 SAFE, CAREFUL, STOP, TEARING, TORN = "Safe", "Careful", "Stop", "Tearing", "Torn"
 DISTANCE = "1 less the highest stress by the threshold: 100 % is a slack duct, 0 % tears"

@@ -1,4 +1,4 @@
-"""Replay: a run made again in the picture, with a slider over its time."""
+"""Replay: a run replayed in the picture, with a slider over its time."""
 
 from collections.abc import Callable
 
@@ -16,19 +16,11 @@ _TELLING = (
     "pull after a reset; <code>bluntdissect replay run.json</code> prints its measures."
 )
 STEP = 0.01
-"""Of the time slider, s."""
+"""Step of the time slider, s."""
 
 
 class ReplayTab:
-    """The tab of replays.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    """
+    """The tab of replays."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -70,12 +62,12 @@ class ReplayTab:
             self.replay(lambda: read_run(content))
 
     def replay(self, read: Callable[[], RunFile]) -> None:
-        """Show a run again, or say why it cannot be."""
+        """Replay a run, or say why that is not possible."""
         start = self._state.start_replay
         self._state.attempt("Making the run again.", lambda: start(read()))
 
     def show(self) -> None:
-        """Show where the replay is."""
+        """Show the time of the replay."""
         state, playback = self._state, self._state.playback
         there = playback is not None
         for handle, visible in (
@@ -97,7 +89,7 @@ class ReplayTab:
         if self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)
-        if self._playing != playback.playing:  # an icon cannot be read back
+        if self._playing != playback.playing:  # viser cannot say which icon a button has
             self._playing = playback.playing
             self._play.label = "Pause" if playback.playing else "Play"
             self._play.icon = (

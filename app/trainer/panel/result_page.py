@@ -1,4 +1,4 @@
-"""The result page: how a run has ended, its measures, its plots, and what can be done with it."""
+"""The result page: how a run has ended, its measures, its plots, and what to do next."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -27,9 +27,9 @@ from app.trainer.panel.plots import add_series_plots
 __all__ = ["ResultPage", "run_csv", "run_name"]
 
 FEW = 300
-"""Vertices of a duct that is only measured."""
+"""Vertices of the skin of a duct that is replayed for its numbers only."""
 TRIES_BESIDE = 2
-"""Earlier tries that stand beside a result."""
+"""Earlier tries shown beside a result."""
 _BESIDE = (
     "<b>Try</b>: your earlier tries of this session at the same task. <b>Expert</b>: a scripted "
     "hand, careful and steady, at the same task; it is no surgeon."
@@ -80,16 +80,8 @@ def run_name(run: RunFile) -> str:
 class ResultPage:
     """A page over the trainer with one run's result, until it is closed.
 
-    Parameters
-    ----------
-    state
-        The client's state.
-    run
-        The run.
-    again
-        Starts the same exercise again; None for a run without one.
-    replay
-        Shows the run again.
+    `again` starts the same exercise again and is None for a run without one; `replay` replays the
+    run.
     """
 
     def __init__(
@@ -142,7 +134,7 @@ class ResultPage:
         action: Callable[[], object],
         color: Literal["gray", "teal"] = "gray",
     ) -> None:
-        """Add a button that closes the page, and then does something."""
+        """Add a button that closes the page and then calls `action`."""
         button = self._gui.add_button(label, icon=icon, color=color)
 
         def press() -> None:

@@ -1,4 +1,4 @@
-"""Train: what the duct is pulled with, and what is to be seen of it."""
+"""Train: what the duct is pulled with, and what is shown of it."""
 
 import numpy as np
 import viser
@@ -12,19 +12,11 @@ from app.trainer.viser_bridge import set_arrow_step
 __all__ = ["TrainTab", "slider_step"]
 
 ARROW = 0.01
-"""What an arrow key adds to the force, by the force at break."""
+"""Change of the force by an arrow key, over the force at break."""
 
 
 class TrainTab:
-    """The tab that the page opens on.
-
-    Parameters
-    ----------
-    gui
-        The client's own GUI, inside the tab.
-    state
-        The client's state.
-    """
+    """The tab that the page opens on."""
 
     def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
@@ -71,7 +63,7 @@ class TrainTab:
         self.take_ranges()
 
     def take_ranges(self) -> None:
-        """Bring the inputs' ranges in line with the session's."""
+        """Bring the ranges of the inputs in line with the session's."""
         session = self._state.session
         model = session.duct.dissection, session.duct.theory
         if model == self._model:
@@ -114,9 +106,9 @@ class TrainTab:
             set_arrow_step(state.client, self._force, ARROW * scale)
 
     def _follow(self, reading: Reading, *, live: bool, visible: bool) -> None:
-        """Let the sliders show what was not done by them: by hand, a reset, a ramp, a tear.
+        """Let the sliders follow changes they did not make: a hand, a reset, a ramp or a tear.
 
-        Never what they have done themselves: a hand on a slider is ahead of what has come here.
+        A slider's own change is never sent back: the hand on it is ahead of what has arrived here.
         """
         session = self._state.session
         cause = (self._state.pulls, live, visible, reading.by_hand)
@@ -126,7 +118,7 @@ class TrainTab:
         wanted = session.grasper.slider_force if live and visible else 0.0
         step = self._force.step
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
-        if abs(self._force.value - force) > 1e-9:  # more than the page rounds a value of its own
+        if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value
             self._force.value = force
         set_if_changed(self._grasp, value=round(session.duct.grasp, 1))
 

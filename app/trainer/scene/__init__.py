@@ -1,1 +1,1 @@
-"""What a scene draws around the duct's tissue, and what of it can be dragged."""
+"""The duct in the scene, what is drawn around it, and what can be dragged."""

@@ -12,19 +12,13 @@ from app.trainer.scene.overlay import Overlay
 __all__ = ["Annotations"]
 
 CHAIN_ASIDE = 1.9
-"""How far before the duct's axis the chain hangs, in radii: beside it, as the viewer sees it."""
+"""Distance of the chain before the duct's axis, in radii: the viewer sees it beside the duct."""
 ARROW_FOOT = 1.25
-"""Where the arrow starts over the duct's axis, in radii: above the wall."""
+"""Height of the arrow's foot above the duct's axis, in radii: above the wall."""
 
 
 class Annotations:
-    """All annotations of one client's scene, each added when it is first shown.
-
-    Parameters
-    ----------
-    client
-        The client.
-    """
+    """All annotations of one client's scene, each added when it is first shown."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
@@ -35,11 +29,11 @@ class Annotations:
         self._ghost: GhostMesh | None = None
         self._chain: ChainLines | None = None
         self._nodes = np.zeros((0, 3))
-        # Of the organ at the clamps, found once: a look at its sections takes milliseconds.
+        # Found once for each organ: its sections take milliseconds.
         self._radius, self._first = 0.0, np.zeros(3)
 
     def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
-        """Draw what is wanted as it is now."""
+        """Draw the annotations that are wanted, as they are now."""
         dissection, whole = session.duct.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
             if dissection is not self._dissection:
@@ -70,7 +64,7 @@ class Annotations:
             self._arrow.show(foot, reading.force * up, at_break=at_break)
 
     def say_standing(self, session: Session, *, figures: bool) -> None:
-        """Say at the goal what is to be done now; it passes with time alone."""
+        """Write at the goal what to do now; the text changes with time even if nothing moves."""
         if self._goal is not None:
             self._goal.say((figures and session.run.standing) or "Goal")
 

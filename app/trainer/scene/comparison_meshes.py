@@ -18,15 +18,7 @@ NODE_SIZE = 0.55
 
 
 class GhostMesh(Drawn):
-    """Another duct over the first, translucent. Hidden until it is made visible.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    skin
-        The skin that both ducts have.
-    """
+    """The ghost, translucent over the duct, with the same skin. Hidden until it is made visible."""
 
     def __init__(self, scene: viser.SceneApi, skin: Skin) -> None:
         self._outer, faces = skin.part("outer")
@@ -36,7 +28,7 @@ class GhostMesh(Drawn):
             faces.astype(np.uint32),
             color=GHOST_COLOR,
             opacity=0.5,
-            side="back",  # what is inside the duct, or at its wall, would flicker through it
+            side="back",  # its front would flicker where it is inside the duct or at its wall
             cast_shadow=False,
             receive_shadow=False,
             visible=False,
@@ -44,20 +36,12 @@ class GhostMesh(Drawn):
         super().__init__(self._mesh)
 
     def show(self, vertices: NDArray[np.float32]) -> None:
-        """Draw the other duct."""
+        """Draw the ghost with these vertices."""
         self._mesh.vertices = vertices[self._outer]
 
 
 class ChainLines(Drawn):
-    """The nodes and links of a mass-spring chain. Hidden until it is made visible.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    count
-        Number of nodes.
-    """
+    """`count` nodes of a mass-spring chain and their links. Hidden until it is made visible."""
 
     def __init__(self, scene: viser.SceneApi, count: int) -> None:
         nodes = np.zeros((count, 3), np.float32)

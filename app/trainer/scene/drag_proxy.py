@@ -1,7 +1,7 @@
 """Drag proxies: invisible meshes by which a mouse picks and drags the duct or the hook.
 
-The duct itself is sent anew for every frame and cannot be picked. A coarse transparent tube inside
-it follows it instead; another is inside the hook. Places are in the organ's coordinates.
+The duct itself is sent again at every frame, so viser cannot pick it. A coarse, transparent tube
+inside it follows it instead, and another is inside the hook. Places are in the organ's coordinates.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,33 +20,24 @@ __all__ = ["DragProxy", "Hold"]
 
 RINGS, SIDES = 25, 8
 SLACK = 1.0
-"""How far the duct moves before the tube is sent after it, mm: less than anybody aims."""
+"""mm that the duct moves before its tube is sent again: less than anybody can aim."""
 SHRUNK = 0.9
-"""The tube's radius by the duct's: inside it, the tube hides nothing, but can be picked. The page
-takes a press some pixels beside it too (`viser_bridge`)."""
+"""The tube's radius over the duct's: inside it, the tube covers nothing, but can be picked. The
+page also accepts a press some pixels beside it (`viser_bridge`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hold:
-    """What a hand holds, and where it is.
+    """What a hand holds, and where it is."""
 
-    Attributes
-    ----------
-    station
-        Arc length of the organ's axis where the duct was grabbed, mm; None for the hook.
-    start
-        (3,) where it was grabbed, mm.
-    place
-        (3,) where the hand is now, mm: under the mouse, in the plane of the pull through `start`.
-    """
-
-    station: float | None
-    start: NDArray[np.float64]
+    station: float | None  # arc length of the organ's axis at the grab, mm; None for the hook
+    start: NDArray[np.float64]  # (3,) where it was grabbed, mm
+    # (3,) the hand now, mm: under the mouse, in the plane of the pull through `start`
     place: NDArray[np.float64]
 
     @property
     def moved(self) -> NDArray[np.float64]:
-        """(3,) from where it was grabbed to where the hand is, mm."""
+        """(3,) displacement of the hand since the grab, mm."""
         return self.place - self.start
 
 
@@ -88,17 +79,9 @@ class _Tube:
 class DragProxy:
     """What one client's mouse can drag.
 
-    The callbacks run in order on the server's loop, some twenty times a second: let them write
-    inputs only.
-
-    Parameters
-    ----------
-    client
-        The client.
-    grabbed, moved
-        Called with the hold when a drag starts, and whenever the hand has moved.
-    released
-        Called when the hand lets go, or the duct can no longer be held.
+    `grabbed` is called with the hold when a drag starts, `moved` whenever the hand has moved,
+    `released` when the hand lets go or the duct cannot be held any more. They run in order on the
+    server's event loop, some twenty times a second, so they must only write inputs.
     """
 
     def __init__(
@@ -119,7 +102,7 @@ class DragProxy:
     def set_duct(
         self, skins: Sequence[Skin], frame: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> None:
-        """Let a duct be dragged."""
+        """Let a duct be dragged by its skins, whole or torn."""
         self._frame, self._origin = frame, origin
         self._remove_tubes()
         for number, skin in enumerate(skins):
@@ -145,7 +128,7 @@ class DragProxy:
             tube.follow(vertices)
 
     def let_go(self) -> None:
-        """Let nothing be dragged, until something is set again."""
+        """Let nothing be dragged until something is set again; an ongoing drag is released."""
         self._remove_tubes()
         if self._hook is not None:
             self._hook.remove()
@@ -193,18 +176,18 @@ class DragProxy:
         self, hand: NDArray[np.float64], grip: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the organ's place under the mouse in the plane of the pull."""
-        # The page gives the hand on a plane that faces the camera; the line of sight through it
-        # meets the plane of the pull where the user sees the hand.
+        # viser gives the hand's place on a plane that faces the camera. The line of sight through
+        # it intersects the plane of the pull at the place that the user points at.
         eye = self._organ_place(np.asarray(self._client.camera.position, np.float64))
         sight = self._organ_place(hand) - eye
         lateral = self._frame[:, 1]
         towards = float(sight @ lateral)
-        if abs(towards) < _LEAST_FACING * float(np.linalg.norm(sight)):  # seen edge-on
+        if abs(towards) < _LEAST_FACING * float(np.linalg.norm(sight)):  # the plane is seen edge-on
             return self._organ_place(hand)
         return eye + sight * (float((grip - eye) @ lateral) / towards)
 
 
-_LEAST_FACING = 0.15
+_LEAST_FACING = 0.15  # sine of the line of sight to the plane; below it, the hand would jump
 _UNSEEN: dict[str, Any] = {
     "color": (255, 255, 255),
     "opacity": 0.0,

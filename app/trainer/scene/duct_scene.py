@@ -24,15 +24,15 @@ from organ_geometry.mesh import Surface
 __all__ = ["DuctScene"]
 
 SAME_STAGE = 0.01
-"""Change of span and radius that the eye does not see: a megabyte need not be sent anew for it."""
+"""Relative change of span and radius too small to be seen: a megabyte need not be sent for it."""
 LIFT_AFTER_TEAR = 2.5
-"""How far the hook is lifted from where a torn duct lay, in radii."""
+"""Height of the hook above where the torn duct lay, in radii."""
 TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drawn:
-    """A surface of the session, the marks that instruments leave on it, and its picture."""
+    """A surface of the session, the marks of the instruments on it, and how it is drawn."""
 
     surface: Surface
     contact: Contact
@@ -40,17 +40,7 @@ class _Drawn:
 
 
 class DuctScene:
-    """One client's picture of its session.
-
-    Parameters
-    ----------
-    client
-        The client.
-    session
-        Its session.
-    look
-        "plain" for slow machines.
-    """
+    """One client's picture of its session; the look is "plain" for slow machines."""
 
     def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
         self._client, self._session = client, session
@@ -67,7 +57,7 @@ class DuctScene:
         self._hand: DragProxy | None = None
         self._finish: tuple[Appearance, float] | None = None
         self.draw(session.reading())
-        # Once for the client, not for each stage: viser keeps every callback as long as the client.
+        # Once for the client, not for each stage: viser keeps callbacks as long as the client.
         client.camera.on_update(self._camera_moved)
 
     def _camera_moved(self, camera: viser.CameraHandle) -> None:
@@ -80,7 +70,7 @@ class DuctScene:
             self._session, self._shape = session, -1
 
     def draw(self, reading: Reading, stress: Sequence[NDArray[np.float32]] | None = None) -> None:
-        """Draw the session as it is now, as tissue or by the stress on each of its surfaces."""
+        """Draw the session as it is now, as tissue or by the stress at each surface's vertices."""
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(self._lift(stage, reading), self._client)
@@ -105,7 +95,7 @@ class DuctScene:
                     drawn.tissue.show_stress(contact.vertices, stress[number])
 
     def set_look(self, look: Look) -> None:
-        """Draw in another look from the next `draw` on."""
+        """Use another look from the next `draw` on."""
         if look == self._look:
             return
         self._look = look
@@ -123,12 +113,12 @@ class DuctScene:
         moved: Callable[[Hold], None],
         released: Callable[[], None],
     ) -> None:
-        """Let the mouse drag duct and hook, from the next `draw` on."""
+        """Let the mouse drag the duct and the hook, from the next `draw` on."""
         self._hand = DragProxy(self._client, grabbed=grabbed, moved=moved, released=released)
         self._offer_hand()
 
     def _offer_hand(self) -> None:
-        """Let the duct be held as it is drawn now, whole or in pieces."""
+        """Let the mouse hold the duct as it is drawn now, whole or in pieces."""
         hand, dissection = self._hand, self._session.duct.dissection
         if hand is None:
             return
@@ -164,7 +154,7 @@ class DuctScene:
         event = reading.breaks_at
         pulled = max(reading.deepest, 0.0 if event is None else event.deflection)
         tenth = 0.1 * stage.span
-        # In steps, so that the camera moves with the choice of a duct, not with every figure.
+        # In steps, so that the camera moves when another duct is chosen, not at every reading.
         return max(3.0, np.ceil((self._arch + 1.1 * pulled) / tenth)) * tenth
 
     def _set_stage(self) -> Stage:
@@ -190,7 +180,7 @@ class DuctScene:
         ):
             if self._hand is not None:
                 self._hand.let_go()  # of the stage's hook
-            self._shape = -1  # another thread may have chosen the duct, and not its surfaces yet
+            self._shape = -1  # another thread may have set the new duct, but not its surfaces yet
             self._stage.remove()
             self._stage = None
         self._appearance = appearance
@@ -205,11 +195,11 @@ class DuctScene:
                 surroundings=appearance.surroundings,
             )
             self._stage.frame_camera(self._client)
-        # A shader is compiled for what the camera sees.
+        # The browser compiles a shader when the camera first sees what uses it.
         self._client.scene.add_frame(
             "/finish", show_axes=False, position=(0.5 * self._stage.span, 0.0, 0.0)
         )
-        # The organ stands where its images stand; the stage has its first clamp at the origin.
+        # The organ is in its images' coordinates; the stage has the first clamp at the origin.
         turn = transforms.SO3.from_matrix(dissection.frame.T)
         self._client.scene.add_frame(
             "/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first)
@@ -217,7 +207,7 @@ class DuctScene:
         return self._stage
 
     def _rebuild(self) -> None:
-        """Show the session's surfaces instead of those shown so far."""
+        """Replace the drawn surfaces by the session's present ones."""
         self._shape = self._session.drawn.shape
         for drawn in self._drawn:
             drawn.tissue.remove()

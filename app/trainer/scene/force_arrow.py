@@ -14,12 +14,7 @@ FORCE_COLOR = (255, 196, 60)
 class ForceArrow(Drawn):
     """An arrow with a number at the hook: the grasper's force. Hidden until it is made visible.
 
-    Parameters
-    ----------
-    scene
-        Of one client.
-    span
-        Between the clamps, mm; a force at the break is drawn a fifth as long.
+    `span`, between the clamps, mm: the force at break is drawn a fifth as long.
     """
 
     def __init__(self, scene: viser.SceneApi, span: float) -> None:
@@ -40,7 +35,7 @@ class ForceArrow(Drawn):
     def show(
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
     ) -> None:
-        """Draw a force."""
+        """Draw a force, N, from its foot, mm; `at_break` is the force at break, N."""
         size = float(np.linalg.norm(force))
         length = self._length * min(size / at_break, 1.5) if at_break > 0.0 else 0.0
         drawn = self._visible and size > 0.0
@@ -49,6 +44,6 @@ class ForceArrow(Drawn):
             self._arrow.points = np.stack([foot, tip])[None].astype(np.float32)
             self._label.position = tip
             text = f"{size:.2f} N"
-            if text != self._text:  # a label is rendered anew whenever its text is set
+            if text != self._text:  # the page renders a label again whenever its text is set
                 self._label.text = self._text = text
         self._arrow.visible = self._label.visible = drawn

@@ -1,4 +1,4 @@
-"""The goal of an exercise in the picture: a band over the duct, and what is to be done now."""
+"""The goal of an exercise in the picture: a band over the duct, and what to do now."""
 
 import numpy as np
 import viser
@@ -8,21 +8,15 @@ __all__ = ["GOAL_COLOR", "GoalBand"]
 
 GOAL_COLOR = (92, 200, 255)
 HALF_LENGTH = 0.3
-"""Of the band along the duct, in spans: its ends are seen beside the hook and a raised duct."""
+"""Half the band's length over the span: its ends show beside the hook and a raised duct."""
 LABEL_ASIDE = 0.15
-"""Where the label ends before the hook, in half lengths: the force is written on its other side."""
+"""Gap between label and hook, in half lengths; the force is written on the hook's other side."""
 LINE_WIDTH = 2.5
 """px."""
 
 
 class GoalBand:
-    """A band where the duct's upper edge is to come at the hook.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    """
+    """A band into which the duct's upper edge is to be brought at the hook."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         corners = np.zeros((4, 3), np.float32)
@@ -53,7 +47,7 @@ class GoalBand:
         high: NDArray[np.float64],
         along: NDArray[np.float64],
     ) -> None:
-        """Draw the band."""
+        """Draw the band between two points of its lower and upper edge, along a direction."""
         place = low.tobytes(), high.tobytes()
         if place == self._place:
             return
@@ -64,11 +58,11 @@ class GoalBand:
         self._label.position = high - LABEL_ASIDE * along
 
     def say(self, text: str) -> None:
-        """Write at the band what is to be done now."""
+        """Write beside the band what to do now."""
         if text != self._label.text:
             self._label.text = text
 
     def remove(self) -> None:
-        """Take it off the scene."""
+        """Remove it from the scene."""
         for part in (self._area, self._edges, self._label):
             part.remove()

@@ -14,7 +14,7 @@ KEY_COLOR, DRIVING_COLOR, RING_COLOR = (64, 224, 240), (255, 178, 32), (200, 245
 SECTION_SIDES = 40
 KEY_POINTS_OF_A_SECTION = 8
 CLEAR = 0.35
-"""How far points and rings lie off the wall, mm, so that its relief does not hide them."""
+"""mm of points and rings off the wall, so that its relief does not hide them."""
 KEY_SIZE, DRIVING_SIZE = 0.32, 0.24
 """Radii of points, mm."""
 
@@ -23,15 +23,6 @@ class Overlay(Drawn):
     """Key points, the sections that are kept, and driving points, which follow the duct.
 
     Hidden until it is made visible.
-
-    Parameters
-    ----------
-    scene
-        Of one client.
-    organ
-        The organ.
-    driving
-        The driving points that the beam moves.
     """
 
     def __init__(self, scene: viser.SceneApi, organ: Organ, driving: DrivingPoints) -> None:
@@ -41,7 +32,7 @@ class Overlay(Drawn):
         rings = organ.surface(sections, np.tile(angles, stations.size))
         axis = organ.axis_at(sections)
         outwards = (rings - axis) / np.linalg.norm(rings - axis, axis=1, keepdims=True)
-        # A skin of its own, so that the rings follow the driving points as the duct's does.
+        # The rings are a skin of their own that follows the driving points as the duct's does.
         self._skin = Skin(
             (rings + CLEAR * outwards).astype(np.float32),
             np.zeros((0, 3), np.int32),
@@ -55,7 +46,7 @@ class Overlay(Drawn):
         self._rings = self._skin.vertices.copy()
         self._shape = (stations.size, SECTION_SIDES)
         self._driving = driving.positions
-        # Where the drawn ones lie on the wall: above the axis, which is inside the duct.
+        # Driving points lie on the axis, inside the duct; they are drawn on the wall above it.
         step = SECTION_SIDES // KEY_POINTS_OF_A_SECTION
         self._key_index = np.arange(0, stations.size * SECTION_SIDES, step)
         super().__init__(
@@ -90,7 +81,7 @@ class Overlay(Drawn):
         self.show(np.zeros((driving.stations.size, 3, 4)), np.array([0.0, 0.0, 1.0]))
 
     def show(self, transforms: NDArray[np.float64], pull: NDArray[np.float64]) -> None:
-        """Draw the points and sections where the driving points have taken them."""
+        """Draw the points and sections as the driving points' transforms move them."""
         points, lines, driving = self._parts
         self._bound.deform(transforms, self._rings)
         points.points = self._rings[self._key_index]

@@ -1,1 +1,1 @@
-"""The server: it serves pages, steps their sessions and prepares what is compiled."""
+"""The server: it serves pages, advances their sessions and compiles kernels ahead of use."""

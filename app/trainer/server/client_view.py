@@ -18,10 +18,10 @@ from app.trainer.viser_bridge import watch_pace
 __all__ = ["ClientView"]
 
 PANEL_SECONDS = 0.1
-"""Shortest time between two updates of the panel: figures that change faster cannot be read."""
+"""s, shortest time between updates of the panel: faster changes of a figure cannot be read."""
 
 LEAST_PICTURES = 5.0
-"""Pictures a second below which a page gets the simple one."""
+"""Frames per second below which a page gets the simple picture."""
 REMEDY = (
     f"A simpler picture helps: {SIMPLE_PICTURE!r} in the Model tab, or start with --look plain."
 )
@@ -30,21 +30,8 @@ REMEDY = (
 class ClientView:
     """A session and what one client sees of it.
 
-    Parameters
-    ----------
-    state
-        The client's state, with a session that is the client's alone.
-    look
-        "plain" for slow machines; "auto" goes over to it where the page draws too slowly.
-
-    Attributes
-    ----------
-    client, session
-        As given.
-    state
-        What the page's parts share.
-    frames
-        How often the duct was drawn.
+    The state's session is the client's alone. The look "plain" is for slow machines; "auto" changes
+    to it where the page draws too slowly. `frames` counts how often the duct was drawn.
     """
 
     def __init__(
@@ -56,7 +43,7 @@ class ClientView:
         self.state = state
         state.plain = look == "plain"
         self._scene = DuctScene(client, session, "plain" if look == "plain" else "full")
-        # Before the panel is sent: what is seen can be dragged.
+        # Before the panel is sent, so that all that can be seen can be dragged.
         self._scene.let_drag(self.state.grab, self.state.move_hand, self.state.release_hand)
         self._annotations = Annotations(client)
         self._panel = Panel(self.state)
@@ -75,7 +62,7 @@ class ClientView:
         self._stress_of: Session | None = None
 
     def _watch_pace(self, *, may_simplify: bool) -> None:
-        """Name the simple picture to a page that draws in software; give it to a slow one."""
+        """Suggest the simple picture to a page that draws in software; switch a slow page to it."""
         command: viser.CommandHandle | None = None
         if may_simplify:
             command = self.client.gui.add_command(
@@ -95,12 +82,12 @@ class ClientView:
         watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=REMEDY)
 
     def close(self) -> None:
-        """Let go of the duct, and of what was sent: the client has gone."""
+        """Release the duct and remove what was sent, when the client has gone."""
         self.state.release_hand()
         self._panel.close()
 
     def tick(self, seconds: float, *, draws: bool = True) -> None:
-        """Advance the session, or its replay, and show what has changed."""
+        """Advance the session, or its replay, by real time, s, and send what has changed."""
         state = self.state
         state.take_organ()
         if state.take_home():
@@ -116,7 +103,7 @@ class ClientView:
         self._figures = visible
         self._panel_due -= seconds
         run = self.session.run
-        # A hold changes nothing, but its time passes and comes to an end.
+        # While a deflection is held nothing moves, but the time shown runs on.
         timed = run.going and run.exercise is not None
         self._panel_stale |= changed | timed | (run.over and run is not self._told)
         self._undrawn |= changed
@@ -159,9 +146,9 @@ class ClientView:
         return self._stress
 
     def _tell(self, reading: Reading) -> None:
-        """Tell of a tear, and show the result of an exercise that has come to its end."""
+        """Announce a tear, and show the result of an exercise that has ended."""
         state, run = self.state, self.session.run
-        # Nothing is called torn while the picture shows it tearing.
+        # The duct is not called torn before the picture shows it in two.
         if run.over and run is not self._told and reading.phase is not Phase.TEARING:
             self._told = run
             state.keep_run()

@@ -1,4 +1,4 @@
-"""A timer with a fixed rate: ticks that come too late are counted as missed, not caught up."""
+"""A fixed-rate timer: ticks that come too late are counted as missed, not made up for."""
 
 import threading
 import time
@@ -8,28 +8,11 @@ __all__ = ["FixedRateTimer"]
 
 
 class FixedRateTimer:
-    """Ticks that are due at equal intervals from the first `wait` on.
+    """Ticks due every `period` s from the first `wait` on; `clock` gives the time, s.
 
-    A tick may come late by less than a period. One that would come later is missed.
-
-    Parameters
-    ----------
-    period
-        From tick to tick, s.
-    clock
-        Gives the time, s.
-
-    Attributes
-    ----------
-    ticks, missed
-        How many came, and how many were due and did not come.
-    load
-        Time from the last tick to the next `wait`, in periods.
-
-    Raises
-    ------
-    ValueError
-        If the period is not positive.
+    A tick may come late by less than a period; one that would come later is missed. `ticks` and
+    `missed` count both kinds. `load` is the time from the last tick to the next `wait`, in periods.
+    A `ValueError` if the period is not positive.
     """
 
     __slots__ = ("_clock", "_due", "_last", "_period", "load", "missed", "ticks")

@@ -1,35 +1,32 @@
-"""How often each client's duct is drawn: at every tick, less often while that takes too long."""
+"""How often each client's duct is drawn: at every tick, or less often under high load."""
 
 __all__ = ["FrameBudget"]
 
 MAX_INTERVAL = 4
-"""Longest time between two frames of a duct, ticks: 7.5 frames a second."""
+"""Most ticks between two frames of a duct: 7.5 frames per second."""
 HIGH_LOAD, LOW_LOAD = 0.8, 0.6
-"""Mean load, work by period, above which frames are left out, and below which they come back."""
+"""Mean loads above which frames are left out, and below which they come back. The gap keeps the
+interval from changing to and fro."""
 WEIGHT = 0.1
-"""Of the newest tick in the mean: one tick that another process has delayed says little."""
+"""Weight of the newest tick in the running mean, so that one delayed tick changes little."""
 
 
 class FrameBudget:
-    """Which clients draw in a tick, when there may be no time for all.
+    """Decides which clients draw in a tick, when there is not enough time for all.
 
-    Steps of the sessions are never left out, frames may be.
-
-    Attributes
-    ----------
-    interval
-        Ticks from one frame of a duct to the next.
+    Sessions are stepped at every tick; only frames are left out. Clients take turns, so that the
+    drawing is spread evenly over the ticks of an interval.
     """
 
     __slots__ = ("_mean_load", "_tick", "interval")
 
     def __init__(self) -> None:
-        self.interval: int = 1
+        self.interval: int = 1  # ticks between two frames of a duct
         self._tick = 0
         self._mean_load = 0.0
 
     def begin_tick(self, load: float) -> None:
-        """Begin the next tick, after one that has worked for `load` periods."""
+        """Begin the next tick; `load` is the time that the last one worked, in periods."""
         self._tick += 1
         self._mean_load += WEIGHT * (min(load, 1.0 / WEIGHT) - self._mean_load)
         before = self.interval
@@ -37,7 +34,7 @@ class FrameBudget:
             self.interval = before + 1
         elif before > 1 and self._mean_load * before / (before - 1) < LOW_LOAD:
             self.interval = before - 1
-        # The load expected at the new interval: drawing is nearly all of the work.
+        # The load expected at the new interval, since drawing is nearly all of the work.
         self._mean_load *= before / self.interval
 
     def draws(self, number: int) -> bool:

@@ -1,4 +1,4 @@
-"""Sessions by token: a page that is loaded anew finds its trainee's session again."""
+"""Sessions by token: a page that is reloaded finds its trainee's session again."""
 
 import secrets
 import time
@@ -11,13 +11,13 @@ from app.simulation import Session
 __all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
 
 KEPT_SECONDS = 600.0
-"""How long a session waits for its page to come back."""
+"""s that a session waits for its page to come back."""
 MOST_SESSIONS = 64
 TOKEN_BYTES = 16
 
 
 class SessionsFullError(ValueError):
-    """There are as many sessions at work as there may be."""
+    """The largest number of sessions is in use."""
 
 
 @dataclass(slots=True)
@@ -29,16 +29,8 @@ class _Kept:
 class Sessions:
     """The sessions of all clients, each under a token that only its client knows.
 
-    Parameters
-    ----------
-    make
-        Makes a new session.
-    most
-        How many there may be.
-    kept_seconds
-        How long one that was left is kept, s.
-    clock
-        Gives the time, s.
+    `make` makes a new session. There are `most` at most; one that was left is kept for
+    `kept_seconds`, or until its place is needed. `clock` gives the time, s.
     """
 
     def __init__(
@@ -86,7 +78,7 @@ class Sessions:
         return token, session
 
     def leave(self, token: str) -> None:
-        """Say that a session's client has gone; it is kept for a while."""
+        """Note that a session's client has gone; the session is kept for a while."""
         with self._lock:
             kept = self._kept.get(token)
             if kept is not None and kept.left_at is None:

@@ -1,4 +1,4 @@
-"""The trainer's server: its start-up in one place, one session per client, one clock for all."""
+"""The trainer's server: how it starts, one session per client, and one clock for all."""
 
 import contextlib
 import logging
@@ -34,12 +34,12 @@ from organ_geometry import Organ
 __all__ = ["AddressTakenError", "Trainer"]
 
 LONGEST_TICK = 0.1
-"""Longest time a session advances at once, s: a stalled machine slows a pull, it skips nothing."""
+"""s, longest time that a session advances at once: a stall slows a pull, but skips nothing."""
 
 EXPIRY_SECONDS = 10.0
-"""How often sessions that were left are looked through."""
+"""s between two searches for sessions that have expired."""
 STORAGE_SECONDS = 1.0
-"""How long a browser may take to say what it keeps."""
+"""s that a browser may take to send its stored token."""
 LOST = (
     "The one that this page had is gone: the trainer was started anew, or the page was away for "
     "more than ten minutes."
@@ -49,11 +49,11 @@ log = logging.getLogger(__name__)
 
 
 class AddressTakenError(ValueError):
-    """The address cannot be served: it is in use or not this machine's."""
+    """The address cannot be served: it is in use, or not one of this machine."""
 
 
 class Trainer:
-    """A running trainer: open its address in a browser.
+    """A running trainer: open its `address` in a browser.
 
     Parameters
     ----------
@@ -62,29 +62,29 @@ class Trainer:
     preset
         The preset that they open on; `default_preset` when None.
     host
-        Address to serve, loopback unless somebody wants otherwise.
+        Address to serve; loopback by default.
     port
         Port to serve; 0 takes a free one.
     look
         "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
     most_clients
-        How many can train at once.
+        Most clients at a time.
     exercise_inputs
-        What counts in exercises: "any" lets sliders and keys in, and each run says so.
+        Which inputs count in exercises; "any" allows sliders and keys, and each run says so.
     haptics
-        Starts the servo of a device, given what is felt at first; none when None.
+        Starts the servo of a device for a first setting; None for no device.
 
     Attributes
     ----------
     timer
         Counts the ticks that ran and those that the machine had no time for.
     warm_up
-        Prepares what no page waits for.
+        Compiles and draws ahead of use.
 
     Raises
     ------
     AddressTakenError
-        If the address is in use or not this machine's.
+        If the address is in use, or not one of this machine.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Trainer:
             except ValueError:
                 self._server.stop()
                 raise
-        # Where "reset view" leads; each client's own camera is set when its scene is drawn.
+        # What "reset view" goes to; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)
         camera = self._server.initial_camera
         camera.position = tuple(overview.position)
@@ -161,7 +161,7 @@ class Trainer:
             return {number: view.frames for number, view in self._views.items()}
 
     def stop(self) -> None:
-        """Stop the clock and the server, and let go of what the clients have sent."""
+        """Stop the clock and the server, and remove what clients have uploaded."""
         self._stopping.set()
         self.warm_up.stop()
         self._clock.join(timeout=5.0)
@@ -197,7 +197,7 @@ class Trainer:
                 self._tell_fault(client)
             return
         with self._views_lock:
-            # viser runs this in a pool: a tab closed meanwhile has been disconnected already.
+            # viser runs this in a thread pool: the tab may have been closed in the meantime.
             if there := number in self._server.get_clients():
                 self._views[number], self._tokens[number] = view, token
         if not there:
@@ -215,7 +215,7 @@ class Trainer:
 
     @contextlib.contextmanager
     def _surviving(self, what: str) -> Generator[None]:
-        """Log the first fault of a kind, and go on: one thread steps everybody's session."""
+        """Log the first fault of a kind, and go on: one thread steps every client's session."""
         try:
             yield
         except Exception:
@@ -224,7 +224,7 @@ class Trainer:
                 log.exception("%s has failed; the sessions go on", what)
 
     def _tell_fault(self, client: viser.ClientHandle) -> None:
-        """Log the fault that has just stopped a client's session, and tell the client."""
+        """Log the fault that has stopped a client's session, and tell the client."""
         log.exception("the session of client %d has stopped", client.client_id)
         with self._surviving("telling a client"):
             client.add_notification(
@@ -244,7 +244,7 @@ class Trainer:
                     self._idle = close_idle_connections(self._server, self._idle)
 
     def _tick(self, seconds: float) -> None:
-        """Step every session, and draw those whose turn it is."""
+        """Step every session, and draw those that the frame budget allows."""
         with self._views_lock:
             views = list(self._views.items())
         self._budget.begin_tick(self.timer.load)

@@ -1,9 +1,9 @@
-"""Warm-up: kernels are compiled and still meshes made before they are needed.
+"""Warm-up: kernels are compiled and static meshes made before they are needed.
 
-What a session does by the theory that it starts with is compiled before the first page is served,
-so that no tick of the clock compiles. A thread of its own then makes the meshes that do not move
-and compiles the other theories: these take half a minute on a first start, and a client that
-chooses one meanwhile is told to wait. Later starts load them from numba's cache.
+What a session needs of the theory that it starts with is compiled before the first page is served,
+so that no tick of the clock compiles. A thread then makes the static meshes and compiles the other
+theories. This takes half a minute on a first start, and a client that chooses one of them meanwhile
+is told to wait. Later starts load them from numba's cache.
 """
 
 import threading
@@ -46,7 +46,7 @@ ICONS = (
 
 
 def warm_session(organ: Organ, preset: Preset | None = None) -> None:
-    """Compile or load what a session and its drawing need by the theory that it starts with."""
+    """Compile, or load, what a session and its drawing need of the theory that it starts with."""
     _warm_drawing(Session(organ, preset))
     session = Session(organ, preset)
     session.choose_ghost(Cubic())
@@ -65,23 +65,10 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
 
 
 class WarmUp:
-    """A thread that draws what stands still and compiles the theories, and then ends.
-
-    Parameters
-    ----------
-    dissection
-        What is trained on.
-    look
-        How it is drawn.
-
-    Attributes
-    ----------
-    done
-        Set when all is ready.
-    """
+    """A thread that makes the static meshes and compiles the theories, and then ends."""
 
     def __init__(self, dissection: Dissection, look: Look) -> None:
-        self.done = threading.Event()
+        self.done = threading.Event()  # set when all is ready
         self._dissection = dissection
         self._look: Look = look
         self._stopping = False
@@ -89,7 +76,7 @@ class WarmUp:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread after the theory that it is at; nobody waits for it."""
+        """End the thread after the theory that it is compiling, without waiting for it."""
         self._stopping = True
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""What stands still around the duct: tissue bed, clamps, hook, lights and camera."""
+"""The static things around the duct (tissue bed, clamps, hook, lights, camera), and its surface."""
 
 from app.trainer.stage.camera import Viewpoint, viewpoint
 from app.trainer.stage.lighting import Look

@@ -1,6 +1,6 @@
-"""What a duct is made of to the eye: the colours, vessels and gloss of its kind.
+"""How each kind of duct looks: colours, vessels and gloss.
 
-Drawn, not computed: no model of ours says what tissue looks like.
+Chosen by eye, not computed: no model here says what tissue looks like.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ __all__ = [
 Kind = Literal["bile duct", "gallbladder", "ureter", "rubber"]
 
 Surroundings = Literal["liver", "fat", "bench"]
-"""Below the liver, on fat alone, or on a bench."""
+"""What the duct lies in: the bed below the liver, fat alone, or a bench."""
 
 _NO_LUMEN = 0.02
 
@@ -30,54 +30,26 @@ Color = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """How one kind of duct looks; colours are sRGB, 0 to 255.
-
-    Attributes
-    ----------
-    kind
-        The kind.
-    base, deep, flushed, pale
-        Its ground, and what mottles it: deeper, flushed with blood, and paler fibres.
-    vessel
-        Of the vessels in its wall.
-    vessels, vessel_width
-        How many trunks run along it, and how wide the widest is, mm.
-    capillaries
-        Strength of the fine network between them, 0 to 1.
-    fibres
-        Strength of the fibres along it, 0 to 1.
-    roughness, clearcoat
-        Gloss, as in glTF's metallic-roughness model: the wet film is the clearcoat.
-    inside, raw
-        Of the lumen and of torn wall.
-    blood
-        What soaks a torn end; None where nothing bleeds.
-    spilt
-        What runs out of a torn lumen; None for nothing.
-    surroundings
-        Where it lies.
-    bite
-        Height of its section between the jaws of a clamp, in parts of its height at rest.
-    """
+    """How one kind of duct looks; colours are sRGB, 0 to 255."""
 
     kind: Kind
-    base: Color
-    deep: Color
-    flushed: Color
-    pale: Color
-    vessel: Color
-    vessels: int
-    vessel_width: float
-    capillaries: float
-    fibres: float
-    roughness: float
-    clearcoat: float
-    inside: Color
-    raw: Color
-    blood: Color | None
-    spilt: Color | None
+    base: Color  # ground colour
+    deep: Color  # darker patches on it
+    flushed: Color  # patches flushed with blood
+    pale: Color  # paler fibres
+    vessel: Color  # of the vessels in the wall
+    vessels: int  # trunks running along it
+    vessel_width: float  # of the widest trunk, mm
+    capillaries: float  # strength of the fine network between them, 0 to 1
+    fibres: float  # strength of the fibres along it, 0 to 1
+    roughness: float  # as in glTF's metallic-roughness model
+    clearcoat: float  # of the wet film
+    inside: Color  # of the lumen
+    raw: Color  # of torn wall
+    blood: Color | None  # soaks a torn end; None where nothing bleeds
+    spilt: Color | None  # runs out of a torn lumen; None for nothing
     surroundings: Surroundings
-    bite: float
+    bite: float  # height of its section between a clamp's jaws over that at rest
 
 
 _KINDS: dict[Kind, Appearance] = {

@@ -1,6 +1,6 @@
-"""The bench that a rubber rod is tested on: a cutting mat with a grid of centimetres.
+"""The bench under a rubber rod: a cutting mat with a grid of centimetres.
 
-Drawn in the tissue bed's coordinates, for a span of 50.8 mm.
+In the tissue bed's coordinates, for a span of 50.8 mm.
 """
 
 from functools import cache
@@ -27,7 +27,7 @@ def bench_glb(*, pixels: int = _CENTIMETRE) -> bytes:
     solid = Solid(
         vertices, faces, vertex_normals(vertices, faces, welded=True), vertices[:, :2] / 10.0
     )
-    # A line each five millimetres, the whole centimetres wider.
+    # A line every five millimetres; those of whole centimetres are wider.
     place = np.linspace(0.0, 1.0, pixels, endpoint=False)
     thick = np.minimum(place, 1.0 - place) < 0.012
     thin = np.abs(place - 0.5) < 0.006

@@ -1,4 +1,4 @@
-"""Where the camera stands for a span and the shape of a browser's window."""
+"""Where the camera stands, for a span and the shape of a browser's window."""
 
 from dataclasses import dataclass
 
@@ -13,34 +13,24 @@ FIELD_OF_VIEW = 0.62
 _VIEW_DIRECTION = np.array([0.0, 0.80, -0.60])
 TOWARDS_VIEWER = -_VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
 """(3,) from the stage towards the camera when it is framed."""
-_MARGIN = 0.93
-_NARROW = 0.8
-_NARROW_SHIFT = 0.42
-_LIFT = 0.30
+_MARGIN = 0.93  # part of the picture's half height and half width that may be filled
+_NARROW = 0.8  # width by height below which it is a phone held upright
+_NARROW_SHIFT = 0.42  # of the half height, that the duct is moved up above a phone's panel
+_LIFT = 0.30  # height of the lifted middle, in spans
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Viewpoint:
-    """A camera pose.
+    """A camera pose in stage coordinates."""
 
-    Attributes
-    ----------
-    position, look_at
-        (3,) mm in stage coordinates.
-    up
-        (3,) unit vector.
-    fov
-        Vertical field of view, rad.
-    """
-
-    position: NDArray[np.float64]
-    look_at: NDArray[np.float64]
-    up: NDArray[np.float64]
-    fov: float = FIELD_OF_VIEW
+    position: NDArray[np.float64]  # (3,) mm
+    look_at: NDArray[np.float64]  # (3,) mm
+    up: NDArray[np.float64]  # (3,) unit vector
+    fov: float = FIELD_OF_VIEW  # vertical, rad
 
     @property
     def distance(self) -> float:
-        """From the camera to the point it looks at, mm."""
+        """Distance from the camera to the point that it looks at, mm."""
         return float(np.linalg.norm(self.look_at - self.position))
 
     def picture_points(self, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
@@ -59,15 +49,13 @@ def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None =
 
     Parameters
     ----------
-    span
-        Between the clamps, mm.
-    radius
-        Of the duct, mm.
+    span, radius
+        Between the clamps, and of the duct, mm.
     aspect
         Width by height of the picture. Below 0.8 it is taken for a phone, whose panel covers the
         lower part: the duct then appears in the upper part.
     lift
-        How high the duct's middle is lifted at most, mm; three tenths of the span when None.
+        Largest height that the duct's middle is lifted to, mm; three tenths of the span when None.
 
     Returns
     -------
@@ -104,8 +92,9 @@ def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None =
     depth = relative @ forward
     slope = float(np.tan(FIELD_OF_VIEW / 2.0))
     shift = _NARROW_SHIFT if aspect < _NARROW else 0.0
-    # A point is inside when |right| <= margin * aspect * slope * (distance + depth), and likewise
-    # upwards, where the shift takes a part of the picture's height; solved for the distance.
+    # A point is in the picture when |right| <= margin * aspect * slope * (distance + depth), and
+    # likewise upwards, where the shift takes up part of the height. The smallest distance for which
+    # all points are is the largest that one of them asks for.
     distance = max(
         float(np.max(np.abs(relative @ right) / (_MARGIN * aspect * slope) - depth)),
         float(np.max((relative @ above / slope - _MARGIN * depth) / (_MARGIN - shift))),

@@ -14,7 +14,7 @@ from organ_geometry.mesh import Finish, vertex_normals
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
 MATT_STEEL = Finish(color=(150, 154, 160), roughness=0.45, metallic=0.25)
-"""Steel for a stage without an environment map, where metal has nothing to mirror."""
+"""Steel for a stage without an environment map, where polished metal reflects nothing."""
 
 INSULATION = Finish(color=(24, 26, 30), roughness=0.42, metallic=0.1, clearcoat=0.2)
 
@@ -34,12 +34,12 @@ STUB = (
     (1.25, 1.0, 0.36),
     (1.6, 0.8, 0.2),
 )
-"""Rings of the tissue in a clamp's mouth: how far behind the wall's end each is, in radii, and its
-width and height in parts of the end's."""
+"""Rings of the tissue between a clamp's jaws: distance behind the wall's end, in radii, and width
+and height over those of the end."""
 _CUFF_FACE = -0.05
 """Where the cuff meets the duct, radii."""
 _IN_SHADE = 0.86
-_ROUND_BITE = 0.8  # with this or more, the duct's ends are taken for round
+_ROUND_BITE = 0.8  # with this bite or more, the duct's ends count as round
 
 
 @lru_cache(maxsize=16)  # a few ducts; trainees can build any number

@@ -1,7 +1,9 @@
-"""What instruments do to the skin where they touch it. Drawn, not computed: the beam has no wall.
+"""How instruments deform the skin where they touch it. Drawn, not computed: a beam has no wall.
 
-The clamps flatten the section between their jaws. The hook's wire lies in a groove that is as deep
-as the wire has sunk in, with the wall raised a little on both sides.
+The clamps flatten the section between their jaws, with a displacement that is computed once. At
+each frame the hook's wire presses a groove into the wall, as deep as the wire has sunk in, with the
+wall raised a little on both sides. Both darken the skin beside them. The displacements are smooth
+functions, chosen by eye, of the place in the frame of the clamps or of the hook.
 """
 
 from dataclasses import dataclass
@@ -18,40 +20,31 @@ from organ_geometry.mesh import Skin
 __all__ = ["BITE", "Contact", "HookPlace"]
 
 BITE = 0.62
-"""Height of a duct's section between the jaws, in parts of its height at rest."""
+"""Height of a duct's section between the jaws over that at rest."""
 SPREAD = 0.13
-"""How much wider the section gets there."""
+"""Relative growth of the section's width there."""
 JAW_REACH = 0.4
-"""Over how much of the axis the jaws reach, in radii."""
+"""Length of the axis between the jaws, in radii."""
 JAW_FADE = 0.85
-"""Over how much of the axis the flattening fades, in radii."""
+"""Length of the axis over which the flattening fades, in radii."""
 SINK_AT_REST, SINK_AT_BREAK = 0.02, 0.20
-"""How far the wire sinks into the wall, in radii."""
+"""Depth of the wire in the wall, in radii."""
 JAW_SHADE = 0.62
-"""How dark the wall is in the angle below a jaw."""
+"""Light that is left on the wall in the angle below a jaw."""
 STUB_SLACK = 0.3
-"""How far from a clamp a wall may end and still be carried on into it, in radii."""
+"""Largest gap between a clamp and the wall's end that a stub bridges, in radii."""
 SMOOTHED_ORDERS = 5.0
-"""Over how many orders of waves around a ring its edges are smoothed out."""
+"""Orders of waves around a ring over which the smoothing fades them out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HookPlace:
-    """Where the hook holds the duct, in the organ's coordinates.
+    """Where the hook holds the duct, in the organ's coordinates."""
 
-    Attributes
-    ----------
-    center
-        (3,) centre of the wire's bend, mm.
-    frame
-        (3, 3) orthonormal columns: along the duct, lateral, along the pull.
-    radius
-        The duct's, that the bend is made for, mm.
-    """
-
-    center: NDArray[np.float64]
+    center: NDArray[np.float64]  # (3,) centre of the wire's bend, mm
+    # (3, 3) orthonormal columns: along the duct, lateral, along the pull
     frame: NDArray[np.float64]
-    radius: float
+    radius: float  # of the duct that the bend is made for, mm
 
 
 def sink(share: float, radius: float) -> float:
@@ -60,7 +53,7 @@ def sink(share: float, radius: float) -> float:
 
 
 class Contact:
-    """A skin as it is drawn: smooth, as thick as what is solved, and marked by clamps and hook.
+    """A skin as it is drawn: smooth, of the solved thickness, and deformed by clamps and hook.
 
     Parameters
     ----------
@@ -75,23 +68,9 @@ class Contact:
     radius
         Of the duct that is drawn, mm.
     thickness
-        Its thickness in parts of the skin's.
+        Its thickness over the skin's.
     bite
-        Height of its section between the jaws, in parts of its height at rest.
-
-    Attributes
-    ----------
-    skin, frame
-        As given.
-    vertices
-        (V, 3) the marked vertices, mm; overwritten by each `mark`.
-    shade
-        (V,) how much light reaches each vertex past the instruments, 0 to 1.
-    stubs
-        (S, sides, 3) rings, mm, that carry the outer wall on into the first and the last clamp,
-        from the first station to the last; none where it does not end at one.
-    stub_shade
-        How much light reaches them.
+        Height of its section between the jaws over that at rest.
     """
 
     def __init__(
@@ -107,7 +86,8 @@ class Contact:
     ) -> None:
         self.skin, self.frame, self._radius = skin, frame, radius
         self._smoothing = _ring_smoothing(skin.sides, thickness)
-        self.vertices = skin.vertices.copy()
+        self.vertices = skin.vertices.copy()  # (V, 3) mm; overwritten by each `mark`
+        # (V,) light past the instruments, 0 to 1
         self.shade = np.ones(len(skin.vertices), np.float32)
         self._smooth(skin.vertices)
 
@@ -117,7 +97,7 @@ class Contact:
         offsets = self.vertices - axis
         lateral, up = frame[:, 1], frame[:, 2]
         height = offsets @ up
-        # Each side of each ring by its own height, so that it lies against its jaw.
+        # Each half of each ring relative to its own height, so that it lies against its jaw.
         top, bottom = _ring_reach(height, skin)
         own = np.maximum(np.where(height > 0.0, top, bottom), 1e-9)
         part = np.clip(np.abs(height) / own, 0.0, 1.0)
@@ -129,9 +109,11 @@ class Contact:
         self._pinch = (squeezed + wide).astype(np.float32)
         covered = np.exp(-((np.maximum(inside - 0.45 * radius, 0.0) / (0.7 * radius)) ** 2))
         self._jaw_shade = (1.0 - (1.0 - JAW_SHADE) * covered).astype(np.float32)
-        self.stub_shade = JAW_SHADE
+        self.stub_shade = JAW_SHADE  # light that reaches the stubs, 0 to 1
         self.mark(skin.vertices, None)
         stations = skin.grid(skin.stations)
+        # (S, sides, 3) rings, mm, that carry the outer wall on into the first and into the last
+        # clamp, in the order of stations; none where the wall does not end at the clamp
         self.stubs = (
             self._stub(0, 1, clamps[0] - float(stations[0].mean())),
             self._stub(-1, -2, float(stations[-1].mean()) - clamps[1])[::-1],
@@ -157,14 +139,14 @@ class Contact:
         return np.array(stub, np.float32)
 
     def _smooth(self, vertices: NDArray[np.float32]) -> None:
-        """Write `vertices` from a deformed skin's."""
+        """Write `vertices` as a smooth version of a deformed skin's."""
         count = self.skin.wall_size * (2 if self.skin.hollow else 1)
         rings = vertices[:count].reshape(-1, self.skin.sides, 3)
         np.matmul(self._smoothing, rings, out=self.vertices[:count].reshape(rings.shape))
         self.vertices[count:] = vertices[count:]
 
     def mark(self, vertices: NDArray[np.float32], hook: HookPlace | None) -> None:
-        """Write `vertices` and `shade` for a deformed skin."""
+        """Write `vertices` and `shade` for a deformed skin, with the hook if it holds the duct."""
         self._smooth(vertices)
         self.vertices += self._pinch
         self.shade[:] = self._jaw_shade
@@ -182,8 +164,10 @@ class Contact:
 @lru_cache(maxsize=16)
 def _ring_smoothing(sides: int, thickness: float) -> NDArray[np.float32]:
     """Return what takes a ring's points to a smooth ring of another thickness, (sides, sides)."""
-    # A section is stored as two half-curves, which meet at an edge that tissue has not. Waves
-    # around the ring are kept where they are long, and fade out towards the short ones.
+    # A section is stored as two half-curves, which meet at a corner that tissue does not have. A
+    # low-pass filter over the ring, written as a circulant matrix, rounds it: waves of up to two
+    # periods around the ring are kept, shorter ones fade out. All but the mean are scaled by the
+    # thickness.
     orders = np.minimum(np.arange(sides), sides - np.arange(sides))
     kept = thickness * np.exp(-((np.maximum(orders - 2, 0) / SMOOTHED_ORDERS) ** 2))
     kept[0] = 1.0
@@ -228,7 +212,8 @@ def _press(
         radius = np.sqrt(y * y + z * z)
         if radius < 1e-6:
             continue
-        # From the viewer's side around below to the far side, as the wire runs.
+        # Angle around the duct as the wire runs: from the viewer's side, below, to the far side.
+        # Beyond the wire's ends `along_wire` fades the groove out.
         angle = np.arctan2(-z, -y)
         if angle < -0.5 * np.pi:
             angle += 2.0 * np.pi
@@ -238,7 +223,8 @@ def _press(
         if along_wire <= 0.0:
             continue
         groove = bend - wire + x * x / (3.2 * wire)
-        # The smaller of the two radii, without an edge where they meet.
+        # The wall goes no farther out than the groove: a smooth minimum of both radii, as wide as
+        # half a wire's radius, and then a bulge on each side, higher the deeper the wire.
         soft = 0.5 * wire
         mixed = max(soft - abs(radius - groove), 0.0) / soft
         pressed = min(radius, groove) - 0.25 * soft * mixed * mixed

@@ -1,4 +1,4 @@
-"""What is drawn of several scene nodes, which are shown, hidden and removed together."""
+"""Scene nodes that are shown, hidden and removed together."""
 
 from typing import Any
 
@@ -6,13 +6,7 @@ __all__ = ["Drawn"]
 
 
 class Drawn:
-    """Scene nodes that were added hidden: one thing to whoever looks.
-
-    Parameters
-    ----------
-    parts
-        Their handles.
-    """
+    """Scene nodes, added hidden, that are handled as one; `parts` are their handles."""
 
     def __init__(self, *parts: Any) -> None:
         self._parts = parts
@@ -20,7 +14,7 @@ class Drawn:
 
     @property
     def visible(self) -> bool:
-        """Whether it is drawn."""
+        """Whether it is shown."""
         return self._visible
 
     @visible.setter
@@ -31,6 +25,6 @@ class Drawn:
                 part.visible = visible
 
     def remove(self) -> None:
-        """Take it off the scene."""
+        """Remove it from the scene."""
         for part in self._parts:
             part.remove()

@@ -1,10 +1,10 @@
-"""A surface that moves and has a finish of its own: fine, smooth, textured and wet.
+"""A moving surface with a material of its own: fine, smooth, textured and wet.
 
-viser's streamed meshes have one colour and normals by their triangles. This one streams the rings
-of a coarse grid, and the page lays a finer grid through them and draws it in the material of a GLB
-file that was sent once (`dressed_surface.js`). A frame is the rings' places and how much light
-reaches them, 16 bytes for each point. Or, instead of light, how much stress each point bears: the
-page gives it the colours of `tone.light_table`, drawn as they are whatever lamps there are.
+viser's streamed meshes have one colour and flat-shaded normals. This one streams the rings of a
+coarse grid; the page interpolates a finer grid through them and draws it in the material of a GLB
+file that was sent once (`dressed_surface.js`). A frame is each point's place and the light that
+reaches it, 16 bytes a point. Instead of light it can be the stress at each point, to which the page
+gives the colours of `tone.light_table`, drawn as they are whatever the lamps.
 """
 
 import base64
@@ -27,32 +27,24 @@ from organ_geometry.mesh import Finish
 __all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]
 
 FAR = 100.0
-"""Distance from a torn rim where there is none, radii."""
+"""Value of `behind` without a torn rim, radii."""
 NO_STRESS = -9.0
-"""Share of a place whose stress nobody has computed; half of it and any share is below zero too."""
+"""Stress where none is computed. So low that the mean with any computed one is below zero too, when
+the page interpolates between points."""
 DARKEST = 0.62
-"""Light that is left of a stress's colour where the wall turns away from the viewer, so that its
-form is seen; where it faces the viewer the colours are the map's own."""
+"""Part of a stress's colour that is left where the wall turns away from the viewer, so that its
+shape can be seen; where it faces the viewer the colours are those of the map."""
 _UNKNOWN = (72, 66, 66)
 """sRGB of places without a stress."""
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Rings of a surface, one after the other, that are drawn as one smooth sheet.
+    """Rings of a surface, one after the other, that are drawn as one smooth sheet."""
 
-    Attributes
-    ----------
-    rings
-        Their numbers, as they are streamed.
-    outwards
-        Whether (along a ring) x (from ring to ring) points to the side that is seen.
-    tint
-        Linear light that its colours are multiplied with.
-    """
-
-    rings: tuple[int, ...]
-    outwards: bool
+    rings: tuple[int, ...]  # their numbers, as they are streamed
+    outwards: bool  # whether (along a ring) x (from ring to ring) points to the visible side
+    # linear light that its colours are multiplied with
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
@@ -62,7 +54,7 @@ def _script() -> str:
 
 
 def keep_finish(scene: viser.SceneApi, name: str, finish: Finish) -> None:
-    """Send a finish that surfaces can be drawn in, on a triangle too small to be seen."""
+    """Send a material for surfaces to be drawn in, on a triangle too small to be seen."""
     normals = np.tile((0.0, 0.0, 1.0), (3, 1))
     solid = Solid(1e-3 * np.eye(3), np.array([[0, 1, 2]]), normals, np.eye(3)[:, :2].copy())
     scene.add_glb(name, solids_glb([Part(solid, finish)]), cast_shadow=False, receive_shadow=False)
@@ -76,7 +68,7 @@ def light_surfaces(
     floor: NDArray[np.float64],
     radius: float,
 ) -> None:
-    """Let the hook's wire throw its shadow on the duct, and the duct and the hook on the bed."""
+    """Let the hook's wire cast its shadow on the duct, and the duct and the hook on the bed."""
     way = (lamp - aim) / np.linalg.norm(lamp - aim)
     light = {
         "lamp": (lamp - floor).tolist(),
@@ -91,36 +83,26 @@ def light_surfaces(
 
 
 class DressedSurface:
-    """A streamed surface of one client in a finish of its own.
+    """A streamed surface of one client in a material of its own, the scene node `name`.
 
     Parameters
     ----------
-    scene
-        Of one client.
-    name
-        The scene node.
+    scene, name
+        Of one client, and the scene node.
     finish
-        The scene node of its finish (`keep_finish`); None where only its stress is shown.
+        The scene node of its material (`keep_finish`); None where only its stress is shown.
     along
-        (rings, sides) place of each point along the finish's pictures, in their widths.
+        (rings, sides) place of each point along the material's pictures, in their widths.
     behind
         (rings, sides) distance from a torn rim, radii, negative beyond it; `FAR` without one.
     patches
         What is drawn of the rings.
     color
-        sRGB of the surface in a page that does not know the finish.
+        sRGB of the surface in a page that does not know the material.
     raw, blood
         Linear light of torn wall, and of the blood that soaks it, if any.
     towards_viewer
-        (3,) direction from the surface, in whose light the stress's colours are the map's own.
-
-    Attributes
-    ----------
-    places
-        (rings, sides, 3) mm, to be written before `send`.
-    shades
-        (rings, sides) light that reaches each point, 0 to 1, or its stress in parts of the
-        threshold, not below 0, or `NO_STRESS`; to be written before `send`.
+        (3,) direction from the surface in which the stress's colours are those of the map.
     """
 
     def __init__(
@@ -140,9 +122,12 @@ class DressedSurface:
         self._scene, self._name = scene, name
         rings, sides = along.shape
         count = rings * sides
-        tail = -(-(count + 1) // 3)  # the last number says whether they are shades or stresses
+        tail = -(-(count + 1) // 3)  # the very last number tells shades from stresses
         self._sent = np.zeros((count + tail, 3), np.float32)
+        # (rings, sides, 3) mm, to be written before `send`
         self.places = self._sent[:count].reshape(rings, sides, 3)
+        # (rings, sides), to be written before `send`: light, 0 to 1, or stress over the threshold,
+        # 0 or more, or `NO_STRESS`
         self.shades = self._sent[count:].reshape(-1)[:count].reshape(rings, sides)
         self.shades[:] = 1.0
         self._mesh = scene.add_mesh_simple(
@@ -185,7 +170,7 @@ class DressedSurface:
 
     @property
     def visible(self) -> bool:
-        """Whether it is drawn."""
+        """Whether it is shown."""
         return self._mesh.visible
 
     @visible.setter
@@ -193,12 +178,12 @@ class DressedSurface:
         self._mesh.visible = visible
 
     def send(self, *, stress: bool = False) -> None:
-        """Show places and shades, or stresses, as they are now."""
+        """Send places and shades, or stresses, as they are now."""
         self._sent[-1, -1] = stress
         self._mesh.vertices = self._sent
 
     def remove(self) -> None:
-        """Take it off the scene."""
+        """Remove it from the scene."""
         self._mesh.remove()
         run_in_page(self._scene, f"bluntdissectSurfaces.undress({json.dumps(self._name)});")
 

@@ -1,4 +1,4 @@
-"""Stress on the duct's surface as colours: a fixed range from none to the threshold, and a key."""
+"""The key of the heat map: stress as colours, from zero to the threshold."""
 
 import html
 

@@ -9,9 +9,9 @@ from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.solids import Part, Solid, solids_glb, swept_solid
 
 TIP_ANGLE = -0.45
-"""Where the wire ends on the viewer's side, rad; half pi is straight below the duct."""
+"""Angle of the wire's end on the viewer's side, rad; half pi is straight below the duct."""
 LEAN = np.array([0.40, 0.14, 0.90])
-"""The way that the shaft leads, not of unit length."""
+"""Direction of the shaft, not of unit length."""
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15
@@ -79,12 +79,12 @@ def _wire_path(radius: float, count: int) -> NDArray[np.float64]:
 
 
 def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:
-    """Return the turn about the duct's axis that takes +z to the pull.
+    """Return the rotation about the duct's axis that takes +z to the direction of the pull.
 
     Parameters
     ----------
     direction
-        (3,) pull; its part along the axis, x, is left out, as the hook stays across the duct.
+        (3,) pull; its component along the axis, x, is ignored: the hook stays across the duct.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If the pull is not finite or has no part across the axis.
+        If the pull is not finite or has no component across the axis.
 
     Examples
     --------

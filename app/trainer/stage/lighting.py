@@ -7,9 +7,9 @@ import viser
 from numpy.typing import NDArray
 
 Look = Literal["full", "plain"]
-"""'plain' leaves out environment map and normal map, for slow machines."""
+"""'plain' has no environment map and no normal map, for slow machines."""
 LookChoice = Literal["full", "plain", "auto"]
-"""'auto' is the full look until a page says that it is too slow for it."""
+"""'auto' is the full look until a page reports that it draws too slowly."""
 
 _BACKGROUND = (10, 3, 4)
 _FOG = (2, 0, 0)  # the client takes fog colours for linear light: this is _BACKGROUND in sRGB
@@ -58,12 +58,12 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
 
 
 def fill_air(scene: viser.SceneApi, *, distance: float) -> None:
-    """Let what lies far behind the duct fade into the dark."""
+    """Let what is far behind the duct fade into the dark."""
     scene.configure_fog(0.95 * distance, 2.3 * distance, color=_FOG)
 
 
 def clear_light(scene: viser.SceneApi) -> None:
-    """Give the scene viser's own light, air and background back."""
+    """Restore the scene's own light, fog and background."""
     scene.configure_fog(1.0, 2.0, enabled=False)
     scene.set_background_image(None)
     scene.configure_environment_map(None)

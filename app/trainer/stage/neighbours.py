@@ -1,6 +1,6 @@
 """The organs behind the duct: the liver's lower edge and the gallbladder, smooth and wet.
 
-Drawn in the tissue bed's coordinates, for a span of 50.8 mm.
+In the tissue bed's coordinates, for a span of 50.8 mm.
 """
 
 from functools import cache
@@ -78,7 +78,7 @@ def _finish(
     fine = smooth_noise(shape, cells=9.0, fall=1.2, seed=seed + 1)
     color = mixed_color(colors[0], colors[1], smooth_step(broad, 0.3, 0.75))
     color = mixed_color(color, colors[2], 0.4 * smooth_step(fine, 0.5, 0.85))
-    # A vein runs where a smooth field passes its middle.
+    # Veins are the level line of a smooth noise field at its mean.
     field = np.abs(smooth_noise(shape, cells=2.0, fall=2.2, seed=seed + 2) - 0.5)
     color = mixed_color(color, _VEIN, veins * smooth_step(field, 0.012, 0.0))
     return Finish(
@@ -94,6 +94,6 @@ def _waved(solid: Solid, *, amplitude: float) -> Solid:
     x, y, z = (solid.vertices / 15.0).T
     wave = np.sin(1.3 * x + 0.7 * y) + np.sin(1.1 * z - 1.9 * x + 2.0) + np.sin(2.3 * y + 1.1 * x)
     vertices = solid.vertices + amplitude * wave[:, None] * solid.normals
-    # Seen from in front and above: a picture laid on from there has no seam.
+    # The texture is projected from in front and above, from where it is seen, so it has no seam.
     uv = np.stack([vertices[:, 0], vertices[:, 2] + 0.6 * vertices[:, 1]], axis=-1) / _TILE
     return Solid(vertices, solid.faces, vertex_normals(vertices, solid.faces, welded=True), uv)

@@ -1,4 +1,4 @@
-"""The duct in two colours, for slow machines: one mesh for its wall, one for its inside."""
+"""The duct in two colours, for slow machines: one mesh for the wall, one for the inside."""
 
 import numpy as np
 import viser
@@ -12,22 +12,10 @@ __all__ = ["PlainTissue"]
 
 
 class PlainTissue:
-    """One surface of the duct on a client's scene.
+    """One surface of the duct on a client's scene: nodes `name`, `name`_inside and `name`_stress.
 
-    Parameters
-    ----------
-    scene
-        Of one client.
-    name
-        The scene node; the inside's is the same with `_inside`, the stress's with `_stress`.
-    contact
-        The surface's skin with the marks of clamps and hook.
-    radius
-        Of the duct, mm.
-    color
-        Of its wall.
-    torn_end
-        Which end of it is torn, if any.
+    `contact` gives the vertices, deformed by clamps and hook; `radius` is the duct's, mm;
+    `torn_end` says which end of it is torn, if any.
     """
 
     def __init__(
@@ -46,7 +34,7 @@ class PlainTissue:
         self._stress: Tissue | None = None
         skin = contact.skin
         self._parts: list[tuple[viser.MeshHandle, NDArray[np.intp]]] = []
-        # A mesh of its own for the inside: another colour, and a sharp edge along the torn rim.
+        # The inside is a mesh of its own for another colour and a sharp edge along the torn rim.
         for (numbers, faces), node, shown in (
             (skin.part("outer"), name, color),
             (skin.part("inside"), f"{name}_inside", INSIDE),
@@ -71,7 +59,7 @@ class PlainTissue:
             mesh.vertices = vertices[numbers]
 
     def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
-        """Draw the stress on the surface as it is now, in parts of the threshold."""
+        """Draw the stress on the surface as it is now, over the threshold."""
         if self._stress is None:
             self._stress = Tissue(
                 self._scene,
@@ -91,7 +79,7 @@ class PlainTissue:
             mesh.visible = not shown
 
     def remove(self) -> None:
-        """Take it off the scene."""
+        """Remove it from the scene."""
         for mesh, _ in self._parts:
             mesh.remove()
         if self._stress is not None:

@@ -1,4 +1,4 @@
-"""Surfaces the stage is made of: grids, and sections swept along a path; and their GLB files."""
+"""Surfaces that the stage is made of: grids and swept sections; and their GLB files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,24 +11,12 @@ from organ_geometry.mesh import Finish, GltfFile, VectorKind, vertex_normals
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
-    """A triangle surface.
+    """A triangle surface."""
 
-    Attributes
-    ----------
-    vertices
-        (V, 3) mm.
-    faces
-        (F, 3) vertex indices, counter-clockwise from outside.
-    normals
-        (V, 3) unit vectors, outward.
-    uv
-        (V, 2) place in the texture, v upward, or None.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float64]
-    uv: NDArray[np.float64] | None = None
+    vertices: NDArray[np.float64]  # (V, 3) mm
+    faces: NDArray[np.int64]  # (F, 3) vertex indices, counter-clockwise from outside
+    normals: NDArray[np.float64]  # (V, 3) unit vectors, outward
+    uv: NDArray[np.float64] | None = None  # (V, 2) texture coordinates, v upward
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""What runs out of a torn duct: a pool of blood or bile on the tissue bed, and drops beside it."""
+"""What runs out of a torn duct: a pool of blood or bile on the tissue bed, with drops beside it."""
 
 from functools import lru_cache
 
@@ -50,7 +50,7 @@ def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator
     x = middle[0] + reach * part * outline * np.cos(angles)
     y = middle[1] + 0.75 * reach * part * outline * np.sin(angles)
     bed = bed_height(x, y)
-    # A film wets what stands out of it, and thins out towards its edge.
+    # The film covers what rises above it, and gets thinner towards its edge.
     level = np.quantile(bed, 0.5) + _FILM
     z = np.maximum(level, bed + _FILM) * (1.0 - part**6) + (bed - _BELOW) * part**6
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)

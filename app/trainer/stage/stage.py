@@ -1,4 +1,4 @@
-"""The stage: everything still around the duct, on one client's scene."""
+"""The stage: everything static around the duct, on one client's scene."""
 
 import time
 from typing import Literal
@@ -19,14 +19,14 @@ from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.viser_bridge import keep_in_sight
 
-_SETTLING_TIME = 3.0
-_ASPECT_CHANGE = 0.02
-_POSE_TOLERANCE = 0.01
-_LIFT_ROOM = 3.0
+_SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
+_ASPECT_CHANGE = 0.02  # relative change of width by height that counts as another shape
+_POSE_TOLERANCE = 0.01  # of the distance, within which a camera is where it was put
+_LIFT_ROOM = 3.0  # mm between the duct and the bed, at the reference span or less
 _SIGHT = 0.1
-"""How far beside the duct the camera may look, in spans."""
+"""Distance beside the duct that the camera may look at, in spans."""
 _NEAREST, _LOWEST = 6.0, 2.0
-"""How near to what it looks at and how low the camera may come, in radii."""
+"""Smallest distance of the camera to its target, and smallest height, in radii."""
 
 
 def stage_files(
@@ -74,14 +74,14 @@ class Stage:
     radius
         Of the duct, mm.
     look
-        'plain' for slow machines: no environment map or normal map, fewer triangles.
+        "plain" for slow machines: no environment map or normal map, fewer triangles.
     bite
-        Distance from the axis to each jaw, in radii. 0.8 suits a duct with round ends;
-        smaller suits one whose ends are drawn flattened to this share of their height.
+        Distance from the axis to each jaw, in radii: 0.8 for a duct with round ends, less for one
+        whose ends are drawn flattened to this part of their height.
     tissue
         sRGB colour of the tissue pinched in the clamps, 0 to 255.
     surroundings
-        Where the duct lies.
+        What the duct lies in.
 
     Raises
     ------
@@ -163,7 +163,7 @@ class Stage:
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
         if radius is not None:
             place -= (radius - self.radius) * np.asarray(direction, np.float64)
-        # Most ticks move the hook only, or not at all: send no more than that.
+        # Most ticks only move the hook, or not even that: send no more than has changed.
         if self._hook_point is None or not np.array_equal(place, self._hook_point):
             self._hook.position = place
             self._hook_point = place
@@ -172,7 +172,7 @@ class Stage:
             self._hook_direction = np.array(direction, np.float64)
 
     def spill(self, look: Appearance, x: float) -> None:
-        """Show what has run out of a torn duct; the plain look has nothing of it."""
+        """Show what has run out of a torn duct; nothing in the plain look."""
         if self.look == "plain" or self._spilt:
             return
         scale = self.span / REFERENCE_SPAN
@@ -189,13 +189,13 @@ class Stage:
             self._spilt = True
 
     def wipe(self) -> None:
-        """Take away what has run out."""
+        """Remove what has run out."""
         if self._spilt:
             self._spilt = False
             self._scene.remove_by_name("/stage/spill")
 
     def set_lift(self, lift: float | None, client: viser.ClientHandle) -> None:
-        """Keep a duct in the picture that is lifted this high."""
+        """Keep a duct in the picture that is lifted this high, mm; None for the usual height."""
         if lift != self._lift:
             self._lift = lift
             self.frame_camera(client)
@@ -214,7 +214,14 @@ class Stage:
         self._frame(client, client.camera.aspect)
 
     def camera_moved(self, client: viser.ClientHandle) -> None:
-        """Keep both clamps in the client's picture when its camera or its shape has changed."""
+        """Keep both clamps in the client's picture when its camera or its shape has changed.
+
+        A browser that is still laying out its page reports a size that changes a moment later, and
+        resets the camera once after it connects. So the camera is framed again when the picture's
+        shape changes, and whenever it is not where it was put, until `_SETTLING_TIME` after the
+        page, which may be slow, first had it there. Once the user has looked around after that, the
+        camera is left alone.
+        """
         if self._removed or self._looked_around:
             return
         camera = client.camera
@@ -230,7 +237,7 @@ class Stage:
             self._looked_around = True
 
     def remove(self) -> None:
-        """Take everything off the scene, so that another stage can be built."""
+        """Remove everything from the scene, so that another stage can be built."""
         if self._removed:
             return
         self._removed = True
@@ -238,7 +245,7 @@ class Stage:
         clear_light(self._scene)
 
     def _frame(self, client: viser.ClientHandle, aspect: float, *, settles: bool = True) -> None:
-        """Set the camera once, and the fog with it."""
+        """Set the camera and the fog once."""
         view = viewpoint(self.span, self.radius, aspect, lift=self._lift)
         self._framed_aspect = aspect
         if settles:
@@ -256,7 +263,7 @@ class Stage:
             self._keep_in_sight(client, view)
 
     def _keep_in_sight(self, client: viser.ClientHandle, view: Viewpoint) -> None:
-        """Let the camera look at the duct only, from above the bed."""
+        """Limit the camera to looking at the duct, from above the bed."""
         beside, target = _SIGHT * self.span, view.look_at
         low = np.minimum(target, (-beside, -beside, -self.radius))
         high = np.maximum(target, (self.span + beside, beside, 0.5 * self.span))

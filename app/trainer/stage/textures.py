@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.float32]
-"""(H, W) or (H, W, 3) picture; colours are sRGB, 0 to 255, in the order red, green, blue."""
+"""(H, W) or (H, W, 3) picture; colours are sRGB, 0 to 255, as red, green, blue."""
 
 
 def smooth_noise(shape: tuple[int, int], *, cells: float, fall: float, seed: int) -> Image:
@@ -24,7 +24,7 @@ def smooth_noise(shape: tuple[int, int], *, cells: float, fall: float, seed: int
 
 
 def noise_at(x: Image, y: Image, *, length: float, cells: float, fall: float, seed: int) -> Image:
-    """Return noise at places of the ground, alike wherever the places are denser or sparser."""
+    """Return noise at x, y, mm, periodic over `length` mm; the same for dense and sparse points."""
     size = 512
     tile = np.pad(smooth_noise((size, size), cells=cells, fall=fall, seed=seed), 1, mode="wrap")
     column, row = (
@@ -34,14 +34,7 @@ def noise_at(x: Image, y: Image, *, length: float, cells: float, fall: float, se
 
 
 def smooth_step(values: Image, low: float, high: float) -> Image:
-    """Return 0 below `low`, 1 above `high` and a smooth ramp between.
-
-    Parameters
-    ----------
-    values
-        Any shape.
-    low, high
-        Ends of the ramp; `high` may be the smaller for a falling one.
+    """Return 0 below `low`, 1 above `high` and a smooth ramp between; falling if `high` < `low`.
 
     Returns
     -------
@@ -58,7 +51,7 @@ def smooth_step(values: Image, low: float, high: float) -> Image:
 
 
 def mixed_color(under: Image | Sequence[int], over: Image | Sequence[int], share: Image) -> Image:
-    """Return two colours or pictures mixed pixel by pixel."""
+    """Return two colours or pictures mixed pixel by pixel; `share` is that of `over`, 0 to 1."""
     amount = share[..., None]
     return (
         np.asarray(under, np.float32) * (1.0 - amount) + np.asarray(over, np.float32) * amount
@@ -66,7 +59,7 @@ def mixed_color(under: Image | Sequence[int], over: Image | Sequence[int], share
 
 
 def blurred(picture: Image, radius: float) -> Image:
-    """Return the picture under a Gaussian blur."""
+    """Return the picture under a Gaussian blur of standard deviation `radius`, px."""
     return cv2.GaussianBlur(picture, (0, 0), radius).astype(np.float32)
 
 

@@ -1,4 +1,11 @@
-"""The duct as tissue: wet, with vessels in its wall, stubs in the clamps and bleeding torn ends."""
+"""The duct as tissue: wet, with vessels in its wall, stubs in the clamps and bleeding torn ends.
+
+One streamed surface has, in this order, the rings of
+    the first stub (in the clamp) | the outer wall | the last stub | the inner wall | the fringe,
+where inner wall and fringe are there only in a torn piece. Patches join them to sheets: stub, wall
+and stub; the cut face, from the torn rim to the inner wall; the inner wall; and the fringe of
+bleeding fibres beyond the rim.
+"""
 
 from typing import Literal
 
@@ -23,17 +30,17 @@ from organ_geometry.mesh import INSIDE, Finish, linear_light
 __all__ = ["Tissue", "TornEnd", "send_finish"]
 
 TornEnd = Literal["first", "last"]
-"""The end of a piece that was torn, along the organ's axis."""
+"""The torn end of a piece, along the organ's axis."""
 
 FINISH = "/finish/wall"
-"""The scene node of what a client's duct is drawn in."""
+"""The scene node of the material of a client's duct."""
 FRINGE = (0.2, 0.42)
-"""How far beyond a torn rim the rings of its fibres stand, in radii."""
-_DROOP = 0.35  # how much of a fringe's reach it hangs down
+"""Distances of the fringe's rings beyond a torn rim, in radii."""
+_DROOP = 0.35  # part of a fringe's length that it hangs down
 
 
 def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
-    """Send what the duct's surfaces are drawn in."""
+    """Send the material of the duct's surfaces."""
     texture = wall_texture(look, radius)
     finish = Finish(
         roughness=look.roughness,
@@ -46,24 +53,22 @@ def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
 
 
 class Tissue:
-    """One surface of the duct on a client's scene.
+    """One surface of the duct on a client's scene, to which `send_finish` has been applied.
 
     Parameters
     ----------
-    scene
-        Of one client, to which `send_finish` has been sent.
-    name
-        The scene node.
+    scene, name
+        Of one client, and the scene node.
     contact
-        The surface's skin with the marks of clamps and hook.
+        The skin, deformed by clamps and hook.
     look
-        What the duct is made of; None where only its stress is to be shown.
+        What the duct is made of; None where only its stress is shown.
     radius
         Of the duct, mm.
     lumen
-        Radius of the lumen in parts of the wall's where it is not the skin's own.
+        Radius of the lumen over the wall's where it is not the skin's own.
     torn_end
-        Which end of it is torn, if any: the inside shows only then.
+        Which end is torn, if any: only then the inside shows.
     """
 
     def __init__(
@@ -137,7 +142,7 @@ class Tissue:
 
     @property
     def visible(self) -> bool:
-        """Whether it is drawn."""
+        """Whether it is shown."""
         return self._surface.visible
 
     @visible.setter
@@ -154,7 +159,7 @@ class Tissue:
         self._surface.send()
 
     def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
-        """Draw the stress on the surface as it is now, in parts of the threshold."""
+        """Draw the stress on the surface as it is now, over the threshold."""
         shares = self._surface.shades
         shares[:] = NO_STRESS
         np.maximum(self._skin.grid(share), 0.0, out=shares[self._outer])
@@ -162,7 +167,7 @@ class Tissue:
         self._surface.send(stress=True)
 
     def _place(self, vertices: NDArray[np.float32]) -> None:
-        """Write the rings' places."""
+        """Write the places of the rings."""
         skin, surface = self._skin, self._surface
         outer = skin.grid(vertices)
         surface.places[self._outer] = outer
@@ -183,7 +188,7 @@ class Tissue:
                 place[:] = rim + self._radius * reach * (ahead + _DROOP * reach * self._down)
 
     def remove(self) -> None:
-        """Take it off the scene."""
+        """Remove it from the scene."""
         self._surface.remove()
 
 

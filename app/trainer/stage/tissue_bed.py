@@ -1,7 +1,13 @@
 """The tissue bed under the duct: red fascia with lobules of fat, softly out of focus.
 
-Everything is drawn for a span of 50.8 mm about the origin below the duct's middle, and scaled.
-One height picture drives the surface, its normals and its colours.
+All of it is made for a span of 50.8 mm about the origin below the duct's middle, and scaled. One
+relief, the height over a large smooth basin, gives the surface, its normals and its colours. It is
+a weighted sum of
+    noise at two scales        swelling of the fascia
+    lobules of fat             Worley noise: domes about scattered points, in clusters
+    fibres                     noise stretched across the groove, where there is no fat
+    veins, capillaries         strokes along given knots; level lines of noise.
+The grid is denser near the duct, where the camera looks.
 """
 
 from dataclasses import dataclass
@@ -76,7 +82,7 @@ def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.flo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ground:
-    """Pictures of the bed, all (H, W): places, mm, what lies there, 0 to 1, and the relief, mm."""
+    """Pictures of the bed, (H, W): places, mm; what lies there, 0 to 1; and the relief, mm."""
 
     x: Image
     y: Image
@@ -97,7 +103,7 @@ def _drawn_ground(pixels: int) -> _Ground:
     x, y = _ground(shape)
     coarse = noise_at(x, y, length=130.0, cells=3.0, fall=2.0, seed=11)
     fine = noise_at(x, y, length=60.0, cells=6.0, fall=1.7, seed=12)
-    # Lobules of fat lie in clusters, and few of them in the groove below the duct.
+    # Lobules of fat are in clusters, with few of them in the groove below the duct.
     bent = 2.4 * (noise_at(x, y, length=40.0, cells=5.0, fall=2.2, seed=18) - 0.5)
     slant = 2.4 * (noise_at(x, y, length=40.0, cells=5.0, fall=2.2, seed=19) - 0.5)
     dome, tint = _lobules(_shifted(x, bent), _shifted(y, slant), _LOBULE, seed=5)
@@ -156,7 +162,7 @@ def _shifted(place: Image, shift: NDArray[np.floating]) -> Image:
 
 def _lobules(x: Image, y: Image, size: float, *, seed: int) -> tuple[Image, Image]:
     """Return lobules packed side by side: their domes, 0 at their edges, and a shade for each."""
-    # Each place belongs to the nearest of scattered middles [Worley 1996].
+    # Each pixel belongs to the nearest of scattered centres [Worley 1996].
     random = np.random.default_rng(seed)
     cells = 64
     offsets, shades = random.random((2, cells, cells)), random.random((cells, cells))
@@ -174,7 +180,7 @@ def _lobules(x: Image, y: Image, size: float, *, seed: int) -> tuple[Image, Imag
             second = np.where(closer, nearest, np.minimum(second, apart))
             shade = np.where(closer, shades[i, j], shade)
             nearest = np.where(closer, apart, nearest)
-    # Round on top, and without a sharp line where two of them meet.
+    # Round on top, and rounded where two of them meet.
     high = np.clip(1.15 * (second - nearest), 0.0, 1.0)
     return np.sqrt(high * (2.0 - high)).astype(np.float32), shade.astype(np.float32)
 
@@ -232,7 +238,7 @@ def _bed_color(ground: _Ground) -> Image:
     shade = shade * (1.0 - 0.72 * smooth_step(y, -34.0, -120.0))
     shade = shade * (1.0 - 0.45 * smooth_step(np.abs(x), 40.0, 120.0))
     color = color * shade[..., None].astype(np.float32)
-    # Out of focus only far from the duct's plane, as to a camera that is stopped down.
+    # Out of focus only far from the duct's plane, as with a small aperture.
     pixels = x.shape[1]
     softer = blurred(color, pixels / 240.0)
     away = np.hypot(y / 1.0, x / 2.2)

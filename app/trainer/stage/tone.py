@@ -1,7 +1,11 @@
-"""Colours as they leave the screen: the map for stress, and what to send so that it is seen.
+"""Colours as the screen shows them: the map for stress, and the light that is shown as a colour.
 
-The page shows light through the filmic curve ACES, in the fit that three.js has of it: a colour
-that is sent as it is comes out paler and darker. What is sent here went through the inverse.
+three.js (ACESFilmicToneMapping) shows linear light v through Stephen Hill's fit of the ACES
+reference and output transforms,
+    shown = sRGB(M_out f(M_in e v)),   f(x) = (x (x + a) - b) / (x (c x + d) + g),
+with exposure e, so a colour sent as it is comes out paler and darker. Here its inverse is applied
+first: f(x) = y is a quadratic equation for x. The curve has no bright colours of full saturation;
+those come out paler.
 """
 
 from functools import cache
@@ -20,8 +24,8 @@ _ACES_OUTPUT = np.array(
 _RISE, _FLOOR = 0.0245786, 0.000090537
 _BEND, _SLOPE, _OFFSET = 0.983729, 0.4329510, 0.238081
 _EXPOSURE = 1.0 / 0.6
-_TOP_BRIGHTNESS = 0.97
-_MOST = 0.99  # the curve reaches 1 only at infinite light
+_TOP_BRIGHTNESS = 0.97  # of cividis's last colour, so that the page can still show it
+_MOST = 0.99  # largest value inverted: the curve reaches 1 only at infinite light
 
 
 def shown_color(light: ArrayLike) -> NDArray[np.float64]:
@@ -32,7 +36,7 @@ def shown_color(light: ArrayLike) -> NDArray[np.float64]:
 
 
 def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
-    """Return the linear light that the page shows as these sRGB colours."""
+    """Return the linear light, perhaps above 1, that the page shows as these sRGB colours."""
     shown = np.clip(linear_light(srgb) @ np.linalg.inv(_ACES_OUTPUT).T, 0.0, _MOST)
     square = 1.0 - _BEND * shown
     half = 0.5 * (_RISE - _SLOPE * shown)
@@ -44,6 +48,8 @@ def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
 @cache
 def color_table() -> NDArray[np.uint8]:
     """Return the map's colours as the page can show them."""
+    # Cividis, to one of 255 steps, up to nine tenths; beyond, the page's curve can only show a paler,
+    # slightly darker yellow.
     table = shown_color(light_table()).round().astype(np.uint8)
     table.setflags(write=False)
     return table

@@ -1,7 +1,9 @@
-"""Pictures of a duct's wall: its colours and its fine relief, periodic along and around it.
+"""Textures of a duct's wall: its colours and its fine relief, periodic along and around it.
 
-Columns run along the duct and rows around it. Widths are in mm whatever the duct's radius, so that
-a thin duct shows fewer and larger features of its kind, as it would.
+Columns run along the duct and rows around it. Features have their widths in mm whatever the duct's
+radius, so that a thin duct shows fewer of them, and larger beside it, as in reality. The vessels
+are random walks: a trunk keeps its course but winds about it, and branches into ever thinner twigs.
+Capillaries are level lines of smooth noise; fibres are noise stretched along the duct.
 """
 
 import itertools
@@ -25,7 +27,7 @@ from app.trainer.stage.textures import (
 __all__ = ["PERIOD", "WallTexture", "mean_color", "wall_texture"]
 
 PERIOD = 12.0
-"""How much of the axis the pictures cover, in radii."""
+"""Length of the axis that the pictures cover before they repeat, in radii."""
 _COLUMNS, _ROWS = 2048, 1024
 _RELIEF = 0.8
 _STEP = 0.12  # mm along a vessel
@@ -34,16 +36,10 @@ _TWIGS = 4  # of each trunk
 
 @dataclass(frozen=True, slots=True)
 class WallTexture:
-    """Pictures of a wall, as JPEG files.
+    """Textures of a wall, as JPEG files."""
 
-    Attributes
-    ----------
-    base, normals
-        Colours, and tangent-space normals.
-    """
-
-    base: bytes
-    normals: bytes
+    base: bytes  # colours
+    normals: bytes  # in tangent space
 
 
 @lru_cache(maxsize=8)  # a few ducts; trainees can build any number
@@ -64,7 +60,7 @@ def wall_texture(look: Appearance, radius: float) -> WallTexture:
     color = mixed_color(color, look.flushed, 0.7 * look.capillaries * network)
     color = mixed_color(color, look.pale, look.fibres * 0.5 * fat)
     depth, breadth = _vessels(look, radius)
-    # A vessel shines through the wall: wide and faint around, dark within.
+    # A vessel shows through the wall: a wide, faint band with a dark core.
     halo = blurred(np.pad(breadth, 24, mode="wrap"), 5.0)[24:-24, 24:-24]
     color = mixed_color(color, look.flushed, 0.45 * halo)
     color = mixed_color(color, look.vessel, 0.8 * depth)
@@ -77,7 +73,7 @@ def wall_texture(look: Appearance, radius: float) -> WallTexture:
     )  # fmt: skip
     half = (_COLUMNS // 2, _ROWS // 2)
     small = cv2.resize(height.astype(np.float32), half, interpolation=cv2.INTER_AREA)
-    # The rows of a picture go down, and around the duct the other way than glTF's green.
+    # Rows go down in a picture, and around the duct against the direction of glTF's green channel.
     padded = np.pad(small, 4, mode="wrap").astype(np.float32)
     relief = normal_map(padded, _RELIEF * _pixels_per_mm(radius) / 18.0)
     return WallTexture(
@@ -91,14 +87,14 @@ def _pixels_per_mm(radius: float) -> float:
 
 
 class _Grain:
-    """Periodic noise on the wall, alike in mm along it and around it."""
+    """Periodic noise on the wall with the same scale in mm along and around it."""
 
     def __init__(self, radius: float) -> None:
         self._along = np.fft.rfftfreq(_COLUMNS // 2, PERIOD * radius / (_COLUMNS // 2))
         self._around = np.fft.fftfreq(_ROWS // 2, 2.0 * np.pi * radius / (_ROWS // 2))
 
     def __call__(self, along: float, around: float, seed: int) -> Image:
-        """Return noise about 0.5 whose waves are at most so long, mm, along and around."""
+        """Return noise about 0.5 with waves down to these lengths, mm, along and around."""
         shape = (_ROWS // 2, _COLUMNS // 2)
         spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal(shape))
         reach = np.hypot(self._along[None] * along, self._around[:, None] * around)
@@ -139,12 +135,12 @@ def _vessels(look: Appearance, radius: float) -> tuple[Image, Image]:
 def _stroke(
     picture: NDArray[np.uint8], pixels: NDArray[np.float64], widths: NDArray[np.float64]
 ) -> None:
-    """Draw a line with round ends whose width changes along it, in place."""
+    """Draw a line of varying width with round ends, in place."""
     rows, columns = picture.shape
     low, high = pixels.min(axis=0) - widths.max(), pixels.max(axis=0) + widths.max()
     if high[0] < 0.0 or high[1] < 0.0 or low[0] > columns or low[1] > rows:
         return
-    # As dense as its thinnest part needs to be one line and not a row of dots.
+    # Discs so close that the line's thinnest part is not a row of dots.
     steps: NDArray[np.float64] = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
     arc = np.concatenate([np.zeros(1), np.cumsum(steps, dtype=np.float64)])
     dense = np.linspace(0.0, float(arc[-1]), max(2, round(1.6 * float(arc[-1]))))
@@ -166,7 +162,8 @@ def _paths(
     paths: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
 
     def wander(start: NDArray[np.float64], heading: float, count: int) -> NDArray[np.float64]:
-        # A vessel winds about its course; what it turns one way it turns back.
+        # A random walk of the heading, with its drift taken out so that the course is kept, plus a
+        # regular winding.
         turns = np.cumsum(random.normal(0.0, 0.055, count))
         turns -= np.linspace(0.0, 1.0, count) * turns[-1]
         turns += 0.28 * np.sin(np.arange(count) * _STEP / random.uniform(0.7, 1.3))
@@ -202,7 +199,7 @@ def _paths(
         trunk = wander(start, random.normal(0.0, 0.12), count)
         widest = look.vessel_width * random.uniform(0.55, 1.0)
         along = np.linspace(0.0, 1.0, count)
-        # It comes up out of the wall, and goes down into it again.
+        # Thin at its start and end, where it comes out of the wall and goes into it again.
         widths = widest * np.minimum(1.0, 6.0 * along + 0.25) * (1.0 - 0.8 * along**2)
         paths.append((trunk, widths))
         branch(trunk, widths, _TWIGS, 0)

@@ -1,7 +1,7 @@
-"""All that reaches past viser's public face: private names, the page's style, scripts and HTML.
+"""All that goes beyond viser's public interface: private names, the page's style, scripts and HTML.
 
 viser has no call for what is here. Each part says what viser lacks, and `test_viser_bridge` has a
-test for each that says what broke when another viser is installed.
+test of each that fails with a clear message if another version of viser breaks it.
 """
 
 from app.trainer.viser_bridge.page import (

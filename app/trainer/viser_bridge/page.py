@@ -1,4 +1,4 @@
-"""The style and the script of the trainer's page, and what can be asked of it."""
+"""The style and the script of the trainer's page, and functions that use them."""
 
 import json
 import secrets
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 ANSWER_SECONDS = 4.0
-"""How long a browser may take to say what it keeps: one that draws in software is busy at first."""
+"""s that a browser may take to answer: one that draws in software is busy at first."""
 _CLOSER = "bd-closer"  # as in page.css
 _LETTER_KEYS = "letter-keys"
 
@@ -38,32 +38,32 @@ def _file(name: str) -> str:
 
 
 def prepare_page(client: viser.ClientHandle) -> None:
-    """Give a page its style, and the script that the other calls lean on; before them."""
+    """Give a page its style, and the script that the other functions here need; call it first."""
     given = ", ".join(json.dumps(each) for each in (_file("page.css"), _CLOSER, _LETTER_KEYS))
     queue_script(client.gui, f"({_file('page.js')})({given})")
 
 
 def announce(client: viser.ClientHandle, words: str) -> None:
-    """Let a screen reader say something when it has said what it is saying."""
+    """Have a screen reader say something, after what it is saying now."""
     _call(client, "say", words)
 
 
 def offer_home(
     client: viser.ClientHandle, command: viser.CommandHandle, label: str, hint: str
 ) -> None:
-    """Put a button over the picture that does what a command does."""
+    """Add a button over the picture that runs a command."""
     _call(client, "offerHome", page_number(command), label, hint)
 
 
 def open_tab(client: viser.ClientHandle, label: str) -> None:
-    """Open the tab of the panel that has a label; as soon as it is there."""
+    """Open the panel's tab with this label, as soon as it exists."""
     _call(client, "openTab", label)
 
 
 def set_arrow_step(
     client: viser.ClientHandle, slider: viser.GuiSliderHandle[float], percent: float
 ) -> None:
-    """Let an arrow key move a slider by `percent`, in its unit, and with Shift by a tenth of it."""
+    """Let an arrow key move a slider by `percent`, in its unit, and with Shift by a tenth."""
     _call(client, "setArrowStep", page_number(slider), percent, slider.precision)
 
 
@@ -77,14 +77,14 @@ def keep_in_sight(
     nearest: float,
     lowest: float,
 ) -> None:
-    """Put a client's camera where it belongs, and bound where it can be taken from there."""
+    """Place a client's camera, and limit where the user can move it."""
     _call(client, "keepInSight", place, target, low, high, nearest, lowest)
 
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
     """Return the text that `tab_keeps` gave to a browser's tab; None without one or an answer."""
-    # viser reads the browser's storage only, which all of its tabs share: the script copies the
-    # tab's own into it for a moment, under a name that no other page knows.
+    # viser reads only the browser's storage, which all tabs share. So the script copies the tab's
+    # own value into it for a moment, under a name that no other page knows.
     name = f"tab-{secrets.token_hex(8)}"
     _call(client, "showKept", name)
     try:
@@ -96,7 +96,7 @@ def kept_by_tab(client: viser.ClientHandle) -> str | None:
 
 
 def tab_keeps(client: viser.ClientHandle, value: str) -> None:
-    """Let a browser's tab keep a text until it is closed, through every reload."""
+    """Have a browser's tab store a text until it is closed, through every reload."""
     _call(client, "keep", value)
 
 
@@ -109,7 +109,7 @@ def letter_keys_on(client: viser.ClientHandle) -> bool:
 
 
 def set_letter_keys(client: viser.ClientHandle, on: bool) -> None:
-    """Let single letters be keys in this browser, or not; it is kept there."""
+    """Switch single-letter keys on or off in this browser, which stores the choice."""
     client.local_storage.set_item(_LETTER_KEYS, "on" if on else "off")
 
 
@@ -121,7 +121,7 @@ def closer_html() -> str:
 def watch_pace(
     client: viser.ClientHandle, *, least: float, command: viser.CommandHandle | None, remedy: str
 ) -> None:
-    """Name a remedy to a page that draws in software; run a command below `least` pictures/s."""
+    """Suggest a remedy to a page that draws in software; run a command below `least` frames/s."""
     number = "" if command is None else page_number(command)
     _call(client, "watchPace", least, number, remedy)
 
@@ -129,8 +129,8 @@ def watch_pace(
 def run_in_page(scene: viser.SceneApi, source: str) -> None:
     """Run a script in each page of a scene.
 
-    It is given `viewer`, whose `scene()` is three.js's scene once there is one, and whose
-    `node(name)` is the three.js object of a scene node, undefined where there is none.
+    Its `viewer` has two functions: `scene()`, three.js's scene once there is one, and `node(name)`,
+    the three.js object of a scene node, or undefined.
     """
     queue_script(scene, f"(viewer => {{{source}\n}})({_VIEWER})")
 

@@ -23,9 +23,9 @@ __all__ = [
 
 def start_server(host: str, port: int) -> viser.ViserServer:
     """Start viser's server without its printed address, and without its public tunnels."""
-    # A tab that closes while it is drawn is nothing to warn of: its session ends in a moment.
+    # No warning for a tab that closes while it is drawn: its session ends in a moment.
     warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
-    # viser prints an address of its own, whatever `verbose` says.
+    # viser prints its own address whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     # Any client could ask for a tunnel that makes this server public.
@@ -52,7 +52,7 @@ def close_idle_connections(server: viser.ViserServer, suspects: set[int]) -> set
 
 
 def read_icons(icons: Iterable[viser.IconName]) -> None:
-    """Read icons before they are needed: viser reads a list of six thousand for each new one."""
+    """Read icons ahead of use: viser reads a list of six thousand for each new one."""
     for icon in icons:
         svg_from_icon(icon)
 

@@ -19,10 +19,10 @@ def _file(name: str) -> str:
 
 
 def write_caption(server: viser.ViserServer, words: str) -> None:
-    """Write into the line of a recording's page that is named `caption`.
+    """Write into the `caption` line of a recording's page.
 
-    viser's own labels are drawn: no screen reader reads them, and what stands over the picture
-    hides them.
+    Not a label of viser's: those are drawn in the scene, where no screen reader finds them and text
+    over the picture hides them.
     """
     run_in_page(
         server.scene, f"document.getElementById('caption').textContent = {json.dumps(words)}"
@@ -34,7 +34,7 @@ def recording_page(page: str, title: str, notes: Sequence[str]) -> str:
     shown = html.escape(title)
     lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
     overlay = _file("recording.html").replace("@title", shown).replace("@notes", lines)
-    # The page's own script holds such tags as text: its head's is the first, its body's the last.
+    # The page's script contains such tags as text; the head's is the first, the body's the last.
     before, after = page.split("<title>", 1)
     rest = after.split("</title>", 1)[1]
     head, rest = rest.split("</head>", 1)
