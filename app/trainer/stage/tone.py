@@ -48,8 +48,8 @@ def light_for(srgb: ArrayLike) -> NDArray[np.float64]:
 @cache
 def color_table() -> NDArray[np.uint8]:
     """Return the map's colours as the page can show them."""
-    # Cividis, to one of 255 steps, up to nine tenths; beyond, the page's curve can only show a paler,
-    # slightly darker yellow.
+    # Cividis, to one of 255 steps, up to nine tenths; beyond, the page's curve can only show a
+    # paler, slightly darker yellow.
     table = shown_color(light_table()).round().astype(np.uint8)
     table.setflags(write=False)
     return table
