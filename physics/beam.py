@@ -28,35 +28,14 @@ class Sections(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """A straight beam of constant section, held by a clamp at each end.
+    """A straight beam of constant section, held by a clamp at each end."""
 
-    Attributes
-    ----------
-    span
-        Length between the clamps, 2L of the thesis, mm.
-    area
-        Area of the section, mm^2.
-    second_moment
-        Second moment of area about the axis the beam bends around, mm^4.
-    fibre_distance
-        Distance of the outermost fibre from that axis, c of the thesis, mm.
-    modulus
-        Young's modulus, MPa.
-    poisson_ratio
-        Poisson's ratio, from 0 to below 0.5.
-
-    Raises
-    ------
-    ValueError
-        If a length, area, moment or modulus is not above zero, or Poisson's ratio is out of range.
-    """
-
-    span: float
-    area: float
-    second_moment: float
-    fibre_distance: float
-    modulus: float
-    poisson_ratio: float = 0.3
+    span: float  # length between the clamps, 2L of the thesis, mm
+    area: float  # mm^2
+    second_moment: float  # of area about the axis the beam bends around, mm^4
+    fibre_distance: float  # of the outermost fibre from that axis, c of the thesis, mm
+    modulus: float  # Young's modulus, MPa
+    poisson_ratio: float = 0.3  # 0 to below 0.5
 
     def __post_init__(self) -> None:
         positive(self.span, "span", "mm")
@@ -81,16 +60,10 @@ class Beam:
 
         Parameters
         ----------
-        span
-            Length between the clamps, mm.
-        diameter
-            Outer diameter of the section, mm.
-        modulus
-            Young's modulus, MPa.
-        poisson_ratio
-            Poisson's ratio.
-        wall
-            Thickness of a tube's wall, mm, below half the diameter; full when None.
+        span, diameter, wall
+            Length between the clamps, outer diameter, and a tube's wall (None: full), mm.
+        modulus, poisson_ratio
+            Of the material; the modulus in MPa.
 
         Returns
         -------

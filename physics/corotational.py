@@ -6,10 +6,20 @@ pull, and rotation. Node 0 is clamped, and of the last node the freedoms in `LAS
 holds the three 3 x 3 blocks by which its forces depend on the node before, itself and the node
 after: (N, 3, 3, 3).
 
-One element, of rest length L0 and chord at the angle beta, carries (as ANSYS's beam does)
-N = E A (l - L0) / L0, M1 = E I / L0 (4 t1 + 2 t2), M2 = E I / L0 (2 t1 + 4 t2) with t = theta
-- beta, and V = (M1 + M2) / L0. That shear is the one of the linear element; what balances the
-moments of a stretched chord, and what the energy's derivative gives, is (M1 + M2) / l.
+Symbols. E A and E I axial and bending stiffness (`ea`, `ei`); L0 (`rest`) and l lengths of an
+element at rest and of its chord, from node to node; beta angle of the chord; t1 and t2 rotations of
+its nodes relative to the chord, theta - beta; N tension, V shear, M1 and M2 moments at the ends. N
+= E A (l - L0) / L0, M1 = E I / L0 (4 t1 + 2 t2), M2 = E I / L0 (2 t1 + 4 t2), and, as ANSYS's beam
+has it, V = (M1 + M2) / L0. That shear is the linear element's; what balances the moments of a
+stretched chord, and what the derivative of the energy
+
+    U = E A (l - L0)^2 / (2 L0) + 2 E I (t1^2 + t1 t2 + t2^2) / L0
+
+gives, is (M1 + M2) / l (`energetic`).
+
+Method. Newton's method with the consistent tangent, solved by block Gauss elimination with row
+pivoting in each block: the tangent of the first law is not symmetric. A load is reached from rest
+by increments that double after each success and halve after each failure.
 """
 
 import math
@@ -33,7 +43,8 @@ SMALLEST_INCREMENT = 1e-4
 SMALLEST_START = 1e-12
 """The same from rest, as a part of the goal: the thinnest beams soon carry a load as strings."""
 CONVERGED = 1e-9
-"""Newton step, relative to the largest displacement, after which one more is exact to rounding."""
+"""Newton step, relative to the largest displacement, after which one more, of the order of
+its square, is exact to rounding."""
 
 
 @njit(cache=True)
@@ -78,10 +89,10 @@ def _balance(
     forces: NDArray[np.float64],
     tangent: NDArray[np.float64],
 ) -> None:
-    """Fill the forces (N, 3) that hold the nodes where they are and the tangent (N, 3, 3, 3).
-
-    The tangent turns the elements' tension and shear as given in `carried` (elements, 2).
-    """
+    """Fill the forces (N, 3) that hold the nodes where they are and the tangent (N, 3, 3, 3)."""
+    # The tangent's geometric part takes tension and shear from `carried` (elements, 2), see
+    # `_newton`. `row` is the element's tangent: the derivatives of its six nodal forces by its six
+    # freedoms.
     forces[:] = 0.0
     tangent[:] = 0.0
     # Derivatives of chord length, chord angle and the two local rotations by the six freedoms.
@@ -138,7 +149,7 @@ def _hold(
     freedom: int,
     change: float,
 ) -> None:
-    """Turn one equation into 'this freedom changes by so much'."""
+    """Replace one equation by a given change of its freedom."""
     tangent[node, :, freedom, :] = 0.0
     tangent[node, 1, freedom, freedom] = 1.0
     right[node, freedom] = change
@@ -146,7 +157,7 @@ def _hold(
 
 @njit(cache=True)
 def _eliminate(tangent: NDArray[np.float64], right: NDArray[np.float64]) -> bool:
-    """Turn the right side into the solution of the tangent's equations; False if singular."""
+    """Replace the right side by the solution of the tangent's equations; False if singular."""
     # The blocks after the diagonal are overwritten by the diagonal's inverse times them.
     count = right.shape[0]
     block = np.empty((3, 7))
@@ -233,10 +244,10 @@ def _newton(
     tangent: NDArray[np.float64],
 ) -> bool:
     """Move the nodes to equilibrium, the grasp by force or by deflection; False if not found."""
-    # Newton's method on displacements and element forces together: a step that only bends also
-    # stretches the elements, to second order, and a tangent that turned this passing tension would
-    # lead astray. It turns the tension that the last step led to linearly instead; the residual
-    # is the true one, and at the solution the two agree.
+    # Newton's method on displacements and element forces together. A step that only bends also
+    # stretches the elements, to second order; the geometric stiffness of this spurious tension
+    # spoils the next step. It takes the tension that the last step predicted linearly instead
+    # (`_carry`); the residual is the true one, and at the solution the two agree.
     last = rest.shape[0]
     right = np.empty_like(moved)
     span = rest.sum()
@@ -288,37 +299,10 @@ def pull_from_rest(
     by_force: bool,
     moved: NDArray[np.float64],
 ) -> float:
-    """Return the force, N, after pulling the grasp from rest to a force or a deflection.
-
-    The load grows in increments that double after each success and halve after each failure; each
-    starts from the last equilibrium.
-
-    Parameters
-    ----------
-    rest
-        (elements,) rest lengths, mm.
-    ea
-        Stiffness against stretching, N.
-    ei
-        Stiffness against bending, N mm^2.
-    energetic
-        Whether the shear acts on the chord's present length.
-    held
-        (3,) the freedoms of the last node that are held.
-    grasp
-        The node that is pulled.
-    goal
-        Force, N, or deflection, mm.
-    by_force
-        Whether the goal is a force.
-    moved
-        (N, 3) receives the displacements, mm, and rotations, rad.
-
-    Returns
-    -------
-    float
-        Force at the grasp, N; not a number if no equilibrium was found.
-    """
+    """Return the force, N, that pulls the grasp from rest to a goal; NaN if none was found."""
+    # `rest` (elements,) mm, `ea` N, `ei` N mm^2; `held` are the last node's freedoms that are
+    # held, `grasp` the node that is pulled, `goal` a force, N, or a deflection, mm. `moved` (N, 3)
+    # receives displacements, mm, and rotations, rad.
     forces = np.empty_like(moved)
     tangent = np.empty((moved.shape[0], 3, 3, 3))
     now = np.zeros_like(moved)

@@ -28,17 +28,9 @@ class Cubic:
     With a = b = L and F = 2P that is the thesis's P = 12 E I delta / L^3
     + 0.72 q A E delta^3 / L^3.
 
-    Attributes
-    ----------
-    q
-        The thesis's factor for the work of the axial force (5.9): 1 fits small deflections,
-        0.4 to 0.5 large ones. 'fitted' is the law of `physics.fitted_q`, which runs from the one
-        to the other as the deflection grows.
-
-    Raises
-    ------
-    ValueError
-        If q is negative, not finite or another word.
+    q is the thesis's factor for the work of the axial force (5.9): 1 fits small deflections, 0.4 to
+    0.5 large ones. 'fitted' is the law of `physics.fitted_q`, which runs from the one to the other
+    as the deflection grows.
     """
 
     q: float | Literal["fitted"] = 0.5
@@ -84,10 +76,8 @@ class Cubic:
 
         Parameters
         ----------
-        beam
-            The beam.
-        grasp
-            Distance of the grasp from the first clamp, mm.
+        beam, grasp
+            The beam, and the distance of the grasp from the first clamp, mm.
         forces
             (N,) the grasper's whole forces, N.
         out

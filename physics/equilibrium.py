@@ -14,54 +14,24 @@ class NoEquilibrium(ValueError):  # noqa: N818 - named for what happened, not as
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Equilibrium:
-    """A beam in equilibrium under a pull, sampled at N stations.
+    """A beam in equilibrium under a pull, sampled at N stations."""
 
-    Attributes
-    ----------
-    theory
-        Name of the theory that found it.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    force
-        The grasper's whole force, F = 2P of the thesis, N.
-    deflection
-        Displacement of the grasp along the pull, mm.
-    stations
-        (N,) distances from the first clamp at rest, mm.
-    along
-        (N,) positions of the axis along the line between the clamps, mm.
-    across
-        (N,) positions of the axis along the pull, mm.
-    rotation
-        (N,) rotations of the sections, from the clamp line towards the pull, rad.
-    normal_force
-        (N,) tension, N.
-    moment
-        (N,) bending moments, N mm; above zero where the side away from the pull is stretched.
-    normal_stress
-        (N,) tension over the section, MPa.
-    bending_stress
-        (N,) largest bending stress of the section, at its outermost fibre, MPa, never below zero.
-    shear_force
-        (N,) internal transverse force, N, of the sign that makes it the derivative of `moment`.
-    strain_energy
-        Energy stored in the whole beam, N mm.
-    """
-
-    theory: str
-    grasp: float
-    force: float
-    deflection: float
-    stations: NDArray[np.float64]
-    along: NDArray[np.float64]
-    across: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    normal_force: NDArray[np.float64]
+    theory: str  # name of the theory that found it
+    grasp: float  # distance from the first clamp, mm
+    force: float  # the grasper's whole force, F = 2P of the thesis, N
+    deflection: float  # of the grasp along the pull, mm
+    stations: NDArray[np.float64]  # (N,) distances from the first clamp at rest, mm
+    along: NDArray[np.float64]  # (N,) the axis along the line between the clamps, mm
+    across: NDArray[np.float64]  # (N,) the axis along the pull, mm
+    rotation: NDArray[np.float64]  # (N,) of the sections, from the clamp line towards the pull, rad
+    normal_force: NDArray[np.float64]  # (N,) tension, N
+    # (N,) N mm; positive where the side away from the pull is stretched
     moment: NDArray[np.float64]
-    normal_stress: NDArray[np.float64]
+    normal_stress: NDArray[np.float64]  # (N,) tension over the section, MPa
+    # (N,) largest of the section, at its outermost fibre, MPa, never negative
     bending_stress: NDArray[np.float64]
-    shear_force: NDArray[np.float64]
-    strain_energy: float
+    shear_force: NDArray[np.float64]  # (N,) N, of the sign that makes it the derivative of `moment`
+    strain_energy: float  # of the whole beam, N mm
 
     def __post_init__(self) -> None:
         for field in fields(self):

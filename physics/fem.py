@@ -23,24 +23,12 @@ class Fem:
     A central grasp is solved as the thesis models it: one half, clamped at one end and guided
     along the pull at the other. A grasp elsewhere is solved on the whole span, with as many
     elements on each side of it. The grasp slides freely along the line between the clamps.
-
-    Attributes
-    ----------
-    elements
-        Number of elements on each side of the grasp, 1 or more; the thesis has 40.
-    energetic
-        False for the shear force (M1 + M2) / L0 of ANSYS's beam, which reproduces the thesis's
-        reference but does not derive from an energy once elements stretch. True for (M1 + M2) / l,
-        which does, and which comes to the geometrically exact beam without shear as the elements
-        become small.
-
-    Raises
-    ------
-    ValueError
-        If the number of elements is not a whole number above zero.
     """
 
-    elements: int = 40
+    elements: int = 40  # on each side of the grasp, 1 or more; the thesis has 40
+    # True: shear (M1 + M2) / l, which derives from an energy and converges to the geometrically
+    # exact beam without shear. False: (M1 + M2) / L0 of ANSYS's beam, the thesis's reference, which
+    # derives from none once elements stretch
     energetic: bool = False
     name: ClassVar[str] = "fem"
 

@@ -32,23 +32,10 @@ STRING = 1.44
 
 @dataclass(frozen=True, slots=True)
 class FittedQ:
-    """The law with its two fitted numbers.
+    """The law with its two fitted numbers."""
 
-    Attributes
-    ----------
-    crossover
-        Deflection over radius of gyration at which stretching takes over, no unit.
-    decline
-        How fast q falls with the square of the stoutness, no unit.
-
-    Raises
-    ------
-    ValueError
-        If one is not above zero.
-    """
-
-    crossover: float
-    decline: float
+    crossover: float  # deflection over radius of gyration at which stretching takes over
+    decline: float  # rate at which q falls with the square of the stoutness
 
     def __post_init__(self) -> None:
         positive(self.crossover, "crossover", "(no unit)")
@@ -73,30 +60,10 @@ def fitted_to(
     implied: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> FittedQ:
-    """Return the law nearest to observed values of q, by weighted least squares of ln q.
-
-    Parameters
-    ----------
-    slopes
-        (K,) observed deflections over the length 2ab/S.
-    ratios
-        (K,) the same over the radius of gyration.
-    implied
-        (K,) values of q with which the cubic meets the observations.
-    weights
-        (K,) weights of ln q, such as |d(ln delta)/d(ln q)|: then it is the relative errors of the
-        deflections whose squares are least.
-
-    Returns
-    -------
-    FittedQ
-        The law.
-
-    Raises
-    ------
-    ValueError
-        If the observations are not as many of each kind, or an implied q is not above zero.
-    """
+    """Return the law nearest to (K,) observed values of q, by weighted least squares of ln q."""
+    # `slopes` are observed deflections over the length 2ab/S, `ratios` the same over the radius of
+    # gyration, `implied` the q with which the cubic meets them. With the weights
+    # |d(ln delta)/d(ln q)| the squared relative errors of the deflections are least.
     if not slopes.shape == ratios.shape == implied.shape == weights.shape or slopes.ndim != 1:
         raise ValueError(
             "slopes, ratios, implied and weights must be rows of one length, got shapes "

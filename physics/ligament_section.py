@@ -11,31 +11,14 @@ __all__ = ["LigamentSection", "ligament"]
 
 @dataclass(frozen=True, slots=True)
 class LigamentSection:
-    """The part of a section that still bears, beyond the straight front of a tear.
+    """The part of a section that still bears, beyond the straight front of a tear."""
 
-    Attributes
-    ----------
-    depth
-        Depth of the tear as a part of the section's height, from 0 to below 1.
-    area
-        Area, mm^2.
-    shift
-        Distance by which its centroid lies further from the torn side than the whole section's,
-        mm.
-    second_moment
-        Second moment of area about its own centroid, mm^4.
-    front_distance
-        Distance of the front's edge from its centroid, mm.
-    back_distance
-        Distance of the fibre opposite from its centroid, mm.
-    """
-
-    depth: float
-    area: float
-    shift: float
-    second_moment: float
-    front_distance: float
-    back_distance: float
+    depth: float  # of the tear, as a part of the section's height, 0 to below 1
+    area: float  # mm^2
+    shift: float  # of its centroid away from the torn side, mm
+    second_moment: float  # of area about its own centroid, mm^4
+    front_distance: float  # of the front's edge from its centroid, mm
+    back_distance: float  # of the fibre opposite from its centroid, mm
 
 
 def ligament(ring: Ring, depth: float) -> LigamentSection:
@@ -43,10 +26,8 @@ def ligament(ring: Ring, depth: float) -> LigamentSection:
 
     Parameters
     ----------
-    ring
-        The whole section.
-    depth
-        Depth of the tear as a part of the section's height, from 0 to below 1.
+    ring, depth
+        The whole section, and the depth of the tear as a part of its height.
 
     Returns
     -------

@@ -22,31 +22,14 @@ class MassSpring:
 
     Where it settles depends on the springs and not on the integrator, the density or the damping;
     those are for `chain`, which swings.
-
-    Attributes
-    ----------
-    nodes
-        Number of masses, both clamped ones included: odd, 9 or more.
-    integrator
-        'euler', 'leapfrog' or 'runge-kutta'.
-    density
-        Mass over volume, tonne/mm^3.
-    damping_ratio
-        Damping over the critical damping of the slowest swing, no unit.
-    tolerance
-        Force left on a free mass when the chain counts as settled, as a part of the largest force
-        that holds it. At 1e-9 the deflection is settled to 2e-7 of itself.
-
-    Raises
-    ------
-    ValueError
-        If one of them is not what is said above.
     """
 
-    nodes: int = 41
+    nodes: int = 41  # masses, both clamped ones included: odd, 9 or more
     integrator: Integrator = "leapfrog"
-    density: float = 1e-9
-    damping_ratio: float = 0.2
+    density: float = 1e-9  # mass over volume, tonne/mm^3
+    damping_ratio: float = 0.2  # damping over the critical one of the slowest mode
+    # force left on a free mass, relative to the largest that holds the chain, when it counts as
+    # settled; 1e-9 settles the deflection to 2e-7 of itself
     tolerance: float = 1e-9
     name: ClassVar[str] = "mass-spring"
 

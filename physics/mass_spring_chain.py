@@ -72,16 +72,14 @@ class MassSpringChain:
     """Masses in a row between two clamps, with springs between them and at their joints.
 
     Along each segment a spring of stiffness E A / l0, at each mass an angular spring of
-    E I over the length that belongs to it, at each mass a damper to the ground (2.1). At rest it
-    comes to the geometrically exact beam without shear as the segments become short. The chain
-    starts straight and still.
+    E I over the length that belongs to it, at each mass a damper to the ground (2.1). As the
+    segments become short its equilibrium converges to the geometrically exact beam without shear.
+    The chain starts straight and still.
 
     Parameters
     ----------
-    beam
-        The beam that it stands for.
-    grasp
-        Distance of the grasp from the first clamp, mm. One mass is there.
+    beam, grasp
+        The beam that it stands for; a mass is at the grasp, mm from the first clamp.
     nodes
         Number of masses, both clamped ones included: odd, 9 or more.
     integrator
@@ -89,12 +87,7 @@ class MassSpringChain:
     density
         Mass over volume, tonne/mm^3 (N s^2/mm^4); water and flesh 1e-9.
     damping_ratio
-        Damping over the critical damping of the slowest swing, no unit.
-
-    Raises
-    ------
-    ValueError
-        If one of the numbers is not what is said above.
+        Damping over the critical damping of the slowest mode, no unit.
     """
 
     def __init__(
@@ -278,28 +271,9 @@ class MassSpringChain:
             self._velocity[self._grasped, 1] = 0.0
 
     def settle(self, tolerance: float = 1e-9) -> int:
-        """Let the chain come to rest, whatever its integrator and damping.
-
-        Leapfrog steps with the damping that is critical for the present swing; they stop when no
-        free mass is left with a force above the tolerance times the largest force that holds the
-        chain (the pull, or what a clamp or the grasper bears), or times a thousandth of the largest
-        force at the start.
-
-        Parameters
-        ----------
-        tolerance
-            That part, no unit.
-
-        Returns
-        -------
-        int
-            Number of steps taken.
-
-        Raises
-        ------
-        NoEquilibrium
-            If it does not come to rest.
-        """
+        """Let the chain come to rest whatever its integrator or damping; return the steps taken."""
+        # No free mass is left with a force above the tolerance times the largest force that holds
+        # the chain (the pull, or what a clamp or the grasper bears); see `spring_chain.settle`.
         if self._goal is not None:
             self._moved[self._grasped, 1] = self._goal
         steps = settle(
@@ -323,21 +297,9 @@ class MassSpringChain:
         return int(steps)
 
     def sampled(self, stations: NDArray[np.float64]) -> Equilibrium:
-        """Return where the chain is now and what its springs carry, at rest or not.
-
-        Between masses places, rotations and moments run straight; a mass has the mean rotation of
-        its two segments.
-
-        Parameters
-        ----------
-        stations
-            (N,) where to sample it, mm from the first clamp at rest.
-
-        Returns
-        -------
-        Equilibrium
-            The chain, sampled.
-        """
+        """Return the chain as it is, at rest or not, at (N,) stations, mm from the first clamp."""
+        # Between masses places, rotations and moments are linear; a mass has the mean rotation of
+        # its two segments.
         beam, last = self._beam, self._rest.size - 1
         at = stations_on(beam.span, stations)
         angle, tension, moment, shear = self._carried()

@@ -15,30 +15,18 @@ __all__ = ["Pull"]
 class Pull(ABC):
     """A beam grasped at one place, in the equilibrium that was last solved; at first at rest.
 
-    Each load is solved by `to_force` or `to_deflection`, which return the pull itself, so that
-    `pull.to_force(2.0).sample(stations)` reads as it is meant. A load that the theory cannot
-    carry is a `NoEquilibrium`. Not for use by two threads at once.
-
-    Parameters
-    ----------
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
+    Each load is solved by `to_force` or `to_deflection`, which return the pull itself, as in
+    `pull.to_force(2.0).sample(stations)`. A load that the theory cannot carry is a
+    `NoEquilibrium`. Not for use by two threads at once.
 
     Attributes
     ----------
     beam, grasp
-        As given.
+        As given; the grasp is mm from the first clamp.
     force
         The grasper's whole force, N.
     deflection
         Displacement of the grasp along the pull, mm.
-
-    Raises
-    ------
-    ValueError
-        If the grasp is not between the clamps.
     """
 
     def __init__(self, beam: Beam, grasp: float) -> None:

@@ -25,25 +25,7 @@ def positive(value: float, name: str, unit: str) -> float:
 
 
 def stations_on(span: float, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the stations as a float array if they all lie on the span.
-
-    Parameters
-    ----------
-    span
-        Length between the clamps, mm.
-    stations
-        (N,) distances from the first clamp at rest, mm.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N,) the stations, mm.
-
-    Raises
-    ------
-    ValueError
-        If they are not a row of finite numbers from 0 to the span.
-    """
+    """Return (N,) stations, mm from the first clamp, as floats; they must all lie on the span."""
     row = np.asarray(stations, dtype=np.float64)
     if row.ndim != 1:
         raise ValueError(f"stations must be a row of distances in mm, got shape {row.shape}")

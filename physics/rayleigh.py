@@ -1,4 +1,19 @@
-"""The thesis's general method (chapter 4): Rayleigh's energies of a polynomial curve."""
+"""The thesis's general method (chapter 4): Rayleigh's energies of a polynomial curve.
+
+The deflection is v(x) = sum a_i x^i (4.1), of a given degree. With E I the bending stiffness, N an
+axial force, q(x), P and M the loads,
+
+    U_B = (E I / 2) int v''^2 dx                      bending energy (4.5)
+    W   = int q v dx + sum P v + sum M v'             work of the loads, held (4.2) to (4.4)
+    W_CN = (N / 2) int v'^2 dx                        work of N along the shortening (4.8), (4.9)
+
+and the curve makes U_B + W_CN - W stationary among those that the supports allow. In the code the
+unknowns are coefficients of Legendre polynomials, not of powers of x, which are nearly dependent
+at high degrees. The supports' conditions are C c = 0 (a row each); an orthonormal basis Z of their
+null space, from the singular value decomposition of C, leaves Z^T K Z y = Z^T w with c = Z y and
+K = E I int v_i'' v_j'' + N int v_i' v_j', integrated by Gauss's rule. The axial force at which that
+matrix is singular first is the buckling force.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,24 +29,16 @@ __all__ = ["BentBeam", "RayleighBeam", "Support"]
 Load = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 POINTS_PER_DEGREE = 4
-"""Gauss points per degree of the curve: exact for loads up to 6 times its degree."""
+"""Gauss points per degree of the curve: n points are exact to the degree 2 n - 1, so that loads up
+to 6 times the curve's degree are integrated exactly."""
 
 DEPENDENT = 1e-12
-"""Conditions on the curve count as one where they differ by less than this part."""
+"""Singular value, of rows of length 1, below which conditions of supports depend on one another."""
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
     """A place where a beam is held.
-
-    Attributes
-    ----------
-    place
-        Where, mm from the beam's first end.
-    deflection
-        Whether it holds the deflection at zero.
-    slope
-        Whether it holds the slope at zero.
 
     Examples
     --------
@@ -42,31 +49,18 @@ class Support:
     (Support(place=0.0, deflection=True, slope=True), ...)
     """
 
-    place: float
-    deflection: bool = True
-    slope: bool = True
+    place: float  # mm from the beam's first end
+    deflection: bool = True  # whether it holds the deflection at zero
+    slope: bool = True  # whether it holds the slope at zero
 
 
 @dataclass(frozen=True, slots=True)
 class RayleighBeam:
     """A beam whose curve is a polynomial v(x) = sum a_i x^i (4.1) that its supports allow.
 
-    The coefficients are those at which bending energy (4.5), minus the work of the loads, plus the
-    work of the axial force along the way by which bending draws the ends together (4.8), (4.9) to
-    second order in the slope, is stationary: linear equations in a_i. At their solution half the
-    work of the loads (4.2) to (4.4) equals bending plus coupling energy, which is the thesis's
-    (4.6) with (4.7); for a curve with one free coefficient, as in chapter 5, the two say the same.
-
-    Attributes
-    ----------
-    length
-        Length of the beam, mm.
-    bending_stiffness
-        E I, N mm^2.
-    supports
-        Where it is held.
-    degree
-        Degree of the polynomial.
+    The coefficients make the energy stationary (see the module). At them half the work of the loads
+    (4.2) to (4.4) equals bending plus coupling energy, which is the thesis's (4.6) with (4.7); for
+    a curve with one free coefficient, as in chapter 5, the two say the same.
 
     Raises
     ------
@@ -75,10 +69,10 @@ class RayleighBeam:
         coefficient, or the supports let the beam move without bending.
     """
 
-    length: float
-    bending_stiffness: float
+    length: float  # mm
+    bending_stiffness: float  # E I, N mm^2
     supports: tuple[Support, ...]
-    degree: int = 3
+    degree: int = 3  # of the polynomial
 
     def __post_init__(self) -> None:
         positive(self.length, "length", "mm")
@@ -225,24 +219,12 @@ class RayleighBeam:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BentBeam:
-    """A beam bent by loads, as `RayleighBeam` finds it.
+    """A beam bent by loads, as `RayleighBeam` finds it."""
 
-    Attributes
-    ----------
-    curve
-        The deflection, mm, over the place, mm, as a Legendre series on the beam.
-    bending_stiffness
-        E I, N mm^2.
-    axial_force
-        Axial force, N.
-    work
-        Work W_q + W_P + W_M of the loads (4.2) to (4.4), N mm.
-    """
-
-    curve: Legendre
-    bending_stiffness: float
-    axial_force: float
-    work: float
+    curve: Legendre  # deflection, mm, over the place, mm: a Legendre series on the beam
+    bending_stiffness: float  # E I, N mm^2
+    axial_force: float  # N
+    work: float  # W_q + W_P + W_M of the loads (4.2) to (4.4), N mm
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -268,63 +250,20 @@ class BentBeam:
         return self.axial_force * self.shortening
 
     def deflection(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the deflections.
-
-        Parameters
-        ----------
-        places
-            (N,) places along the beam, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) deflections, mm.
-        """
+        """Return the (N,) deflections, mm, at places along the beam, mm."""
         return self._derivative(0, places)
 
     def slope(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the slopes.
-
-        Parameters
-        ----------
-        places
-            (N,) places along the beam, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) slopes, no unit.
-        """
+        """Return the (N,) slopes, no unit, at places along the beam, mm."""
         return self._derivative(1, places)
 
     def moment(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the bending moments E I v''.
-
-        Parameters
-        ----------
-        places
-            (N,) places along the beam, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) moments, N mm; above zero where the curve is hollow towards the deflection.
-        """
+        """Return the (N,) bending moments E I v'', N mm, at places along the beam, mm."""
+        # Above zero where the curve is hollow towards the deflection.
         return self.bending_stiffness * self._derivative(2, places)
 
     def shear_force(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of the moment along the beam.
-
-        Parameters
-        ----------
-        places
-            (N,) places along the beam, mm.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N,) E I v''', N.
-        """
+        """Return the (N,) E I v''', N, the moment's derivatives, at places along the beam, mm."""
         return self.bending_stiffness * self._derivative(3, places)
 
     def _derivative(self, order: int, places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,29 +25,16 @@ EQUAL_STRESSES = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class RuptureCheck:
-    """The place of the highest stress, held against the threshold.
+    """The place of the highest stress, held against the threshold."""
 
-    Attributes
-    ----------
-    station
-        Where normal plus bending stress is highest, mm from the first clamp. Of equal places the
-        one nearest the grasp.
-    tension_side
-        Side that bending stretches there: 1 the side of the pull, -1 the side away from it,
-        0 where nothing bends.
-    normal_stress
-        Normal stress there, MPa.
-    bending_stress
-        Bending stress there, MPa.
-    threshold
-        Stress T that the beam bears, MPa.
-    """
-
+    # where normal plus bending stress is highest, mm from the first clamp; of equals the nearest to
+    # the grasp
     station: float
+    # side that bending stretches there: 1 that of the pull, -1 the one away from it, 0 none
     tension_side: int
-    normal_stress: float
-    bending_stress: float
-    threshold: float
+    normal_stress: float  # there, MPa
+    bending_stress: float  # there, MPa
+    threshold: float  # stress T that the beam bears, MPa
 
     @property
     def total_stress(self) -> float:
@@ -72,43 +59,17 @@ class RuptureCheck:
 
 @dataclass(frozen=True, slots=True)
 class BreakEvent:
-    """The load at which a beam reaches its threshold.
+    """The load at which a beam reaches its threshold."""
 
-    Attributes
-    ----------
-    force
-        The grasper's whole force, N.
-    deflection
-        Displacement of the grasp, mm.
-    check
-        The criterion at that load.
-    """
-
-    force: float
-    deflection: float
+    force: float  # the grasper's whole force, N
+    deflection: float  # of the grasp, mm
     check: RuptureCheck
 
 
 def critical_stations(beam: Beam, grasp: float, count: int = 41) -> NDArray[np.float64]:
-    """Return stations among which the stress is highest.
-
-    On a beam of constant section that is at a clamp or at the grasp; of a varying beam there are
-    the stations of its narrow places as well.
-
-    Parameters
-    ----------
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    count
-        How many stations to spread over the span.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (M,) both clamps, the grasp and the stations between, growing, mm.
-    """
+    """Return the (M,) stations, growing, mm, among which the stress is highest."""
+    # On a beam of constant section it is highest at a clamp or at the grasp. A varying beam may
+    # have it at a narrow place: `count` even stations and its key sections are added.
     beam.grasped_at(grasp)
     stations = np.union1d(np.linspace(0.0, beam.span, count), [grasp])
     return np.union1d(stations, beam.key_stations)

@@ -18,17 +18,10 @@ class Ring:
     R_o^2 - R_i^2 = A/pi and R_o^2 + R_i^2 = 4 I/A ask for. A softer one, such as an ellipse pulled
     along its short axis, has none; its `fibres` are then those of a solid ellipse of that area
     and second moment.
-
-    Attributes
-    ----------
-    area
-        Area, mm^2.
-    second_moment
-        Second moment of area about the axis the beam bends around, mm^4.
     """
 
-    area: float
-    second_moment: float
+    area: float  # mm^2
+    second_moment: float  # of area about the axis the beam bends around, mm^4
 
     @property
     def hole(self) -> float:
@@ -43,14 +36,12 @@ class Ring:
 
     @property
     def fibres(self) -> tuple[float, float]:
-        """Distance of two outer fibres, mm, and the part of the area each of them stands for.
-
-        With a third fibre in the middle they have the area, the second and the fourth moment of
-        the section: y^2 = m4/m2, w = m2^2 / (2 m4), with m2 = I/A = (R_o^2 + R_i^2)/4 and
-        m4 = (R_o^4 + R_o^2 R_i^2 + R_i^4)/8. This is Gauss's rule for the width of the section as
-        a weight, exact to the fifth power of the distance: R/sqrt(2) and 1/4 for a disc,
-        sqrt(3)/2 R and 1/3 for a thin ring.
-        """
+        """Distance of two outer fibres, mm, and the part of the area each of them stands for."""
+        # With a third fibre in the middle they have the area, the second and the fourth moment of
+        # the section: y^2 = m4/m2, w = m2^2 / (2 m4), with m2 = I/A = (R_o^2 + R_i^2)/4 and
+        # m4 = (R_o^4 + R_o^2 R_i^2 + R_i^4)/8. This is Gauss's rule for the width of the section as
+        # a weight, exact to the fifth power of the distance: R/sqrt(2) and 1/4 for a disc,
+        # sqrt(3)/2 R and 1/3 for a thin ring.
         m2 = self.second_moment / self.area
         hole = self.hole
         # m4/m2^2, from 2 (disc) to 3/2 (thin ring).
@@ -59,11 +50,6 @@ class Ring:
 
     def shear_coefficient(self, poisson_ratio: float) -> float:
         """Return Cowper's shear coefficient.
-
-        Parameters
-        ----------
-        poisson_ratio
-            Poisson's ratio nu.
 
         Returns
         -------
@@ -84,11 +70,6 @@ class Ring:
 
     def free_shear_coefficient(self, poisson_ratio: float) -> float:
         """Return Hutchinson's shear coefficient, which lets the section shrink sideways.
-
-        Parameters
-        ----------
-        poisson_ratio
-            Poisson's ratio nu.
 
         Returns
         -------
@@ -113,11 +94,6 @@ def lateral_constant(poisson_ratio: float) -> float:
     It is fitted, by least squares of the relative error over stretches from 0.6 to 3.5, to the
     lateral stretch sqrt(J/stretch) of a compressible neo-Hookean bar under tension, whose slope
     -nu at rest it has by its form.
-
-    Parameters
-    ----------
-    poisson_ratio
-        Poisson's ratio nu.
 
     Returns
     -------

@@ -3,6 +3,13 @@
 Arrays over masses are (N, 2): along the line between the clamps and along the pull. Where a mass
 is held its inverse mass is zero: there its velocity stays as it is, damping included, so that a
 held mass with a velocity is one that is led.
+
+Symbols. `rest` (N - 1,) rest lengths l0, mm; `axial` (N - 1,) stiffnesses E A / l0, N/mm, of the
+springs along the segments; `angular` (N,) stiffnesses, N mm, of springs at the masses, between one
+segment and the next (at the ends: the clamp); `moved` (N, 2) displacements u, mm; `velocity` (N, 2)
+v, mm/s; `inverse_mass` (N, 2) 1/m, mm/(N s^2); `damping` lambda/m, 1/s; `pull` a force, N, on the
+mass `grasp`; `step` h, s, taken `count` times. The equation of motion is the thesis's (2.1),
+m u'' + lambda u' = F(u).
 """
 
 import math
@@ -23,12 +30,10 @@ def spring_forces(
     moved: NDArray[np.float64],
     forces: NDArray[np.float64],
 ) -> None:
-    """Fill the forces (N, 2), N, with which the springs act on the masses.
-
-    `rest` (N - 1,) are the springs' rest lengths, mm, `axial` (N - 1,) their stiffnesses, N/mm,
-    `angular` (N,) those of the angular springs at the masses, N mm, and `moved` (N, 2) the
-    displacements, mm. An angular spring turns each of its two segments by a pair of forces.
-    """
+    """Fill the forces (N, 2), N, with which the springs act on the masses."""
+    # A segment at the angle alpha carries its tension and the moments of the angular springs at its
+    # two ends; an angular spring of bend alpha_next - alpha turns each of its segments by a pair of
+    # forces across it, (difference of the moments at its ends) / length.
     count = rest.shape[0]
     forces[:] = 0.0
     # The clamp in front of the first segment and behind the last one lies along the line.
@@ -101,11 +106,9 @@ def leapfrog(
     moved: NDArray[np.float64],
     velocity: NDArray[np.float64],
 ) -> None:
-    """Advance the masses by leapfrog steps (2.6), (2.7), velocities brought up to the same time.
-
-    The damping in (2.6) takes the mean of the velocities half a step before and after: so it costs
-    no stability.
-    """
+    """Advance the masses by leapfrog steps (2.6), (2.7), velocities brought up to the same time."""
+    # The damping in (2.6) takes the mean of the velocities half a step before and after, so that it
+    # costs no stability.
     half = 0.5 * step
     slower = 1.0 / (1.0 + half * damping)
     forces = np.empty_like(moved)
@@ -185,39 +188,12 @@ def settle(
     moved: NDArray[np.float64],
     velocity: NDArray[np.float64],
 ) -> int:
-    """Return the number of steps in which the masses came to rest; -1 if not in the most allowed.
-
-    Leapfrog steps whose damping is critical for the frequency at which the masses now swing: that
-    of Rayleigh's quotient of the last step. At rest no free mass is left with a force above the
-    tolerance times the largest force that holds the chain, or times a thousandth of the largest
-    force at the start: a chain that nothing holds bent has no other measure.
-
-    Parameters
-    ----------
-    rest, axial, angular
-        The springs, as for `spring_forces`.
-    inverse_mass
-        (N, 2) one over the masses, mm/(N s^2); 0 where a mass is held.
-    grasp
-        The mass that is pulled.
-    pull
-        Force on it, N.
-    step
-        Length of a step, s.
-    tolerance
-        Force left on a free mass over the largest that holds the chain.
-    most
-        Number of steps allowed.
-    moved
-        (N, 2) the displacements, mm, brought to rest.
-    velocity
-        (N, 2) the velocities, mm/s, brought to 0.
-
-    Returns
-    -------
-    int
-        Number of steps, or -1.
-    """
+    """Return the number of steps in which the masses came to rest; -1 if not in `most` steps."""
+    # Leapfrog with critical damping, 2 omega, for the frequency at which the masses now swing:
+    # omega^2 = -v.dF / (h v.M v), Rayleigh's quotient of the last step (dynamic relaxation).
+    # At rest no free mass is left with a force above the tolerance times the largest force that
+    # holds the chain, or times a thousandth of the largest force at the start: a chain that nothing
+    # holds bent has no other measure.
     count = moved.shape[0]
     forces = np.empty_like(moved)
     before = np.zeros_like(moved)

@@ -1,4 +1,18 @@
-"""A tear that grows through the section, under a constant force, a stiff grip or a further pull."""
+"""A tear that grows through the section, under a constant force, a stiff grip or a further pull.
+
+At a depth s, a part of the section's height h, a = s h is torn by a straight front and the ligament
+b = h - a bears, with area A', centroid e off the axis away from the torn side, second moment I'
+about its own centroid and front edge c' from it. `torn_beam` gives the beam this section over the
+length `weak_length`, in which the exact beam has the compliance of a crack. The tear grows while
+
+    sigma_N + sigma_B = N / A' + (M + N e) c' / I'
+
+at the front's edge is above the threshold T. Equilibria are found at given depths; where the tear
+stands, the depth or deflection at which the stress is T is found by false position. Under a
+constant force the load stays and under a grip the deflection; under a further pull the deflection
+stays while the tear runs and, where it stands, grows until the stress is T again. docs/theory.md
+has the assumptions.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -29,10 +43,9 @@ __all__ = [
 START = 0.1
 """Depth with which a tear begins.
 
-The criterion speaks of the outermost fibre, which on a round section is a point: what is cut off
-there first bears less than it leaves to the rest with its shorter arm, so that the stress at the
-edge falls by a few percent before it rises. From about this depth the section is weaker than
-whole."""
+The criterion is about the outermost fibre, which on a round section is a point. The first sliver
+takes less from I' than the new edge gains by lying nearer the centroid: the stress there falls by a
+few percent before it rises. From about this depth the section is weaker than whole."""
 DEEPEST = 0.75
 """Depth at which a tear counts as through: a fifth of a disc is left, which is then strained by
 more than its own length under the loads that got so far."""
@@ -44,38 +57,18 @@ MOST_STEPS = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TearPath:
-    """A growing tear, at N depths in the order in which it reaches them.
+    """A growing tear, at N depths in the order in which it reaches them."""
 
-    Attributes
-    ----------
-    station
-        Where it grows, mm from the first clamp.
-    tension_side
-        Side on which it starts: 1 the side of the pull, -1 the side away from it.
-    threshold
-        Stress T that the tissue bears, MPa.
-    depths
-        (N,) parts of the section's height that are torn: 0 first.
-    deflections
-        (N,) displacements of the grasp, mm.
-    forces
-        (N,) the grasper's whole force, N.
-    stresses
-        (N,) normal plus bending stress at the front's edge of the ligament, MPa.
-    energies
-        (N,) strain energies of the beam, N mm.
-    arrested
-        Whether the tear stands at the last depth. If not, nothing bears the load beyond it.
-    """
-
-    station: float
-    tension_side: int
-    threshold: float
-    depths: NDArray[np.float64]
-    deflections: NDArray[np.float64]
-    forces: NDArray[np.float64]
+    station: float  # mm from the first clamp
+    tension_side: int  # side on which it starts: 1 that of the pull, -1 the one away from it
+    threshold: float  # stress T that the tissue bears, MPa
+    depths: NDArray[np.float64]  # (N,) parts of the section's height that are torn: 0 first
+    deflections: NDArray[np.float64]  # (N,) of the grasp, mm
+    forces: NDArray[np.float64]  # (N,) the grasper's whole force, N
+    # (N,) normal plus bending stress at the front's edge of the ligament, MPa
     stresses: NDArray[np.float64]
-    energies: NDArray[np.float64]
+    energies: NDArray[np.float64]  # (N,) strain energies of the beam, N mm
+    # whether the tear stands at the last depth; if not, nothing bears the load beyond it
     arrested: bool
 
     def __post_init__(self) -> None:
@@ -86,14 +79,7 @@ class TearPath:
 
 
 def weak_length(height: float, depth: float) -> float:
-    """Return the length of the stretch that a tear weakens.
-
-    Parameters
-    ----------
-    height
-        Height of the section across the front, mm.
-    depth
-        Depth of the tear as a part of it, from 0 to 1.
+    """Return the length of the stretch of beam that a tear weakens.
 
     Returns
     -------

@@ -17,15 +17,9 @@ LawName = Literal["linear", "neo-hooke"]
 
 
 class Theory(Protocol):
-    """A way to find the equilibria of a beam pulled across its axis at one place.
+    """A way to find the equilibria of a beam pulled across its axis at one place."""
 
-    Attributes
-    ----------
-    name
-        Name of the theory, as on the command line.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # as on the command line
 
     def pull(self, beam: Beam, grasp: float) -> Pull:
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""

@@ -20,49 +20,23 @@ class VaryingBeam(Beam):
     step. The arrays are copied and locked. The exact beam takes all sections; a theory that knows
     one section takes that of `weakest`, whose area, second moment and fibre distance are this
     beam's own.
-
-    Attributes
-    ----------
-    stations
-        (K,) distances of the sections from the first clamp, mm: from 0 to the span, in order.
-    areas
-        (K,) areas, mm^2.
-    second_moments
-        (K,) second moments of area about the axis the beam bends around, mm^4.
-    fibre_distances
-        (K,) distances of the outermost fibre from that axis, mm.
-    modulus
-        Young's modulus, MPa.
-    poisson_ratio
-        Poisson's ratio, from 0 to below 0.5.
-    shear_areas
-        (K,) areas times shear coefficients, mm^2; those of rings of the same area and second
-        moment when None.
-    offsets
-        (K,) distances of the sections' centroids from the straight axis that the clamps hold,
-        mm, above zero towards the pull; all on the axis when None.
-    weakest
-        A beam of the same span and material that stands for this one where one section must do;
-        that of the section with the smallest second moment over fibre distance when None.
-
-    Raises
-    ------
-    ValueError
-        If a row is not one number per section, or one of them is not above zero (an offset:
-        not finite), the stations do not run from 0 upwards,
-        the modulus is not above zero, or Poisson's ratio is out of range.
     """
 
     span: float = field(init=False)
     area: float = field(init=False)
     second_moment: float = field(init=False)
     fibre_distance: float = field(init=False)
-    stations: NDArray[np.float64]
-    areas: NDArray[np.float64]
-    second_moments: NDArray[np.float64]
-    fibre_distances: NDArray[np.float64]
+    stations: NDArray[np.float64]  # (K,) mm from the first clamp, 0 to the span, in order
+    areas: NDArray[np.float64]  # (K,) mm^2
+    second_moments: NDArray[np.float64]  # (K,) of area about the axis the beam bends around, mm^4
+    fibre_distances: NDArray[np.float64]  # (K,) of the outermost fibre from that axis, mm
+    # (K,) areas times shear coefficients, mm^2; None: of rings of the same area and second moment
     shear_areas: NDArray[np.float64] | None = None
+    # (K,) of the centroids from the straight axis between the clamps, mm, positive towards the
+    # pull; None: 0
     offsets: NDArray[np.float64] | None = None
+    # stands for this one where one section must do; None: the one of least second moment over fibre
+    # distance
     weakest: Beam | None = None
 
     def __eq__(self, other: object) -> bool:

@@ -46,21 +46,12 @@ NEAREST = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """What a grasper imposes where it holds the beam.
+    """What a grasper imposes where it holds the beam."""
 
-    Attributes
-    ----------
-    kind
-        "force", the grasper's whole force, or "deflection", the place that it is led to.
-    amount
-        N or mm.
-    compliance
-        Of the grip, for a deflection, mm/N: the beam gives way to the force by as much. 0 is rigid.
-    """
-
+    # the grasper's whole force, or the place that it is led to
     kind: Literal["force", "deflection"]
-    amount: float
-    compliance: float = 0.0
+    amount: float  # N or mm
+    compliance: float = 0.0  # of the grip, for a deflection, mm/N; 0 is rigid
 
     def __post_init__(self) -> None:
         finite(self.amount, "amount of a hold", "N or mm")
@@ -76,13 +67,11 @@ class BeyondLaw(NoEquilibrium):
     Attributes
     ----------
     reason
-        What stopped the pull: `lost`, no equilibrium near the last one; `unstable`, the
-        equilibrium would not stay; `gives way`, a section lost its stiffness; `squeezed`, a fibre
-        lost its length; `out of reach`, no deflection meets the force.
-    force
-        The grasper's force at the last equilibrium on the way, N.
-    deflection
-        Displacement of the grasp there, mm.
+        `lost`: no equilibrium near the last one; `unstable`: its energy can fall; `gives way`: a
+        section has no stiffness left; `squeezed`: a fibre has no length left; `out of reach`: no
+        deflection meets the force.
+    force, deflection
+        The grasper's force, N, and the grasp's displacement, mm, at the last equilibrium.
     """
 
     def __init__(self, message: str, reason: Reason, force: float, deflection: float) -> None:
@@ -110,18 +99,8 @@ class Exact:
     sideways instead of turning; that is the law's doing. What a law cannot carry is a
     `BeyondLaw`.
 
-    Attributes
-    ----------
-    law
-        Material law: `Linear`, which may let sections shear, or `NeoHooke`.
-    intervals
-        Intervals between the rotations sought, on each side of the grasp: an even number, 4 or
-        more. The error falls with their fourth power.
-
-    Raises
-    ------
-    ValueError
-        If the intervals are odd or too few.
+    `intervals` lie between the rotations sought on each side of the grasp, an even number from 4;
+    the error falls with their fourth power.
 
     Examples
     --------
@@ -147,28 +126,8 @@ class ExactPull(Pull):
     """A beam held in its last equilibrium, from which the next one is found in microseconds.
 
     A load near the last one is solved from it; one that is far, or that this fails for, by pulling
-    the beam up from rest in steps. After a load that it cannot carry the beam is at rest.
-
-    Parameters
-    ----------
-    theory
-        Law and intervals; a second grasp adds half of the intervals.
-    beam
-        The beam.
-    grasp
-        Distance of the grasp from the first clamp, mm.
-    second
-        Distance of a second grasp, farther from that clamp, mm; none when None.
-
-    Attributes
-    ----------
-    beam, grasp, force, deflection
-        As of each `Pull`.
-
-    Raises
-    ------
-    ValueError
-        If a grasp is not between the clamps, or the second not beyond the first.
+    the beam up from rest in steps. After a load that it cannot carry the beam is at rest. A
+    `second` grasp, mm from the first clamp, lies beyond the first and adds half of the intervals.
     """
 
     def __init__(
@@ -308,7 +267,7 @@ class ExactPull(Pull):
         Parameters
         ----------
         stations
-            (N,) where to sample it, mm from the first clamp.
+            (N,) mm from the first clamp.
 
         Returns
         -------

@@ -37,15 +37,9 @@ def fill_linear(points: Array, first: int, last: int, h: float, p: float) -> Non
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """Engineering strains: N = E A (lambda - 1), Q = G A_s gamma, M = E I theta'.
+    """Engineering strains: N = E A (lambda - 1), Q = G A_s gamma, M = E I theta'."""
 
-    Attributes
-    ----------
-    shear
-        Whether sections shear; gamma is 0 without.
-    """
-
-    shear: bool = False
+    shear: bool = False  # whether sections shear; gamma is 0 without
     name: ClassVar[Literal["linear"]] = "linear"
     point_rows: ClassVar[int] = LINEAR_ROWS
     fibre_rows: ClassVar[int] = 0

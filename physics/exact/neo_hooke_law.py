@@ -1,10 +1,10 @@
 """The neo-Hookean law: sections of three fibres of a compressible solid with free lateral faces.
 
 A fibre of stretch ``lam`` and shear ``gam`` has the energy of `fibre_energy` and changes its volume
-by ``j``^3 so that its lateral stress is nought; ``j`` is kept and brought up to date by one of
-Halley's steps at each call. Three fibres, at 0 and +-y with weights 1 - 2 w and w, integrate over
-the section as `physics.section.Ring.fibres` says. What shear warps of it is taken off by `deficit`,
-that the shear stiffness of small strains is Hutchinson's.
+by ``j``^3 so that its lateral stress is zero; ``j`` is kept and updated by one of Halley's steps at
+each call. Three fibres, at 0 and +-y with weights 1 - 2 w and w, integrate over the section as
+`physics.section.Ring.fibres` says. `deficit` lowers the shear stiffness to Hutchinson's at
+small strains, for warping.
 """
 
 from dataclasses import dataclass
@@ -86,7 +86,7 @@ def fill_strains(
     shrink: float,
     poisson: float,
 ) -> None:
-    """Bring the strains of neo-Hookean sections up to date with the rotations and forces.
+    """Update the strains of neo-Hookean sections by one Newton step after rotations and forces.
 
     The fibres lie at 0 and +-y and stretch by lam -+ kappa y t, t the section's lateral stretch.
     """
@@ -177,7 +177,7 @@ def fill_neo_hooke(
 ) -> None:
     """Fill moment and derivatives of psi of neo-Hookean sections from their fibres.
 
-    What n and q still differ from those that the forces ask for is condensed with the strains.
+    The residuals of n and q that the strains leave are condensed with them.
     """
     count = points.shape[1]
     for i in range(first, last):

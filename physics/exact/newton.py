@@ -1,4 +1,12 @@
-"""Newton's method on the rotations and forces of the exact beam, and the ways to a load."""
+"""Newton's method on the rotations and forces of the exact beam, and the continuation to a load.
+
+One step solves the linear equations of the changes of all unknowns: rotations of nodes, heights of
+bubbles, and the forces h, p (p1, p2, p3 of up to three parts). `_down` eliminates bubbles and
+rotations from the first clamp to the last and leaves the few equations of the forces, in which a
+step prescribes the pull or the grasp's place; `_up` substitutes back. `newton` repeats steps;
+`climb` pulls from rest in growing steps, `solve` starts from the last equilibrium if that is near.
+Symbols are in `symbols`.
+"""
 
 import math
 
@@ -13,6 +21,28 @@ def _down(
     nodes: Array, elements: Array, points: Array, first: int, last: int, carry: Six
 ) -> tuple[Six, tuple[float, ...], int]:
     """Sum the equations of a part's elements, eliminating its rotations on the way."""
+    # An element's equations. psi is summed at its two Gauss points of weight w, half its length.
+    # Rotations there are a -+ GAUSS d + BULGE b and curvatures (d +- SLOPE b) / length, with a the
+    # mean of the end rotations, d their difference and b the bubble:
+    #
+    #           a    d    b  |  h    p  |  1            r_   derivatives of the sum: T, MOMENT
+    #     a  [ aa   ad   ab  | h_a  p_a | r_a ]         aa.. its second derivatives: TT, KT, KK
+    #     d  [      dd   db  | h_d  p_d | r_d ]         h_   those also by h: TH, KH
+    #     b  [           bb  | h_b  p_b | r_b ]         p_   those also by p: TP, KP
+    #
+    # (db has no KT: GAUSS SLOPE = BULGE.) Eliminating b subtracts row b times g = (row b) / bb; g
+    # is kept for `_up`. From a, d to the end rotations i, j: a = (i + j)/2 and d = j - i, so
+    #
+    #     ii = aa/4 - ad + dd,   jj = aa/4 + ad + dd,   ij = aa/4 - dd,   r_i, r_j = r_a/2 -+ r_d.
+    #
+    # What is left of the beam is tridiagonal with a border. Eliminated from the first node on, each
+    # has the row (d0, r0, ... are what the elements and eliminations before it left on it)
+    #
+    #     [ pivot   off |  u_h   u_p   q0   s0 | u_r ]
+    #
+    # where q and s are the p of the part before and of the one before that: they act through the
+    # nodes' coupling only. Of the border's own block each elimination leaves the Schur complement,
+    # s_xy -= u_x u_y / pivot, and of the next node's row the same.
     d0, r0, h0, p0, q0, s0 = carry
     x_sum = y_sum = 0.0
     s_hh = s_hp = s_pp = s_hq = s_pq = s_qq = s_hr = s_pr = s_qr = 0.0
@@ -33,7 +63,6 @@ def _down(
         kt1, kt2 = points[KT, i], points[KT, j]
         kh1, kh2 = points[KH, i], points[KH, j]
         kp1, kp2 = points[KP, i], points[KP, j]
-        # Rows and columns: a the mean of the end rotations, d their difference, b the bubble.
         x_sum += w * (points[X, i] + points[X, j])
         y_sum += w * (points[Y, i] + points[Y, j])
         r_a = w * (t1 + t2)
@@ -54,7 +83,7 @@ def _down(
         dd = GAUSS * GAUSS * aa + k0 + GAUSS * kt
         db = BULGE * skew + half_slope * over * (kk1 - kk2)
         bb = BULGE * BULGE * aa + SLOPE * SLOPE * k0 - BULGE * SLOPE * kt
-        # The bubble out.
+        # Eliminate the bubble; then halve a's row and column, for a is half the sum of i and j.
         over = 1.0 / bb
         negative += int(bb < 0.0)
         g_r, g_a, g_d, g_h, g_p = r_b * over, ab * over, db * over, h_b * over, p_b * over
@@ -74,7 +103,7 @@ def _down(
         s_pp += w * (points[PP, i] + points[PP, j]) - p_b * g_p
         s_hr -= h_b * g_r
         s_pr -= p_b * g_r
-        # The rotation of the first node out, unless it is the clamp's.
+        # Eliminate the rotation of the element's first node, unless a clamp holds it.
         off = inverse = u_r = u_h = u_p = 0.0
         if e > 0:
             pivot = d0 + aa + dd - ad
@@ -128,7 +157,7 @@ def _up(
     ds: float,
     beyond: float,
 ) -> tuple[float, float, float]:
-    """Go back through a part; return the first node's change, the largest change and rotation."""
+    """Substitute back through a part; return the first node's change, the largest, and rotation."""
     largest = size = 0.0
     for e in range(last - 1, first - 1, -1):
         change = -nodes[PIVOT, e] * (
@@ -355,7 +384,7 @@ def _three_part_step(
 
 @njit(**KERNEL)
 def _turn(largest: float, size: float) -> float:
-    # Infinite where Newton's method has strayed.
+    # The update relative to the rotations; infinite where Newton's method diverges.
     if largest > LARGEST_TURN or size > FARTHEST_TURN:
         return math.inf
     return largest / (size + FLAT)
@@ -372,6 +401,7 @@ def newton(
     accuracy: float,
 ) -> int:
     """Repeat Newton steps until the update is small; return the outcome."""
+    # Halley's steps on the fibres' volumes: one near the last solution, four where it is farther.
     nodes, elements, points, line, _, _ = state
     rounds = 1 if accuracy == WARM else 4
     for _ in range(MOST_STEPS):
@@ -404,9 +434,9 @@ def _verdict(points: Array, fibres: Array | None, line: Array, grasp: int) -> in
                 return GIVES_WAY
     if line[NEGATIVE] != 0.0:
         return UNSTABLE
-    # A section never turns past the force that turns it. The linear law with shear, which softens
-    # in tension, has other equilibria where some do: stable, but not to be had by pulling. A
-    # centroid off the axis turns sections by itself.
+    # Pulling never turns a section past the direction of the force in the beam. The linear law
+    # with shear, which softens in tension, has other equilibria where some are: stable, but no pull
+    # leads to them. Off-axis centroids turn sections by themselves.
     if fibres is not None:
         return FOUND
     if points[SHEARING, 0] == 0.0 or line[ECCENTRIC] != 0.0:
@@ -453,6 +483,8 @@ def climb(state: State, fibres: Array | None, grasp: int, control: int, target: 
     goal = abs(target)
     if goal == 0.0:
         return FOUND
+    # Deflections grow in steps that at most double: a force is bracketed between two of them and
+    # then solved for. A step that fails is tried again at a quarter of its length.
     sign = 1.0 if target > 0.0 else -1.0
     first = FIRST_STEP * line[SHORTER_PART]
     here, step = 0.0, first
@@ -496,6 +528,7 @@ def solve(state: State, fibres: Array | None, grasp: int, control: int, target: 
     move = target - here
     if here != 0.0 and abs(move) <= LONGEST_MOVE * abs(here):
         outcome = newton(state, fibres, grasp, None, control, target, WARM)
+        # Force and deflection grow together on the branch that pulling follows.
         moved = line[FORCE] - force
         if control == BY_FORCE:
             moved = line[DEFLECTION] + line[COMPLIANCE] * line[FORCE] - deflection

@@ -9,15 +9,15 @@ derivative along the axis at rest; ``n = h cos + p sin`` tension and ``q = p cos
 ``lam`` and ``gam`` stretch and shear strain, with x' = lam cos - gam sin and
 y' = lam sin + gam cos; ``m`` moment, with m' = -(lam q - gam n).
 
-Method. psi(kappa, n, q) is the energy of a section less n lam + q gam, at the strains that make
-that least, so that its derivatives are m, -lam and -gam. The equilibrium makes
+Method. psi(kappa, n, q) is the energy of a section less n lam + q gam, minimised over the strains
+(a Legendre transform), so that its derivatives are m, -lam and -gam. The equilibrium makes
 sum psi + h X + p Y stationary in the rotations and in h and p, where X and Y are the lengths that
 a part has to span. Rotations are quadratic over an element (its two ends and a bubble between)
 and psi is summed at its two Gauss points: of fourth order, symmetric, and with forces that are
 the derivatives of the summed energy to the last digit. Bubbles are condensed; what is left is
 tridiagonal with a border of h and p. By Sylvester's law of inertia the pivots count the ways in
 which the energy can fall: an equilibrium is stable when there are as many negative pivots as
-unknown forces.
+unknown forces. `newton` draws an element's equations.
 
 A beam may be grasped at a second place: three parts, each with its p. A grip with compliance c, a
 spring between the beam and what leads it, has the term - c (pull)^2 / 2 in the forces.
@@ -27,16 +27,16 @@ section on the axis at the stretch lam - e kappa of its centroid: psi gets a ter
 whatever the law.
 
 The strains of the neo-Hookean section have no closed form. Each Gauss point keeps them and their
-derivatives, brings them up to date by one Newton step whenever the rotations have moved, and what
-that step leaves is condensed too: the whole converges as one Newton method.
+derivatives, updates them by one Newton step whenever the rotations have moved, and condenses the
+residual that this step leaves into the beam's equations: the whole converges as one Newton method.
 """
 
 BY_FORCE, BY_DEFLECTION = 0, 1
-"""What is prescribed: the pull, or where its far end is, beyond the grip's compliance."""
+"""What is prescribed: the pull, or the place of the grip, whose compliance is in between."""
 
 FOUND, LOST, UNSTABLE, GIVES_WAY, SQUEEZED, OUT_OF_REACH = 0, 1, 2, 3, 4, 5
-"""Outcomes: an equilibrium; Newton's method lost the way; it would not stay; a section has no
-stiffness left; a fibre is squeezed to almost nothing; the force is not met within `FARTHEST`."""
+"""Outcomes: an equilibrium; Newton's method did not converge; an unstable equilibrium; a section
+has no stiffness left; a fibre has almost no length left; no force as large within `FARTHEST`."""
 
 # Rows of `nodes`, a column per node: its rotation, then what the elimination needs to go back.
 ROTATION, PIVOT, OFF, DOWN_R, DOWN_H, DOWN_P, DOWN_Q, DOWN_S = range(8)
@@ -84,7 +84,7 @@ BULGE = 2.0 / 3.0
 WARM, TIGHT = 1e-6, 1e-9
 """Updates relative to the rotations and forces; Newton leaves about the square of the last one."""
 LARGEST_TURN, FARTHEST_TURN = 1.0, 3.0
-"""Update of a rotation, and rotation, beyond which Newton's method has strayed, rad."""
+"""Update of a rotation, and rotation, beyond which Newton's method diverges, rad."""
 PAST = 1e-2
 """Shear of the wrong sign, relative to the force, that is taken for an error of the mesh."""
 FLOOR, FLAT = 1e-5, 1e-4
@@ -95,7 +95,7 @@ LEAST_STRETCH = 0.02
 MOST_STEPS = 14
 """Newton steps before a shorter move is tried."""
 FIRST_STEP = 0.05
-"""First deflection of a pull from rest, in lengths of the shorter part."""
+"""First deflection of a pull from rest, in lengths of the shorter part; steps double from there."""
 LONGEST_MOVE = 0.5
 """Largest change, relative to the last load, that is tried in one go."""
 FARTHEST = 1000.0
