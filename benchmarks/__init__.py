@@ -1,1 +1,1 @@
-"""Benchmarks: what things cost, measured on the machine they run on. `make bench` runs them."""
+"""Benchmarks: times and sizes measured on the machine they run on. `make bench` runs them."""

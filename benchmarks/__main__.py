@@ -36,7 +36,7 @@ COMPILED, CALLED = "exact_centre_warm", "exact_python_call"
 
 
 def machine() -> dict[str, str | int]:
-    """Return what the figures were measured on."""
+    """Return a description of the machine."""
     return {
         "system": f"{platform.system()} {platform.machine()}",
         "processor": str(llvmlite.binding.get_host_cpu_name()),

@@ -1,4 +1,4 @@
-"""What a trainee's own browser gets: bytes and time to the first picture, answers, pictures.
+"""A trainee's browser: bytes and time to the first picture, response times, frames.
 
 The page is opened in headless Chromium, which draws in software: a machine with a graphics
 processor draws more pictures from the same bytes. Run by itself, as it needs Chromium and
@@ -97,7 +97,7 @@ def _counted(page: Page, address: str) -> dict[str, float]:
 
 
 def page_figures(look: str) -> dict[str, float]:
-    """Return what one page gets with a look."""
+    """Return the figures of one page in a look."""
     chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
     if chromium is None:
         raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")

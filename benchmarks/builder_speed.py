@@ -1,4 +1,4 @@
-"""How fast the organ builder is beside marching cubes, and what memory it takes."""
+"""Speed of the organ builder beside marching cubes, and its memory."""
 
 import os
 import tempfile
@@ -82,7 +82,7 @@ def cubes_of_images(folder: Path) -> int:
 
 
 def builder_memory(slices: int = MANY_SLICES, distinct: int = SMOOTH) -> dict[str, float]:
-    """Return how much memory a long stack takes, in a process of its own."""
+    """Return the peak memory of a long stack's build, in a process of its own."""
     with tempfile.TemporaryDirectory() as place:
         few, many = Path(place) / "few", Path(place) / "many"
         draw_tube_images(few, WARM_SLICES)

@@ -1,4 +1,4 @@
-"""The fewest bytes of a mesh made of an organ's images, decimated and packed by Draco.
+"""The fewest bytes of a mesh of an organ's images, decimated and compressed by Draco.
 
 ``python -m benchmarks.draco_peer bile_duct_parallel`` prints the best settings found.
 """
@@ -62,7 +62,7 @@ class DracoMesh:
     packed: bytes = field(repr=False)  # The bytes themselves
 
     def times(self, draco: Any, runs: int) -> tuple[float, float]:
-        """Return how long it takes to pack the mesh again and to unpack it."""
+        """Return the times to compress the mesh again and to decompress it."""
         mesh = draco.decode(self.packed)
         pack, unpack = math.inf, math.inf
         for _ in range(runs):
@@ -139,7 +139,7 @@ class DracoSearch:
         return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, CUBES_AGGRESSION)
 
     def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
-        """Return a mesh with about so many triangles."""
+        """Return a mesh decimated to about so many triangles."""
         vertices, triangles = mesh
         if faces >= len(triangles):
             return mesh
@@ -153,7 +153,7 @@ class DracoSearch:
         return few.astype(np.float64) + middle, np.asarray(left, dtype=np.int64)
 
     def _decimation(self, name: str, faces: int, aggression: float) -> tuple[Mesh, float]:
-        """Return a mesh with about so many triangles, and its error, mm."""
+        """Return a mesh decimated to about so many triangles, and its error, mm."""
         key = (name, aggression, faces)
         if key not in self._decimated:
             mesh = self._fewer(self._meshes[name], faces, aggression)

@@ -1,4 +1,4 @@
-"""What each idea of the encoder gains in bytes and costs in time, on the phantom and real organs.
+"""Ablation of the encoder: bytes and time of each idea, on the phantom and real organs.
 
 Run from the root of the repository: ``python -m benchmarks.encoder_ablation``, with names of rows
 for only these; it prints the table of docs/encoder.md, one row after the other. Each row switches
@@ -38,7 +38,7 @@ ADDED: dict[str, EncoderSettings] = {
 
 @dataclass(frozen=True)
 class Traced:
-    """An organ's sections, and what its default encoding takes."""
+    """An organ's sections, with bytes and time of its default encoding."""
 
     built: BuiltOrgan
     left_handed: bool

@@ -1,4 +1,4 @@
-"""What came of timing one engine."""
+"""The result of timing one engine."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ TOLERATED = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """An engine, or a way to call one, and what it takes for a warm solve."""
+    """An engine, or a way to call one, and its time for a warm solve."""
 
     key: str  # Its name in the figures: `<key>_us`
     title: str  # What was solved, and how

@@ -31,7 +31,7 @@ ROUND_TRIP = 1e-9
 
 @dataclass
 class Sweep:
-    """What came of the solves of one theory."""
+    """The results of one theory's solves."""
 
     # Number of cold solves by deflection that found an equilibrium with finite numbers.
     solved: int = 0
@@ -77,7 +77,7 @@ def whole_reach(part: float) -> float:
 
 
 def sweep(theory: Exact, count: int, seed: int = 1) -> Sweep:
-    """Return what comes of random cold solves, there by deflection and back by force."""
+    """Return the results of random cold solves, by deflection and back by force."""
     generator = np.random.default_rng(seed)
     result = Sweep()
     for _ in range(count):
@@ -106,7 +106,7 @@ def sweep(theory: Exact, count: int, seed: int = 1) -> Sweep:
 
 
 def main() -> None:
-    """Sweep every theory and print what came of it."""
+    """Sweep every theory and print the results."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     for name, theory in THEORIES.items():
         sweep(theory, 3)

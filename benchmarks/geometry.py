@@ -94,7 +94,7 @@ def compress_command(organ: OrganSet, file: OrganBytes) -> str:
 def levels_of_both(
     smallest: Callable[[float], tuple[OrganBytes, DracoMesh | None] | None],
 ) -> list[tuple[float, tuple[OrganBytes, DracoMesh | None]]]:
-    """Return what is wished, or at the next error that both reach."""
+    """Return both files at each error wished, or at the next error that both reach."""
     found: list[tuple[float, tuple[OrganBytes, DracoMesh | None]]] = []
     above = 0.0
     for wish in WISHED:
@@ -127,7 +127,7 @@ def accuracy(organ: OrganSet) -> dict[str, float] | None:
 
 
 def times_of(file: OrganBytes, mesh: DracoMesh | None, runs: int = 9) -> dict[str, float]:
-    """Return how long both files take to write and to read."""
+    """Return the times to write and to read both files."""
     vertices = USUAL_VERTICES if mesh is None else mesh.faces // 2
     times = {"build_ms": 1e3 * file.built.seconds, **file_times(file.built.organ, vertices)}
     if mesh is not None:

@@ -1,4 +1,4 @@
-"""The fewest bytes of our own organ file at an error, and how long it takes to write and read."""
+"""The fewest bytes of our organ file at an error, and its times to write and read."""
 
 import math
 import tempfile
@@ -120,7 +120,7 @@ def stored(organ: Organ) -> tuple[int, Organ]:
 
 
 def file_times(organ: Organ, vertices: int, runs: int = 9) -> dict[str, float]:
-    """Return how long an organ's file takes, the fastest of some runs."""
+    """Return the times to write and read an organ's file, the fastest of some runs."""
     stations = max(2, round(math.sqrt(2.0 * vertices)))
     angles = max(8, round(vertices / stations))
     times: list[tuple[float, float, float]] = []

@@ -1,4 +1,4 @@
-"""Real organs to measure on: their images, what their surface should be, and errors against it."""
+"""Real organs to measure on: images, reference surfaces, and errors against them."""
 
 import math
 import os
@@ -32,7 +32,7 @@ at an angle t to the pixels that is up to (cos t - sin t) / 4 px beyond it; this
 
 @dataclass(frozen=True)
 class OrganSet:
-    """A stack of masks and the surface that an organ made of it is held against."""
+    """A stack of masks and the reference surface of the organ."""
 
     name: str  # Name of its folder in `DATA`
 

@@ -36,7 +36,7 @@ def connected(address: str) -> websockets.asyncio.client.connect:
 
 
 class Page:
-    """What a browser's page says and hears."""
+    """The messages of a browser's page."""
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
@@ -94,7 +94,7 @@ class Page:
 
 
 def hand_forces(high: float = 3.2, low: float = 0.0, moves: int = 5) -> Iterator[float]:
-    """Return the places of a hand on the slider, in order, so that the duct never rests."""
+    """Return successive slider forces that keep the duct moving."""
     up = [high - 0.01 * (move % 2) for move in range(moves)]
     down = [low + 0.01 * (move % 2) for move in range(moves)]
     return itertools.cycle([*up, *down])

@@ -18,7 +18,7 @@ PEERS: tuple[tuple[str, str, Callable[[], Engine]], ...] = (
 
 
 def peer_engines() -> list[Engine]:
-    """Return what came of timing each peer, one after the other."""
+    """Return the timing of each peer, one after the other."""
     engines: list[Engine] = []
     for key, name, timed in PEERS:
         with ProcessPoolExecutor(1, get_context("spawn"), initializer=_silence) as pool:
@@ -31,5 +31,5 @@ def peer_engines() -> list[Engine]:
 
 
 def _silence() -> None:
-    """Drop what compiled code says about itself; a failure comes back as a note."""
+    """Drop the output of compiled code; a failure is returned as a note."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)

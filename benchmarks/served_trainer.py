@@ -1,4 +1,4 @@
-"""A trainer in a process of its own that says, when asked, what it has done and what it takes."""
+"""A trainer in a process of its own that reports steps, time and memory when asked."""
 
 import gc
 import subprocess
@@ -20,13 +20,12 @@ __all__ = ["Served", "Takings", "served_trainer"]
 
 
 class Takings(msgspec.Struct, frozen=True):
-    """What a trainer has done since it was started, and what it takes."""
+    """A trainer's steps since its start, with its processor time and memory."""
 
-    # ticks, missed: Ticks that ran, and ticks that the machine had no time for.
     ticks: int
-    missed: int
+    missed: int  # Ticks that the machine had no time for
     frames: dict[int, int]  # How often the duct of each client was drawn
-    processor_s: float  # Processor time, s
+    processor_s: float
     resident_bytes: int  # Memory of the process
     # Blocks of memory that Python's own allocator has given, one or more for each small object.
     blocks: int

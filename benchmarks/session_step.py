@@ -1,4 +1,4 @@
-"""What one step of a trainee's session costs: beam, criterion and skin, without a viewer."""
+"""Time of one step of a trainee's session: beam, criterion and skin, without a viewer."""
 
 import time
 from collections.abc import Callable
@@ -53,7 +53,7 @@ def step_figures() -> dict[str, float]:
 
 
 def _beside_figures() -> dict[str, float]:
-    """Return what a hand, what is set beside the duct, and what does not move cost."""
+    """Return the times of a hand, of companions beside the duct, and of a duct at rest."""
     session = Session(shipped_organ())
     stress = np.empty(len(session.drawn.surfaces[0].vertices), dtype=np.float32)
     far = 0.8 * session.duct.deflection_limit

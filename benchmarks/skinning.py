@@ -1,4 +1,4 @@
-"""What it costs to move a skin, beside a copy of its bytes, and to export a rigged organ.
+"""Time to move a skin, beside a copy of its bytes, and to export a rigged organ.
 
 Run alone by ``python -m benchmarks.skinning``.
 """
@@ -25,7 +25,7 @@ KEYS = 200
 
 
 def skinning_figures(organ: Organ) -> dict[str, float]:
-    """Return what it costs to move a skin of twenty thousand vertices."""
+    """Return the times to move a skin of twenty thousand vertices."""
     dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
     area = (2 if organ.hollow else 1) * 2.0 * math.pi * organ.mean_radius * organ.length
     skin = organ_skin(organ, edge_length=math.sqrt(area / VERTICES))
@@ -59,7 +59,7 @@ def skinning_figures(organ: Organ) -> dict[str, float]:
 
 
 def export_figures(organ: Organ) -> dict[str, float]:
-    """Return what a rigged organ costs."""
+    """Return the time and bytes of a rigged organ."""
     dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
     order = Order(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
 

@@ -9,7 +9,7 @@ REPEATS = 9
 
 
 def microseconds(action: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
-    """Return the shortest time of some runs, us for each of the things that a run does."""
+    """Return the shortest time of some runs, us for each operation of a run."""
     action()
     times: list[float] = []
     for _ in range(repeats):

@@ -1,4 +1,4 @@
-"""Steps a second that the trainer runs for its clients, their frames, and what that takes.
+"""Steps per second of the trainer with many clients, their frames, and processor time.
 
 Clients are pages without a picture (`page_protocol`): they move the force slider as a trainee
 would and count the frames of the duct that come back. One more client waits for the duct's answer
@@ -102,7 +102,7 @@ async def answer_seconds(address: str, moves: int) -> list[float]:
 
 
 def machine_speed() -> dict[str, float]:
-    """Return how fast this machine is now, so that other figures can be held against it."""
+    """Return this machine's speed now, to compare other figures with."""
     pull = Exact(NeoHooke()).pull(DUCT, 0.5 * DUCT.span)
     stations = np.array([0.0])
 
@@ -123,7 +123,7 @@ def machine_speed() -> dict[str, float]:
 
 
 def client_figures() -> dict[str, float]:
-    """Return what each number of clients gets, and the share of a core they take."""
+    """Return the figures of each number of clients, and their share of a core."""
     figures = machine_speed()
     with served_trainer() as served:
         answers = asyncio.run(answer_seconds(served.address, LATENCY_MOVES))

@@ -1,4 +1,4 @@
-"""Half an hour of pulling: whether the trainer takes more memory the longer it is used.
+"""Half an hour of pulling, to see whether the trainer's memory grows.
 
 Run from the root of the repository: ``python -m benchmarks.trainer_soak --seconds 1800``. One page
 moves its slider ten times a second, tears the duct once a minute and resets it; each minute the
@@ -31,7 +31,7 @@ BYTES_AN_INPUT = 17
 
 
 def slopes(samples: Sequence[Takings], seconds: float) -> dict[str, float]:
-    """Return how fast what a trainer takes grows."""
+    """Return the growth of each of a trainer's figures, a minute."""
     minutes = seconds / 60.0 * np.arange(len(samples))
     return {
         f"{name}_a_minute": float(
@@ -89,7 +89,7 @@ async def _samples(served: Served, seconds: float, every: float, console: Consol
 
 
 def main() -> None:
-    """Pull, and print what grows."""
+    """Pull, and print the growth rates."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=1800.0)
     parser.add_argument("--every", type=float, default=SAMPLE_SECONDS)

@@ -1,4 +1,4 @@
-"""Images of a bent tube in noise, drawn for timing: as many as wanted, on any machine."""
+"""Images of a bent tube in noise, drawn for timing: any number, the same everywhere."""
 
 import json
 import os

@@ -24,7 +24,7 @@ SMALLEST_IN_PLANE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionProperties:
-    """What a beam needs to know of an organ's sections.
+    """Area and second moments of an organ's sections, as a beam needs them.
 
     Attributes
     ----------
@@ -388,7 +388,7 @@ class _Moments:
     second: NDArray[np.float64]  # (N, 2, 2) integrals of the products of x and y, mm^4
 
     def without(self, hole: "_Moments") -> "_Moments":
-        """Return the integrals over what is left beside a hole."""
+        """Return the integrals without those of a hole."""
         return _Moments(self.area - hole.area, self.first - hole.first, self.second - hole.second)
 
 
@@ -414,7 +414,7 @@ def _moments(outlines: NDArray[np.float64]) -> _Moments:
 def _neighbours(
     places: NDArray[np.float64], stations: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the place before each station and the share of the way to the next, from 0 to 1."""
+    """Return the point before each station and its share of the distance to the next, 0 to 1."""
     before = np.clip(np.searchsorted(places, stations, side="right") - 1, 0, len(places) - 2)
     share = (stations - places[before]) / (places[before + 1] - places[before])
     return before, np.clip(share, 0.0, 1.0)

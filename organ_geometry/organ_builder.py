@@ -88,11 +88,11 @@ class Promise:
             raise ValueError(f"effort must be quick or full, not {self.effort!r}")
 
     def tolerance_of(self, pixel_mm: float) -> float | None:
-        """Return what was asked of every section, mm."""
+        """Return the tolerance asked of every section, mm, or None."""
         return self.tolerance_mm if self.tolerance_px is None else self.tolerance_px * pixel_mm
 
     def overall_of(self, pixel_mm: float) -> float | None:
-        """Return what was asked of all sections together, mm."""
+        """Return the tolerance asked of all sections together, mm, or None."""
         return self.overall_mm if self.overall_px is None else self.overall_px * pixel_mm
 
 
@@ -206,7 +206,7 @@ def build_fitted(
 def encode_organ(
     fitted: FittedOrgan, promise: Promise | None = None, *, name: str | None = None
 ) -> EncodedOrgan:
-    """Return the organ that keeps a promise, or what nobody asked for as nearly as it can."""
+    """Return the organ that keeps a promise; a tolerance by default is raised if need be."""
     promise = Promise() if promise is None else promise
     stack = fitted.stack
     overall_mm = promise.overall_of(stack.mean_pixel)
@@ -235,7 +235,7 @@ def encode_organ(
 def report_organ(
     fitted: FittedOrgan, encoded: EncodedOrgan, promise: Promise | None = None
 ) -> BuiltOrgan:
-    """Return an organ with its errors at every section, and what its user should know."""
+    """Return an organ with its errors at every section, and warnings for its user."""
     sections = section_reports(fitted, encoded)
     promise = Promise() if promise is None else promise
     wanted_mm = _wanted_mm(fitted, promise)
@@ -255,7 +255,7 @@ def report_organ(
 
 
 def _wanted_mm(fitted: FittedOrgan, promise: Promise) -> float:
-    """Return the tolerance, mm, of every section: as asked, or what suits the organ."""
+    """Return the tolerance of every section, mm: as asked, or by the organ's radius."""
     pixel = fitted.stack.mean_pixel
     asked, overall = promise.tolerance_of(pixel), promise.overall_of(pixel)
     if asked is not None:

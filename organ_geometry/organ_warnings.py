@@ -1,4 +1,4 @@
-"""What may make an organ another than the one wanted.
+"""Warnings about a doubtful result.
 
 An organ is *doubtful*, probably another one or only a part of the one wanted, where one of these
 holds:
@@ -42,10 +42,10 @@ DOUBTFUL_CARRIED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class OrganWarning:
-    """What an organ's user should know."""
+    """A warning to an organ's user."""
 
     text: str  # A sentence without its full stop
-    doubtful: bool = False  # Whether it makes the organ probably another than the one wanted
+    doubtful: bool = False  # Whether the organ is probably another than the one wanted
 
 
 def organ_warnings(
@@ -54,7 +54,7 @@ def organ_warnings(
     sections: tuple[SectionReport, ...],
     wanted_mm: float,
 ) -> Iterator[OrganWarning]:
-    """Yield what the organ's user should know."""
+    """Yield the warnings to the organ's user."""
     stack, radius, found = fitted.stack, organ.mean_radius, len(fitted.sections)
     far = [one.index for one in sections if one.max_mm > FAR_SHARE * radius]
     if far:

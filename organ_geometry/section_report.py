@@ -1,4 +1,4 @@
-"""What was found in each section, and how near the organ comes to it."""
+"""Report of each section: what was found, and its distance to the organ."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _BACK_CORNERS = 64
 
 @dataclass(frozen=True, slots=True)
 class SectionReport:
-    """What was found in one section, and how near the organ comes to it.
+    """Report of one section: what was found, and its distance to the organ.
 
     Errors are distances of the edge points to a boundary: "fit" to the section's own half-curves,
     the others to the organ that its file gives, that is after sections were left out and

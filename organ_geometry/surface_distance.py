@@ -19,7 +19,7 @@ OUTLINE_CORNERS = 96
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocatedPoints:
-    """Points in the sections of an axis in which they lie."""
+    """Points, each located in the section of an axis in whose plane it lies."""
 
     piece: NDArray[np.intp]  # (N,) piece of the axis
     share: NDArray[np.float64]  # (N,) share of the way along it
@@ -34,7 +34,7 @@ class LocatedPoints:
         axis: NDArray[np.float64],  # (S, 3) points of the axis, mm
         frames: NDArray[np.float64],  # (S, 3, 3) frames there, columns x_dir, y_dir and normal
     ) -> "LocatedPoints":
-        """Return points in the nearest sections to a guess whose planes they lie in."""
+        """Return points located in their sections' planes, each near a guess."""
         # An organ's arrays are read-only, for which numba would compile once more: copied.
         return cls(*_located(np.ascontiguousarray(points), near, np.array(axis), np.array(frames)))
 
@@ -69,7 +69,7 @@ class LocatedPoints:
 def wall_distances(
     organ: Organ, points: NDArray[np.float64], near: NDArray[np.float64], wall: Wall = "outer"
 ) -> NDArray[np.float64]:
-    """Return how far points are from a wall of an organ, measured in the sections they lie in."""
+    """Return distances of points to a wall of an organ, each in its own section's plane."""
     step = organ.length / (len(organ.axis) - 1)
     near = np.asarray(near, dtype=np.float64) / step
     located = LocatedPoints.along(points, near, organ.axis, organ.frames)

@@ -256,7 +256,7 @@ def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
 def _compress_many(
     jobs: "list[StackJob]", folder: Path, figures: Path | None, *, every: bool, as_json: bool
 ) -> None:
-    """Compress many stacks on all cores, say what came of each, and fail if one has failed."""
+    """Compress many stacks on all cores, report on each, and fail if one has failed."""
     from app.compression.report import Facts, remark_lines, section_lines, summary_lines
     from app.compression.stack_job import Failed, compress_all
     from organ_geometry import make_folder
@@ -294,7 +294,7 @@ def _compress_many(
 
 
 def _within(area: "Region | None", seed: "Seed | None") -> "Seed | None":
-    """Return a seed as counted in the images that are kept."""
+    """Return a seed relative to the region that is kept."""
     if area is None or seed is None:
         return seed
     x, y = seed[0] - area[0], seed[1] - area[1]

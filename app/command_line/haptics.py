@@ -196,7 +196,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
 
 @contextlib.contextmanager
 def _ending() -> Generator[Callable[[], str | None]]:
-    """Give a function that says why to end: a signal, or a key on the terminal."""
+    """Return a function that gives the reason to end: a signal, or a key on the terminal."""
     ended: list[str] = []
 
     def end(number: int, _frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""Options that say which images are meant and where in them the organ is, as text."""
+"""Text options for which images to read and where in them the organ is."""
 
 from typing import TYPE_CHECKING, TypeVar
 

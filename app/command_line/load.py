@@ -1,4 +1,4 @@
-"""What the commands share: an organ from a file or from the shipped images, and a theory's load."""
+"""Shared by the commands: an organ from a file or the shipped images, and a theory's load."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -64,7 +64,7 @@ def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> 
 
 
 def theory_options(theory: "Theory") -> dict[str, object]:
-    """Return what a theory was asked for beyond its name."""
+    """Return a theory's options, to be named beside it."""
     from physics import Cubic, Exact
 
     if isinstance(theory, Cubic):

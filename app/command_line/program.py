@@ -1,4 +1,4 @@
-"""The program `bluntdissect`: its commands, and how it says what went wrong."""
+"""The program `bluntdissect`: its commands, and its error messages."""
 
 import os
 import sys

@@ -117,7 +117,7 @@ def _check_output(path: Path) -> None:
 def _write_played(
     again: "Replay", path: Path, frames: int | None, edge_length: float | None
 ) -> dict[str, object]:
-    """Write a file that plays a run, and return what was written."""
+    """Write a file that plays a run, and return its description."""
     from app.export.motion import MOST_FRAMES
     from app.export.recorded_run import RecordedRun
     from organ_geometry import write_atomic

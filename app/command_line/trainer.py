@@ -97,7 +97,7 @@ def trainer(
 
 
 def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetting], ServoProcess]":
-    """Return what starts the servo of a device."""
+    """Return a function that starts the servo of a device."""
     from app.haptics.device import DeviceOptions
     from app.haptics.hand import HandScript, read_hand
     from app.haptics.servo_loop import LoopSettings

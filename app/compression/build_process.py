@@ -1,4 +1,4 @@
-"""A process that builds organs, so that whoever asked for one can go on meanwhile.
+"""A process that builds organs, so that the trainer's threads do not wait for it.
 
 Finding edges and encoding an organ take seconds of Python's one lock: in the trainer's own process
 a fifth of all sessions' ticks came too late while an organ was built.
@@ -25,11 +25,11 @@ NICENESS = 5
 
 
 class Abandoned(Exception):  # noqa: N818
-    """Nobody wants what was being made any more."""
+    """The work was cancelled."""
 
 
 class BuildProcess:
-    """One process that makes one thing after the other; it is started with the first.
+    """One process for one task after the other; it is started with the first.
 
     Its methods may be called from any thread.
     """
@@ -69,7 +69,7 @@ class BuildProcess:
         raise answer
 
     def stop(self) -> None:
-        """End the process, and what it is at."""
+        """End the process and its task."""
         self._stopped.set()
         with self._lock:
             self._end()
@@ -81,7 +81,7 @@ class BuildProcess:
         progress: Progress,
         wanted: Callable[[], bool],
     ) -> tuple[bool, Any]:
-        """Return whether the work was done, and what it returned or raised."""
+        """Return whether the work was done, with its value or its error."""
         pipe = self._started()
         pipe.send((work, args))
         while True:
@@ -116,7 +116,7 @@ class BuildProcess:
 
 
 def _serve(pipe: Connection) -> None:
-    """Make one thing after the other, until nobody asks any more."""
+    """Do one task after the other, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the trainer, which ends this
     if hasattr(os, "nice"):
         os.nice(NICENESS)
@@ -140,7 +140,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _sendable(error: Exception) -> Exception:
-    """Return an error that arrives as what it is, or as the nearest that does."""
+    """Return an error that can be pickled: itself, or the nearest that can."""
     nearest: Any = ValueError if isinstance(error, ValueError) else RuntimeError
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301

@@ -1,4 +1,4 @@
-"""How many pixels an image file says it has, read from its header before anything is decoded."""
+"""The number of pixels in an image file's header, read before anything is decoded."""
 
 import struct
 from collections.abc import Iterator

@@ -38,12 +38,12 @@ _WANTED = (
 
 
 class UploadRefusedError(ImageStackError):
-    """What was sent is no stack of images, or one that is too large."""
+    """An upload that is no stack of images, or too large."""
 
 
 @dataclass(frozen=True, slots=True)
 class UploadBounds:
-    """What is the most that may be sent."""
+    """Limits of an upload."""
 
     file_bytes: int = 64 * MIB  # Size of the file
     entries: int = 2000  # Files and folders in a zip
@@ -86,7 +86,7 @@ def unpack_upload(name: str, content: bytes, folder: Path, bounds: UploadBounds)
 
 
 def _suffix(name: str, content: bytes) -> str | None:
-    """Return the suffix of a file that is a stack by itself, by what is in it; None of others."""
+    """Return the suffix of a file that is a stack by itself, by its content; else None."""
     if content.startswith(_TIFF_STARTS):
         return ".tif"
     if _is_dicom(content):
@@ -140,7 +140,7 @@ def _written(folder: Path, files: dict[str, bytes]) -> Path:
 
 
 def _zip_files(content: bytes, bounds: UploadBounds) -> dict[str, bytes]:
-    """Return what is needed of a zip, by names without folders."""
+    """Return a zip's entries that are needed, by names without folders."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         entries = archive.infolist()
         if len(entries) > bounds.entries:
@@ -272,7 +272,7 @@ def _is_dicom_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bool:
 def _read(
     archive: zipfile.ZipFile, entry: zipfile.ZipInfo, left: int, bounds: UploadBounds
 ) -> bytes:
-    """Return an entry's content; what the zip says of its size is not relied upon."""
+    """Return an entry's content, without relying on the size that the zip states."""
     pieces: list[bytes] = []
     with archive.open(entry) as source:
         while piece := source.read(_PIECE):
@@ -325,5 +325,5 @@ def _plain_name(name: str) -> str:
 
 
 def _shown(name: str) -> str:
-    """Return a name from outside so that it fits into a line."""
+    """Return an uploaded name for a message: quoted, of 60 characters at most."""
     return repr(name if len(name) <= 60 else f"{name[:57]}...")

@@ -62,7 +62,7 @@ class PromiseRefusedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class OrganChoice:
-    """Which organ is meant, as the options of `compress` say it."""
+    """Which organ to trace, as by the options of `compress`."""
 
     # Column, row and image of a pixel of the organ, from 0 in the whole images, or None.
     seed: tuple[int, int, int] | None = None
@@ -88,7 +88,7 @@ class OpenedStack:
 
     @property
     def resliced(self) -> bool:
-        """Whether the images were cut again, so that no place in them is one of the whole ones."""
+        """Whether the images were resliced, so that a place in them is none in those uploaded."""
         return isinstance(self.stack.slices, ReslicedSlices)
 
     @property
@@ -135,7 +135,7 @@ class OpenedStack:
 
 @dataclass(frozen=True, slots=True)
 class _TooSmall:
-    """The smallest tolerance that can be kept is not the one that was asked for, mm."""
+    """The smallest tolerance that can be kept, mm, above the one asked for."""
 
     smallest_mm: float
 
@@ -166,7 +166,7 @@ class OrganWorkbench:
         return opened
 
     def choose(self, choice: OrganChoice, progress: Progress | None = None) -> OpenedStack:
-        """Find another organ in the images. What was found before stays if this cannot be."""
+        """Trace another organ in the images; the one before stays if this fails."""
         before = self.opened
         if before is None:
             raise ValueError(_NO_IMAGES)
@@ -231,7 +231,7 @@ class OrganWorkbench:
         return built
 
     def close(self) -> None:
-        """Remove what was sent; what is being made stops at its next image."""
+        """Remove the upload; a build under way stops at its next image."""
         with self._lock:
             self._closed = True
             folder, self._folder = self._folder, None
@@ -302,7 +302,7 @@ def _opened(
 def _built(
     stack: ImageStack, traced: TracedOrgan, tolerance_px: float | None, _: Progress
 ) -> BuiltOrgan | _TooSmall:
-    """Build an organ of its edges, or return what can be kept instead."""
+    """Build an organ of its edges, or return the tolerance that can be kept."""
     try:
         return build_fitted(fit_organ(stack, traced), Promise(tolerance_px=tolerance_px))
     except ToleranceTooSmall as error:

@@ -1,4 +1,4 @@
-"""What is said of a compressed stack: the facts for programs, the lines and tables for people."""
+"""Report of a compressed stack: facts as JSON, lines and tables as text."""
 
 import dataclasses
 import math
@@ -28,7 +28,7 @@ DOUBTFUL = "probably another organ than the one wanted, or only a part of it"
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What compressing a stack gave; the attributes' names are `--json`'s keys."""
+    """Facts of a compressed stack; the attributes' names are `--json`'s keys."""
 
     stack: str  # Where the images are
     file: str  # The organ file
@@ -75,7 +75,7 @@ class Facts:
     sections: tuple[SectionReport, ...]  # One report for each image
 
     def as_json(self) -> dict[str, object]:
-        """Return the facts as JSON takes them."""
+        """Return the facts as values for JSON."""
         return {
             **{
                 one.name: getattr(self, one.name)
@@ -93,7 +93,7 @@ class Facts:
 
 
 def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -> Facts:
-    """Return what compressing a stack gave."""
+    """Return the facts of a compressed stack."""
     bytes_out = output.stat().st_size
     pixel = images.mean_pixel
     return Facts(
@@ -176,7 +176,7 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
 
 
 def remark_lines(said: Facts) -> Iterator[str]:
-    """Yield what is doubtful about an organ, and what else its user should know."""
+    """Yield an organ's doubts, then its other warnings."""
     if said.doubts:
         yield f"{'doubtful':<10} {DOUBTFUL}; look at it with --figure before it is used:"
     yield from (f"{'doubtful':<10} {doubt}" for doubt in said.doubts)

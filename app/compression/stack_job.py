@@ -40,7 +40,7 @@ ZIP_BOUNDS = UploadBounds(
 
 @dataclass(frozen=True, slots=True)
 class StackJob:
-    """What is to be compressed, and how."""
+    """A stack to compress, and its options."""
 
     stack: Path  # Where the images are: a folder, a file or a zip
     output: Path  # The organ file to write
@@ -60,7 +60,7 @@ class Failed:
     reason: str  # Why, in one line
 
     def as_json(self) -> dict[str, object]:
-        """Return the failure as JSON takes it."""
+        """Return the failure as values for JSON."""
         return {"stack": str(self.stack), "error": self.reason}
 
 
@@ -165,7 +165,7 @@ def _outcome(job: StackJob) -> Facts | Failed:
 
 
 def _names(places: list[Path]) -> list[str]:
-    """Return names that differ, with as few of the folders' names in them as that takes."""
+    """Return names that differ, with as few folders in them as possible."""
     for depth in range(max(len(place.parts) for place in places)):
         names = [_name(place, depth) for place in places]
         if len({name.casefold() for name in names}) == len(names):

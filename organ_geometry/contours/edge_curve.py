@@ -43,7 +43,7 @@ def level_curve(
     sigma: float,
     scale: Scale = SQUARE,
 ) -> NDArray[np.float64]:
-    """Return the outline moved onto a level of a blurred image, and back by what blur moved it."""
+    """Return the outline moved onto a level of a blurred image, corrected for the blur's shift."""
     slope_x, slope_y = _slopes(smoothed)
     points = start.astype(np.float64)
     _move_to_level(points, smoothed, slope_x, slope_y, level)

@@ -125,7 +125,7 @@ def _half_windows(largest: int) -> Iterator[int]:
 
 
 def _split_levels(smoothed: Image, here: float) -> tuple[float, float, float]:
-    """Return Otsu's level of an image, of what is above it, and of what is not above a level."""
+    """Return Otsu's levels: of an image, of its part above that, of it cut off at `here`."""
     level = otsu(smoothed)
     above = smoothed[smoothed > level]
     return level, otsu(above) if above.size else level, otsu(np.minimum(smoothed, here))

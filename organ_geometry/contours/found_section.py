@@ -1,4 +1,4 @@
-"""An organ's section to a pixel, in a window of its image, and what its edge is."""
+"""An organ's section to a pixel, in a window of its image, and the rule for its edge."""
 
 import math
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ SMALLEST_REACH_PX = 12
 
 @dataclass(frozen=True, slots=True)
 class EdgeRule:
-    """What an organ's edge is in all images of a stack."""
+    """How an organ's edge is defined in all images of a stack."""
 
     polarity: FoundPolarity  # Whether the organ is brighter or darker than its surroundings
     # Grey level of the edge, or None for half way between both sides.

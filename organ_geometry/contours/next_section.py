@@ -226,7 +226,7 @@ def _trouble(
     rule: EdgeRule,
     last_name: str,
 ) -> str | None:
-    """Return why what a grey level closes is not the organ, or None if it is."""
+    """Return why the region that a grey level encloses is not the organ, or None if it is."""
     if region.other_part >= SPLIT_SHARE:
         return (
             f"the organ splits: beside the part that continues {last_name} there is one of "
@@ -281,7 +281,7 @@ def _leaks(
 
 
 def _is_septum(bright: Image, filled: Mask, parts: Region, rule: EdgeRule) -> bool:
-    """Return whether what lies between the parts of a region is not what lies around it."""
+    """Return whether the parts of a region are joined by tissue, brighter than the background."""
     above = mask_of(blurred(bright, parts.sigma, rule.scale) > parts.outer_level)
     between, count = median_where(bright, without(grown(filled, -1), grown(above, 1)))
     if count == 0:

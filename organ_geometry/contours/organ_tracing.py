@@ -87,7 +87,7 @@ def _shifted(traced: TracedOrgan, shift_mm: float, stack: ImageStack) -> TracedO
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Edges:
-    """A traced section and what its notes are made of."""
+    """A traced section, with the values that its notes name."""
 
     section: TracedSection
     growth: float
@@ -184,7 +184,7 @@ class _Tracing:
         self._collect(self._ahead)
 
     def _collect(self, left: int) -> None:
-        """Take what the threads have found, until no more than a few are left."""
+        """Collect results of the threads until few are left to come."""
         while len(self._pending) > left:
             index, future = self._pending.popleft()
             try:

@@ -1,4 +1,4 @@
-"""What is to be traced in a stack of images: which organ, and what its edge is."""
+"""Options of tracing: which organ of the images, and how its edge is defined."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Seed: TypeAlias = tuple[float, float] | tuple[float, float, int]
 
 @dataclass(frozen=True, slots=True)
 class TraceOptions:
-    """Which organ is meant, and what its edge is; the defaults decide by the images.
+    """Which organ to trace and how its edge is defined; defaults are decided by the images.
 
     Attributes
     ----------

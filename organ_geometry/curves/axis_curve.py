@@ -64,7 +64,7 @@ def _bends(count: int) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=16)
 def refinement(depth: int) -> NDArray[np.float64]:
-    """Return how the keys of an axis follow from what is stored of them."""
+    """Return the (K, K) matrix that makes the keys of an axis of its stored bends."""
     values = np.eye(2)
     for level in range(1, depth + 1):
         count = 2**level + 1
@@ -81,7 +81,7 @@ def refinement(depth: int) -> NDArray[np.float64]:
 
 
 def key_depth(count: int) -> int:
-    """Return the number of levels beyond the ends of so many keys."""
+    """Return the levels of so many keys, 2^levels + 1, the ends not counted."""
     return (count - 1).bit_length() - 1
 
 

@@ -19,7 +19,7 @@ _CONDITION = 1e-10
 def boundary_halves(
     boundary: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the two halves of a boundary between its extreme x, and what its points weigh."""
+    """Return the two halves of a boundary between its extreme x, and its points' weights."""
     total = len(boundary)
     weights = np.empty(total)
     for i in range(total):

@@ -1,9 +1,9 @@
-"""What lies between key sections: cubic curves through what is known there.
+"""Interpolation between key sections by piecewise cubics (cubic Bessel interpolation).
 
 Each piece between two keys is a cubic with the keys' values and slopes at its ends. A key's slope
 is that of the parabola through it and its two neighbours; at the first and the last key the second
-derivative vanishes. So a value has to do with two pieces to either side of its key, and what is
-straight stays straight.
+derivative vanishes. So a value influences two pieces to either side of its key, and straight
+lines are reproduced.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Key sections: the sections that are kept, because the others follow from them."""
+"""Key sections by the thesis's rule: those that the others can be interpolated from."""
 
 import math
 

@@ -132,7 +132,7 @@ class AxisSampling:
         centroids: NDArray[np.float64],
         left_handed: bool,
     ) -> None:
-        """Find frames that lie as the images do, and that end in the planes of the end sections."""
+        """Fit roll and tilts: frames lie as the images do, at the ends in their planes."""
         # x_dir starts from the axis of space most nearly across the first tangent.
         keys, samples, hand = self.axis.keys, self.samples, left_handed
         upright, tilts = np.zeros((2, 2)), COARSEST_TILTS << self.tilt_scale
@@ -228,9 +228,9 @@ class AxisSampling:
 
 
 def best_turn(outlines: NDArray[np.float64]) -> tuple[int, float]:
-    """Return the rotation of half-curves nearest to outlines, and what it leaves of the error."""
+    """Return the rotation of half-curves of least error, and its error over that of none."""
     # Half-curves y(x) follow flat sides best and upright ones worst, so that an oblong section
-    # gains by being turned. 32 outlines along an organ and every second rotation tell; the error has one
+    # gains by being turned. 32 outlines and every second rotation are enough: the error has one
     # minimum.
     some = outlines[:: max(1, len(outlines) // 32)]
     errors = np.empty(TURNS // 2)

@@ -231,7 +231,7 @@ class CandidateEncoder:
     def refine(
         self, one: Encoding, rounds: int, *, nearest: bool = False, move_keys: bool = False
     ) -> list[Encoding]:
-        """Return encodings that go on from one, in so many rounds at most."""
+        """Return the encodings of at most so many refinement rounds, begun with one."""
         settings = self.settings
         scale, step = one.code.section_scale, one.code.section_step
         together = not nearest and self._overall < self._allowed
@@ -331,10 +331,10 @@ class CandidateEncoder:
         return np.unique(nearest)
 
     def has_outliers(self, one: Encoding) -> bool:
-        """Return whether an outline goes where no edge is, which no edge point's distance says."""
+        """Return whether an outline runs far from the edge between edge points."""
         # Beyond 0.4 of the mean radius: a half-curve of degree 6 that has run away between edge
-        # points, as it can where sections have few. The decoded outline is compared with the edge,
-        # not the other way round, because each edge point has the outline near.
+        # points, as it can where sections have few. Each of those may still have the outline near:
+        # the outline is compared with the edge, not the other way round.
         organ, edges = one.code.organ(), one.sampling.outlines
         stations = np.linspace(0.0, organ.length, len(edges.outer))
         rings = [edges.outer] if edges.lumen is None else [edges.outer, edges.lumen]

@@ -50,7 +50,7 @@ class Residuals(NamedTuple):
 
 
 class Coordinates(NamedTuple):
-    """What each of M integers does, and what it costs."""
+    """The effect of each of M integers on the points, and its cost."""
 
     # (M,) r and c: integer i moves point p by A_pi = b_rp C_cp step_i.
     row: NDArray[np.intp]

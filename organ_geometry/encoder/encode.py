@@ -23,7 +23,7 @@ Selection: TypeAlias = Literal["fewest", "thesis"]
 
 
 class ToleranceTooSmall(ValueError):  # noqa: N818
-    """A tolerance below what half-curves and pixels allow.
+    """A tolerance smaller than half-curves and pixels allow.
 
     Attributes
     ----------
@@ -38,11 +38,11 @@ class ToleranceTooSmall(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EncodedOrgan:
-    """An organ, decoded from its file's content, and where its sections are."""
+    """An organ, decoded from its file's content, with its sections' places."""
 
-    organ: Organ  # The organ; it carries the content of its file
+    organ: Organ  # Carries the content of its file
     places: NDArray[np.float64]  # (S,) place of each section along it, from 0 to 1
-    outlines: Outlines  # What the contours are at equal distances along it
+    outlines: Outlines  # The contours cut at equal distances along it
 
 
 def encoded_organ(
@@ -141,7 +141,7 @@ def encoded_organ(
 
 
 def smallest_kept(keeps: Callable[[float], bool], refused: float, nearest: float) -> float:
-    """Return a tolerance that is kept, near the smallest, in four digits, by bisection."""
+    """Return a tolerance that can be kept, near the smallest, in four digits, by bisection."""
     # What came out nearest is kept or nearly: upwards from it in growing steps of 5 % first.
     largest, more = _four_digits(nearest), 1.05
     while not keeps(largest):

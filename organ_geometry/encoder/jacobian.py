@@ -59,7 +59,7 @@ class AxisMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeJacobian:
-    """Some edge points p of every slice s, in the sections of one axis that they lie in."""
+    """A part of the edge points p of every slice s, located in the sections of one axis."""
 
     slices: NDArray[np.intp]  # (N,) s of each point, growing
     lumen: NDArray[np.bool_]  # (N,) on the lumen's edge, else on the outer one
@@ -213,7 +213,7 @@ def _changes(
 def _key_bands(
     values: NDArray[np.float64], before: NDArray[np.intp], blend: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Return what `Bands` holds of key sections."""
+    """Return the fields of the key sections' `Bands`."""
     # values[k, j] is what a difference of one at key k gives at key j; a point between the keys
     # before[p] and before[p] + 1 has the weights blend[p] of four keys from before[p] - 1 on.
     keys, points = len(values), len(before)

@@ -53,7 +53,7 @@ class OrganIntegers:
 
 @dataclass(slots=True, eq=False)
 class _State:
-    """Integers, and what they are predicted to give."""
+    """Integers, with the distances and errors predicted for them."""
 
     keys: NDArray[np.intp]  # (K,) key sections
     # (3 B + 16 W K,) bends, then those of each key section: of the outer boundary, of the lumen.
@@ -129,7 +129,7 @@ class Refinement:
         return stored.reshape(len(state.keys), self._walls, SIGNALS).transpose(1, 0, 2)
 
     def _coordinates(self, keys: int) -> Coordinates:
-        """Return what each integer does and costs, with so many key sections."""
+        """Return effect and cost of each integer, with so many key sections."""
         # Integers of a key section share its row b, and a column of C each; a bend's row is its
         # axis key's, its columns come after those of the coefficients.
         bends, block = self._bends.ravel(), self._walls * SIGNALS
@@ -153,7 +153,7 @@ class Refinement:
         return np.concatenate([self._axis_bits, first, np.tile(others, (keys - 1, 1))])
 
     def _descend(self, state: _State, trial: int | None = None) -> None:
-        """Lower a state's cost, its key sections kept; on trial by those around one alone."""
+        """Lower a state's cost with its key sections fixed; on trial only near one of them."""
         count, bends = len(state.keys), self._bends.size
         coordinates = self._coordinates(count)
         bands = joined_bands(self._axis, self._jacobian.key_bands(state.keys))

@@ -160,7 +160,7 @@ class Search:
         return kept
 
     def _check_within_reach(self) -> None:
-        """Check that finest steps come near to what is to be kept; coarser ones will not either."""
+        """Raise unless the finest steps come near the tolerance: coarser ones will not either."""
         try:
             self.nearest()
         except ToleranceNotMet as error:
@@ -224,7 +224,7 @@ class Search:
         return exact
 
     def _levels(self, beyond: tuple[int, ...]) -> Iterator[int]:
-        """Yield levels of the axis, so many beyond those that keep its centroids in fewest bits."""
+        """Yield levels of the axis, counted from those of the centroids' fewest bits."""
         candidates = self._candidates
         most = most_levels(len(candidates.centroids))
         if self._middle is None:
@@ -355,7 +355,7 @@ def _worst_of_runs(excess: NDArray[np.float64]) -> NDArray[np.intp]:
 def _best_of_each_depth(
     tried: list[tuple[float, AxisSampling]],
 ) -> list[tuple[float, AxisSampling]]:
-    """Return samplings by what they promise, the best of each depth before the second of any."""
+    """Return samplings by their size, the best of each depth before the second of any."""
     ranked: list[tuple[int, float, int]] = []
     of_depth: dict[int, int] = {}
     for number in sorted(range(len(tried)), key=lambda number: tried[number][0]):

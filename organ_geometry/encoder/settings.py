@@ -1,4 +1,4 @@
-"""What the encoder is tuned by: one value an idea, with what justifies it.
+"""The encoder's tuning: one value for each idea, with its reason.
 
 Lengths are in steps or tolerances, rates in bits. "Table" is the ablation table in docs/encoder.md,
 made by `python -m benchmarks.encoder_ablation`: a row for each idea, switched off by a value.

@@ -71,7 +71,7 @@ class DicomSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Image:
-    """One file of a series and what its header says of its place."""
+    """One file of a series, and its place by its header."""
 
     file: Path
     header: MedicalHeader
@@ -157,7 +157,7 @@ def _series_text(images: list[_Image]) -> str:
 
 
 def _placed(images: list[_Image], folder: Path, window: Window | None) -> DicomSeries:
-    """Return a series in order, and what is to be said about its distances."""
+    """Return a series in order, and notes on its distances."""
     first = images[0]
     x_dir, y_dir = first.orientation[:3], first.orientation[3:]
     frame = plane_frame(x_dir, y_dir, np.cross(x_dir, y_dir), first.file)

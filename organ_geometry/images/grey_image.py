@@ -1,4 +1,4 @@
-"""A grey image, what images come from, and what is said when they cannot be had."""
+"""A grey image, its source, and the error of images that cannot be read."""
 
 from collections.abc import Iterable
 from typing import Protocol, TypeAlias

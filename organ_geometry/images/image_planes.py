@@ -82,7 +82,7 @@ def planes_of_files(
     pixel_size: tuple[float, float] | None,
     slice_spacing: float | None,
 ) -> ImagePlanes:
-    """Return the planes of images in files, from a `spacing.json` and from what is given."""
+    """Return the planes of images in files, by a `spacing.json` and the options given."""
     spacing_path, spacing = read_spacing(folder)
     where = spacing_path or source
     pixels = _pixel_size(source, where, pixel_size, spacing)

@@ -1,4 +1,4 @@
-"""The part of a stack of images that is wanted."""
+"""A range of images, rows and columns of a stack."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def image_region(roi: Region, shape: tuple[int, int], count: int) -> ImageRegion
 
 
 def cropped_planes(planes: ImagePlanes, shape: tuple[int, int], region: ImageRegion) -> ImagePlanes:
-    """Return the planes of a region, each with its origin at the middle of what is left of it."""
+    """Return the planes of a region, each with its origin at the middle of its part."""
     kept = slice(region.first, region.last + 1)
     rows, columns = shape
     shift = 0.5 * np.array(

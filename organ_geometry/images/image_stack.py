@@ -78,7 +78,7 @@ class ImageStack:
 
     @property
     def mean_pixel(self) -> float:
-        """Geometric mean of a pixel's sides, mm: what "a pixel" is in reports."""
+        """Geometric mean of a pixel's sides, mm: the "pixel" of reports."""
         return math.sqrt(float(self.pixel_size.prod()))
 
     @property

@@ -31,7 +31,7 @@ _READ_AT_ONCE = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class MedicalHeader:
-    """What a medical file says about its voxels."""
+    """A medical file's header: size, place and type of its voxels."""
 
     size: tuple[int, ...]  # Number of voxels along each axis, fastest first
     spacing: tuple[float, ...]  # Distance between voxels along each axis, mm
@@ -71,7 +71,7 @@ def is_dicom_file(path: Path) -> bool:
 
 
 def read_header(path: Path) -> MedicalHeader:
-    """Return what a file says about its voxels, without reading them."""
+    """Return a file's header, without reading its voxels."""
     reader = _reader(path)
     try:
         reader.ReadImageInformation()

@@ -1,4 +1,4 @@
-"""Compressed voxels of MetaImage files, read whole whatever the header says of their size.
+"""Compressed voxels of MetaImage files, read whole even if their stated size is wrong.
 
 The reader of SimpleITK takes as many compressed bytes as the header has in CompressedDataSize.
 Where those are too few it says nothing, and leaves in the rest of the volume what was in memory.

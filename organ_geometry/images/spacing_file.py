@@ -30,7 +30,7 @@ class PlaneRecord:
 
 @dataclass(frozen=True, slots=True)
 class SpacingRecord:
-    """What is used of a spacing.json; pixel spacings there are row first, then column."""
+    """The fields of a spacing.json in use; its pixel spacings are row first, then column."""
 
     pixel_spacing_mm: tuple[float, float] | None = None
     pixel_spacing: tuple[float, float] | None = None
@@ -55,7 +55,7 @@ def read_spacing(folder: Path) -> tuple[Path | None, SpacingRecord]:
 
 
 def _json_content(path: Path) -> object:
-    """Return what a JSON file holds."""
+    """Return the content of a JSON file."""
     try:
         return json.loads(path.read_bytes())
     except OSError as error:
@@ -193,7 +193,7 @@ def _as_float(value: Any) -> float:
 
 
 def _numbers(value: object, count: int) -> list[float] | None:
-    """Return a list of so many numbers, or None if it is something else."""
+    """Return a value that is a list of so many numbers, else None."""
     if not isinstance(value, list):
         return None
     items = cast("list[object]", value)

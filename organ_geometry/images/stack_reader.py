@@ -50,7 +50,7 @@ MOST_LABELS = 64
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Which images are taken of a stack, and what they do not say themselves.
+    """Which images of a stack to read, and sizes that they do not state themselves.
 
     Attributes
     ----------

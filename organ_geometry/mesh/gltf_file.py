@@ -39,7 +39,7 @@ def turned(directions: NDArray[Any]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """What a surface looks like under light, as in glTF's metallic-roughness model."""
+    """A surface's look under light, by glTF's metallic-roughness model."""
 
     # sRGB; multiplied with `base_jpeg` where there is one, and with the colours of vertices.
     color: Color = (255, 255, 255)
@@ -256,7 +256,7 @@ class GltfFile:
 
 
 def _index_type(count: int) -> type[np.uint16] | type[np.uint32]:
-    """Return what numbers of so many vertices are stored as; the largest one is reserved."""
+    """Return the smallest type of numbers of so many vertices; its largest is reserved."""
     return np.uint16 if count < np.iinfo(np.uint16).max else np.uint32
 
 

@@ -259,7 +259,7 @@ def _ramp(distance: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
 
 
 def _right_handed(organ: Organ) -> bool:
-    """Return whether x_dir, y_dir and the way along the axis are a right-handed frame."""
+    """Return whether x_dir, y_dir and the axis's direction are a right-handed frame."""
     frames = organ.frames
     tangents = np.gradient(organ.axis, axis=0)
     turns = np.cross(frames[:, :, 0], frames[:, :, 1])

@@ -1,4 +1,4 @@
-"""The organ file: what it holds, read and written (docs/organ-format.md)."""
+"""The organ file: its content, read and written (docs/organ-format.md)."""
 
 from organ_geometry.organ_file.organ_code import OrganCode
 from organ_geometry.organ_file.organ_file import (

@@ -231,7 +231,7 @@ def _pass_usual(
 
 
 def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
-    """Pass what the lengths are called: mm, or a word of up to fifteen bytes."""
+    """Pass the name of the unit of length: mm, or a word of up to fifteen bytes."""
     if not _pass_flag(numbers, "units", units != "mm"):
         return "mm"
     letters = units.encode()

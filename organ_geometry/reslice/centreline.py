@@ -3,7 +3,7 @@
 The minimal path along the deepest voxels gives a first line, a radius short of either end. Then, in
 a few rounds, planes are laid across the line, each point is moved to the centroid of the tube's
 section in its plane, and the line is smoothed (Savitzky-Golay) and spaced evenly again. A section
-is what hangs together around the point and within a few depths of it, and its middle no further
+is the connected part around the point within a few depths of it, and its middle no further
 from the minimal path than a share of the depth: where a tube touches itself, a section is of both.
 At the end the line is led on straight to the tube's two ends.
 """
@@ -134,7 +134,7 @@ def _moved_to_middle(
 def _nearest(
     way: MinimalPath, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (N, 3) points of a way nearest to others, and the way's (N,) depths there, mm."""
+    """Return (N, 3) points of a path nearest to others, and its (N,) depths there, mm."""
     nearest = np.array([((way.points - point) ** 2).sum(axis=1).argmin() for point in points])
     return way.points[nearest], way.depths[nearest]
 

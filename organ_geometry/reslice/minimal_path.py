@@ -27,7 +27,7 @@ _SHALLOW = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MinimalPath:
-    """A way through a tube, from voxel to voxel."""
+    """A path through a tube, from voxel to voxel."""
 
     # (N, 3) points from end to end, mm along columns, rows and images from the first voxel.
     points: NDArray[np.float64]
@@ -111,7 +111,7 @@ def _shortest_ways(
     steps: NDArray[np.float64],
     starts: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return each voxel's shortest time from any start, and the voxel before it on the way."""
+    """Return each voxel's shortest time from any start, and the voxel before it (Dijkstra)."""
     # Voxels at the border of the array are outside, so that no jump leaves it.
     _, height, width = inside.shape
     inner = inside.ravel()

@@ -58,7 +58,7 @@ def _measured(
     frames: NDArray[np.float64],
     depths: NDArray[np.float64],
 ) -> SectionPlanes:
-    """Return planes and what they cut."""
+    """Return planes, with their crossings and the share of the tube beside them."""
     reach, crossing = 0.0, 0
     radii = np.zeros(len(points))
     for index, (point, frame) in enumerate(zip(points, frames, strict=True)):
