@@ -115,33 +115,18 @@ _erf = np.vectorize(math.erf, otypes=[np.float64])
 
 
 def section_stations() -> NDArray[np.float64]:
-    """Return the stations of the images, mm from the first clamp.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (S,) stations, the first 0 and the last the span.
-
-    Examples
-    --------
-    >>> round(float(section_stations()[-1]), 9)
-    50.8
-    """
+    """Return the (S,) stations of the images, mm: the first 0, the last the span."""
     return SLICE_SPACING * np.arange(SECTION_COUNT, dtype=np.float64)
 
 
 def outer_half_axes(stations: ArrayLike) -> NDArray[np.float64]:
     """Return the true half-axes of the outer edge, an ellipse about the axis.
 
-    Parameters
-    ----------
-    stations
-        (...) distances from the first clamp, mm; held constant beyond the clamps.
-
     Returns
     -------
     NDArray[np.float64]
-        (..., 2) half-axes along the image's columns and rows, mm.
+        (..., 2) half-axes along the image's columns and rows, mm, at (...) stations, mm;
+        constant beyond the clamps.
 
     Examples
     --------

@@ -34,79 +34,39 @@ class DeviceError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class DeviceLimits:
-    """What a device can do, and what it is safe to ask of it.
+    """What a device can do, and what it is safe to ask of it."""
 
-    Attributes
-    ----------
-    force
-        Largest force that it is given, N.
-    force_rate
-        Largest change of that, N/s.
-    damping
-        Its own viscous friction, N s/m, which bounds the stiffness that it can show at a rate.
-    added_damping
-        Most that the passivity controller adds, N s/m.
-    speed
-        Speed above which a state is no state, m/s.
-    """
-
-    force: float
-    force_rate: float
+    force: float  # largest that it is given, N
+    force_rate: float  # largest change of that, N/s
+    # its own viscous friction, N s/m, which bounds the stiffness that it can render at a rate
     damping: float
-    added_damping: float = 20.0
-    speed: float = 5.0
+    added_damping: float = 20.0  # most that the passivity controller adds, N s/m
+    speed: float = 5.0  # above which a state is taken for an error, m/s
 
 
 @dataclass(slots=True)
 class DeviceState:
-    """Where a device is; one object, filled anew by each exchange.
+    """Where a device is; one object, filled anew by each exchange."""
 
-    Attributes
-    ----------
-    position
-        (3,) right, forward and up, m.
-    velocity
-        (3,) m/s.
-    buttons
-        As bits, the first one 1.
-    """
-
+    # (3,) right, forward and up, m
     position: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    buttons: int = 0
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))  # (3,) m/s
+    buttons: int = 0  # as bits, the first one 1
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceOptions:
-    """What a device is opened with.
+    """What a device is opened with."""
 
-    Attributes
-    ----------
-    address
-        Where its service is, for those that have one.
-    period
-        Time between two exchanges, s.
-    script
-        The hand of a virtual device.
-    """
-
-    address: str
-    period: float
-    script: HandScript = field(default_factory=HandScript)
+    address: str  # of its service, for those that have one
+    period: float  # between two exchanges, s
+    script: HandScript = field(default_factory=HandScript)  # the hand of a virtual device
 
 
 class Device(Protocol):
-    """An open device.
+    """An open device."""
 
-    Attributes
-    ----------
-    name
-        What it is, for the report.
-    limits
-        What it can do.
-    """
-
-    name: str
+    name: str  # for the report
     limits: DeviceLimits
 
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:

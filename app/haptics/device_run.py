@@ -23,49 +23,26 @@ CHUNK = 65_536
 
 
 class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
-    """All that the course of a run depends on.
+    """All that the course of a run depends on."""
 
-    Attributes
-    ----------
-    format, version
-        Of the file.
-    preset, organ_sha256
-        The duct: a preset that ships, and the organ of one's own that it was on, if any.
-    theory
-        The theory.
-    grasps_mm, threshold_MPa, coupling_N_per_mm
-        What was felt.
-    rate, scale, hold, stale_seconds
-        As `LoopSettings`.
-    force_N, force_rate_N_per_s, added_damping_N_s_per_m
-        The device's bounds.
-    assist_mm
-        Where a second hook without a device was left, mm along the pull; 0 for none.
-    periods
-        How many.
-    inputs
-        Places and bits of the hands: differences of differences, packed by zlib, in base64.
-    forces_sha256
-        Digest of the forces given.
-    """
-
-    preset: str
-    organ_sha256: str | None
+    preset: str  # that ships
+    organ_sha256: str | None  # of one's own organ that the duct was on, if any
     theory: TheoryChoice
     grasps_mm: tuple[float, ...]
     threshold_MPa: float  # noqa: N815
     coupling_N_per_mm: float  # noqa: N815
-    rate: int
+    rate: int  # this and the next three: as `LoopSettings`
     scale: float
     hold: bool
     stale_seconds: float
+    # this and the next two: the device's bounds
     force_N: float  # noqa: N815
     force_rate_N_per_s: float  # noqa: N815
     added_damping_N_s_per_m: float  # noqa: N815
-    assist_mm: float
+    assist_mm: float  # where a second hook without a device was left, along the pull; 0 for none
     periods: int
-    inputs: str
-    forces_sha256: str
+    inputs: str  # places and bits of the hands: second differences, packed by zlib, in base64
+    forces_sha256: str  # of the forces given
     format: str = FORMAT
     version: int = VERSION
 
@@ -98,13 +75,7 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Recorder:
-    """Keeps what a loop is given.
-
-    Parameters
-    ----------
-    hands
-        How many.
-    """
+    """Keeps the inputs that a loop is given, of so many hands."""
 
     def __init__(self, hands: int) -> None:
         self._chunks: list[tuple[NDArray[np.int32], NDArray[np.uint8]]] = []

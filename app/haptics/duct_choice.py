@@ -23,30 +23,14 @@ def passive_coupling(damping: float, rate: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class DuctChoice:
-    """A duct, a theory of it and where it is hooked.
-
-    Attributes
-    ----------
-    preset
-        The preset.
-    beam
-        Its beam.
-    organ
-        The organ, where its sections are the beam's.
-    theory
-        The theory.
-    grasps
-        One hook or two, mm from the first clamp.
-    threshold
-        Stress at which it tears, MPa.
-    """
+    """A duct, the theory that solves it and where it is hooked."""
 
     preset: Preset
     beam: Beam
-    organ: Organ | None
+    organ: Organ | None  # where its sections are the beam's
     theory: Theory
-    grasps: tuple[float, ...]
-    threshold: float
+    grasps: tuple[float, ...]  # one hook or two, mm from the first clamp
+    threshold: float  # stress at which it tears, MPa
 
     @classmethod
     def of(

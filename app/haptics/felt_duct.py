@@ -1,9 +1,10 @@
 """What a hand feels: a model of the duct behind a virtual coupling, stepped by the servo.
 
-A model takes where each hand is and answers with the force of each hook, in mm and N. The hook
+A model takes the place of each hand and returns the force of each hook, in mm and N. The hook
 hangs on its hand by a spring, the virtual coupling (Colgate, Stanley and Brown 1995), which is
-solved with the beam: K (z - w) = F(w). So the force is the theory's own at the place w of the hook,
-and no stiffer than K to the hand.
+solved with the beam: K (z - w) = F(w), with z the place of the hand, w that of the hook, K the
+coupling's stiffness and F the theory's force. So the force is the theory's own at w, and the
+stiffness that the hand meets, K F' / (K + F'), is never above K.
 """
 
 from typing import Protocol
@@ -35,29 +36,13 @@ STRESS_STEPS = 10
 
 
 class FeltModel(Protocol):
-    """What the servo asks of a model; its energies are in N mm.
+    """What the servo asks of a model; its energies are in N mm."""
 
-    Attributes
-    ----------
-    forces
-        (H, 3) pull of each hook on the duct, N.
-    elastic_forces
-        (H, 3) the same before what tore in this step.
-    hooks
-        (H, 3) where the hooks are, less where they were at rest, mm.
-    stored
-        Energy of the duct and of the couplings.
-    spent
-        Energy that tears have taken.
-    torn
-        Whether the duct is.
-    """
-
-    forces: NDArray[np.float64]
-    elastic_forces: NDArray[np.float64]
-    hooks: NDArray[np.float64]
-    stored: float
-    spent: float
+    forces: NDArray[np.float64]  # (H, 3) pull of each hook on the duct, N
+    elastic_forces: NDArray[np.float64]  # (H, 3) the same before what tore in this step
+    hooks: NDArray[np.float64]  # (H, 3) places of the hooks relative to rest, mm
+    stored: float  # energy of the duct and of the couplings
+    spent: float  # energy that tears have taken
     torn: bool
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
@@ -68,32 +53,10 @@ class FeltModel(Protocol):
 class FeltDuct:
     """A beam in the plane of its pull, under one hook or two that pull and do not push.
 
-    Parameters
-    ----------
-    theory
-        `Cubic` with a number for q, or `Exact`, which two hooks ask for.
-    beam
-        The beam.
-    grasps
-        Distances of the hooks from the first clamp, mm, growing: one or two.
-    threshold
-        Stress at which it tears, MPa.
-    coupling
-        Stiffness of the virtual coupling, N/mm.
-
-    Attributes
-    ----------
-    forces, elastic_forces, hooks, stored, spent, torn
-        As of each `FeltModel`.
-    theory, beam, grasps, threshold, coupling
-        As given.
-    breaks_at
-        Deflection at which it tears under one hook, mm; infinite if it does not.
-
-    Raises
-    ------
-    ValueError
-        If the theory cannot be felt, or the coupling is not above zero.
+    A `FeltModel` of `Cubic` with a number for q, or of `Exact`, which two hooks need. `grasps` are
+    mm from the first clamp, growing; it tears at the stress `threshold`, MPa, which one hook meets
+    at the deflection `breaks_at`, mm (infinite if it never does); `coupling` is the stiffness of
+    the virtual coupling, N/mm.
     """
 
     def __init__(

@@ -15,25 +15,7 @@ LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=1.0)
 
 
 class ForceDimensionDevice:
-    """The first device that the SDK finds.
-
-    Its frame is x towards the operator, y to the right and z up.
-
-    Parameters
-    ----------
-    dhd
-        The SDK's functions.
-
-    Attributes
-    ----------
-    name, limits
-        As of each `Device`.
-
-    Raises
-    ------
-    DeviceError
-        If none is connected.
-    """
+    """The first device that the SDK finds; its axes are x towards the operator, y right, z up."""
 
     def __init__(self, dhd: Any) -> None:
         self._dhd = dhd

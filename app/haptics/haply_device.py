@@ -43,20 +43,7 @@ SLACK = 5e-3
 
 
 class HaplyDevice:
-    """An Inverse3 behind an open connection.
-
-    Parameters
-    ----------
-    options
-        The service's address, and the period for which a state is waited.
-
-    Attributes
-    ----------
-    name, limits
-        As of each `Device`.
-    version
-        Of the service's messages, read off its inventory.
-    """
+    """An Inverse3 behind an open connection; `version` is that of the service's messages."""
 
     def __init__(self, options: DeviceOptions) -> None:
         host, port = websocket_address(options.address)

@@ -1,8 +1,8 @@
 """Haply's Inverse service with a simulated device behind it: for clients that have no hardware.
 
 The device is brought up to the present whenever a message comes, under the force that held until
-then. It answers each message with one state, whatever was in it, as the published service does;
-what is no message moves nothing and is said once. ``GET /devices`` and ``GET /version`` answer on
+then. It answers each message with one state, whatever was in it, as the published service does; an
+invalid message moves nothing and is reported once. ``GET /devices`` and ``GET /version`` answer on
 the same port.
 """
 
@@ -62,15 +62,7 @@ def websocket_address(address: str) -> tuple[str, int]:
 
 
 class VirtualService:
-    """What the service knows and answers, without a socket.
-
-    Parameters
-    ----------
-    script
-        Device, hand and path.
-    clock
-        Seconds that never go back.
-    """
+    """The state and the answers of the service, without a socket; `clock` is monotonic, s."""
 
     def __init__(self, script: HandScript, clock: Callable[[], float] = time.monotonic) -> None:
         self._script, self._clock = script, clock
@@ -191,15 +183,7 @@ def _vector(array: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Vector:
 
 
 class HaplyServer:
-    """The service on a socket of this machine. One loop serves all of its clients.
-
-    Parameters
-    ----------
-    script
-        Device, hand and path.
-    say
-        Told in one line who comes and goes and what was no message.
-    """
+    """The service on a socket of this machine, one event loop for all of its clients."""
 
     def __init__(self, script: HandScript, say: Callable[[str], None] = print) -> None:
         self._service = VirtualService(script)

@@ -44,25 +44,10 @@ def real_time() -> str:
 
 
 class Servo:
-    """Runs a loop with its devices.
+    """Runs a loop with its devices, one for each hand.
 
-    Parameters
-    ----------
-    devices
-        One for each hand of the loop.
-    loop
-        The loop.
-    scheduling
-        How the process is scheduled, for the report.
-    keeps
-        Whether what the loop is given is kept, to be made again.
-
-    Attributes
-    ----------
-    loop, devices
-        As given.
-    recorder
-        What the loop was given, where it is kept.
+    `scheduling` says how the process is scheduled, for the report. With `keeps` the loop's inputs
+    go to `recorder`, from which the run can be computed again.
     """
 
     def __init__(

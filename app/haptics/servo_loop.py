@@ -1,7 +1,7 @@
-"""One period of the servo, without a clock or a device: the same to the bit for the same places.
+"""One period of the servo, without a clock or a device: the same to the bit for the same inputs.
 
-Where the devices are (in whole steps of 0.1 um), which buttons are pressed and whether the states
-are fresh: everything else follows. So a run is kept as these and made again from them.
+The inputs are the places of the devices (in whole steps of 0.1 um), the buttons and whether the
+states are fresh: all else follows, so that a recorded run is these alone and is computed anew.
 """
 
 import math
@@ -25,8 +25,8 @@ TAKE, CLUTCH, LIVE, FRESH = 1, 2, 64, 128
 """Bits of a hand's input: the button that takes the duct, the one that moves the device without the
 hook; whether a state came lately, and whether one came in this period."""
 STRIDE, MOST_STRIDES = 0.05, 64
-"""Longest way of a hand, mm, that the model takes in one step, and most steps of a period: a hand
-that was lost for some periods is followed along its way."""
+"""Longest movement of a hand, mm, that the model takes in one step, and most steps of a period: a
+hand without states for some periods is caught up with in such steps."""
 
 
 @njit(cache=True, nogil=True)
@@ -101,24 +101,12 @@ def _work(
 
 @dataclass(frozen=True, slots=True)
 class LoopSettings:
-    """How a servo runs.
+    """How a servo runs."""
 
-    Attributes
-    ----------
-    rate
-        Periods a second.
-    scale
-        Way of the hook by way of the device.
-    hold
-        Whether the hook has the duct at once; with a button otherwise.
-    stale_seconds
-        Age of a state beyond which there is no force.
-    """
-
-    rate: int = 1000
-    scale: float = 1.0
-    hold: bool = True
-    stale_seconds: float = 0.02
+    rate: int = 1000  # periods a second
+    scale: float = 1.0  # movement of the hook over that of the device
+    hold: bool = True  # whether the hook has the duct at once; with a button otherwise
+    stale_seconds: float = 0.02  # age of a state beyond which there is no force
 
     @property
     def period(self) -> float:
@@ -127,29 +115,10 @@ class LoopSettings:
 
 
 class ServoLoop:
-    """Hands on a model.
+    """Hands on a model, with a `regulator` that bounds their forces by the devices' least limits.
 
-    Parameters
-    ----------
-    model
-        What they feel.
-    settings
-        How it runs.
-    limits
-        Of the devices; the least of each is kept.
-    hands
-        How many devices there are; further hooks of the model are where `assist` says.
-
-    Attributes
-    ----------
-    model, settings
-        As given.
-    regulator
-        Keeps the books.
-    given
-        (H, 3) forces for the devices, N.
-    hooks_led
-        (K, 3) where the hooks are led, mm from their rest.
+    Hooks of the model beyond the devices' are where `assist` says. `given` are the (H, 3) forces
+    for the devices, N, `hooks_led` the (K, 3) targets of the hooks, mm from rest.
     """
 
     def __init__(

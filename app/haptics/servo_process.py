@@ -31,13 +31,7 @@ OPEN_SECONDS = 30.0
 
 @dataclass(frozen=True, slots=True)
 class FeltSetting:
-    """A duct that is felt under one hook.
-
-    Attributes
-    ----------
-    theory, beam, grasp, threshold
-        As of a `FeltDuct`.
-    """
+    """A duct that is felt under one hook: the arguments of a `FeltDuct`."""
 
     theory: Theory
     beam: Beam
@@ -47,52 +41,20 @@ class FeltSetting:
 
 @dataclass(frozen=True, slots=True)
 class HookSnapshot:
-    """Where the device's hook is.
+    """The state of the device's hook."""
 
-    Attributes
-    ----------
-    generation
-        Counts what was asked to be felt: an older one is of another duct.
-    deflection, force
-        Of the hook, mm and N.
-    peak
-        Largest deflection since the last snapshot, mm.
-    torn
-        Whether the duct is, to the hand.
-    """
-
-    generation: int
-    deflection: float
-    force: float
-    peak: float
+    generation: int  # counts settings: an older one is of another duct
+    deflection: float  # mm
+    force: float  # N
+    peak: float  # largest deflection since the last snapshot, mm
     torn: bool
 
 
 class ServoProcess:
-    """A device in a process that feels what it is told to; for one thread.
+    """A device in a process of its own that renders the setting it is told to; for one thread.
 
-    Parameters
-    ----------
-    device
-        Name of the device.
-    options
-        What it is opened with.
-    settings
-        How the loop runs.
-    setting
-        What is felt at first.
-
-    Attributes
-    ----------
-    device
-        What the open device is called.
-    unfelt
-        Why the last duct that was asked for is not felt, or None.
-
-    Raises
-    ------
-    DeviceError
-        If the device cannot be opened.
+    `device` is the open device's name, `unfelt` why the last setting is not felt, or None. A device
+    that cannot be opened is a `DeviceError`.
     """
 
     def __init__(

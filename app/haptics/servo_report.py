@@ -11,13 +11,7 @@ BINS = 100_000
 
 
 class Percentiles(Struct, frozen=True):
-    """Times, us.
-
-    Attributes
-    ----------
-    median, p99, p99_9, largest
-        Percentiles, to 1 us, and the largest.
-    """
+    """Times, us: percentiles, to 1 us, and the largest."""
 
     median: float
     p99: float
@@ -50,120 +44,58 @@ class TimeHistogram:
 
 
 class Energies(Struct, frozen=True):
-    """Books of a run, N mm (mJ) of the hands.
+    """The energy balance of a run, N mm (mJ)."""
 
-    Attributes
-    ----------
-    work_of_hands
-        What the hands put in, less what they got.
-    stored, torn
-        What the duct and its couplings hold, and what tears took.
-    sampling
-        What holding a force for a period takes (below zero: makes).
-    controller, limits
-        What the passivity controller and the bounds of the force took.
-    assist
-        What hooks without a device put in.
-    residual_of_peak
-        What of the hands' work is none of these, as a part of its peak.
-    least_margin
-        The least that the hands were ahead by; below zero they got more than they gave.
-    allowed
-        What the force's start under tension allowed for.
-    """
-
-    work_of_hands: float
-    stored: float
-    torn: float
-    sampling: float
-    controller: float
-    limits: float
-    assist: float
-    residual_of_peak: float
-    least_margin: float
-    allowed: float
+    work_of_hands: float  # what they put in, less what they got
+    stored: float  # in the duct and its couplings
+    torn: float  # what tears took
+    sampling: float  # what holding a force for a period takes (below zero: generates)
+    controller: float  # what the passivity controller took
+    limits: float  # what the bounds of the force took
+    assist: float  # what hooks without a device put in
+    residual_of_peak: float  # part of the hands' work, of its peak, that is none of these
+    least_margin: float  # least lead of the hands; below zero they got more than they gave
+    allowed: float  # for the force's start under tension
 
 
 class ForceCheck(Struct, frozen=True):
-    """The model's force beside the theory's own.
+    """The model's force beside the theory's own."""
 
-    Attributes
-    ----------
-    compared
-        Which two.
-    places
-        At how many.
-    largest_error
-        Largest difference, relative to the theory's force.
-    at_mm, at_N
-        The farthest place that was compared, and the force there.
-    """
-
-    compared: str
-    places: int
-    largest_error: float
-    at_mm: float
+    compared: str  # which two
+    places: int  # how many
+    largest_error: float  # relative to the theory's force
+    at_mm: float  # the farthest place that was compared, and `at_N` the force there
     at_N: float  # noqa: N815
 
 
 class ServoReport(Struct, frozen=True):
-    """A servo's run.
-
-    Attributes
-    ----------
-    device
-        Which.
-    theory, grasps_mm, coupling_N_per_mm
-        What was felt.
-    scheduling
-        Whether other processes wait for it.
-    wanted_rate_Hz, rate_Hz, seconds, periods
-        How fast, how long.
-    missed_periods, missed_part
-        Periods longer than one and a half, and their part.
-    stale_periods
-        Periods without a state.
-    period_us, step_us, exchange_us, state_to_force_us
-        Times: from period to period; of model, coupling and passivity; of the device's exchange;
-        from a state's arrival to when the force that it gives has left.
-    largest_force_N, largest_force_step_N
-        Of those given to the device.
-    energy_mJ, force_check
-        See there.
-    torn
-        Whether the duct tore.
-    ended_by
-        Why it ended.
-    troubles
-        What the device said was wrong, with counts.
-    forces_sha256
-        Digest of all forces given.
-    """
+    """The report of a servo's run."""
 
     device: str
     theory: str
     grasps_mm: tuple[float, ...]
     coupling_N_per_mm: float  # noqa: N815
-    scheduling: str
+    scheduling: str  # whether other processes wait for it
     wanted_rate_Hz: int  # noqa: N815
     rate_Hz: float  # noqa: N815
     seconds: float
     periods: int
-    missed_periods: int
-    missed_part: float
-    stale_periods: int
-    period_us: Percentiles
-    step_us: Percentiles
-    exchange_us: Percentiles
-    state_to_force_us: Percentiles
+    missed_periods: int  # longer than one and a half
+    missed_part: float  # of all periods
+    stale_periods: int  # without a state
+    period_us: Percentiles  # from period to period
+    step_us: Percentiles  # of model, coupling and passivity
+    exchange_us: Percentiles  # of the device's exchange
+    state_to_force_us: Percentiles  # from a state's arrival to when its force has left
+    # this and the next: of those given to the device
     largest_force_N: float  # noqa: N815
     largest_force_step_N: float  # noqa: N815
     energy_mJ: Energies  # noqa: N815
     force_check: ForceCheck | None
     torn: bool
     ended_by: str
-    troubles: dict[str, int]
-    forces_sha256: str
+    troubles: dict[str, int]  # the device's errors, with counts
+    forces_sha256: str  # of all forces given
 
     def lines(self) -> list[tuple[str, str]]:
         """Return the report in words."""

@@ -1,7 +1,7 @@
 """A simulated device in a simulated hand: a mass between a held force and a delayed spring.
 
-m x'' = f(t - latency) + k (p(t) - x(t - delay)) + b_h (p' - x') - b_d x', with the plan p of least
-jerk from waypoint to waypoint (Flash and Hogan 1985, J Neurosci 5:1688). Steps of `STEP`: the
+m x'' = f(t - latency) + k (p(t) - x(t - delay)) + b_h (p' - x') - b_d x', with the minimum-jerk
+path p from waypoint to waypoint (Flash and Hogan 1985, J Neurosci 5:1688). Steps of `STEP`: the
 speed by Euler, the place by the mean of the speeds before and after, so that the works add up to
 the change of kinetic energy to rounding. Time is counted in whole steps: a run is the same to the
 bit whenever the same forces act for the same numbers of steps.
@@ -99,18 +99,7 @@ def _advance(
 
 
 class SimulatedDevice:
-    """A device in a scripted hand, in SI units; right, forward and up.
-
-    Parameters
-    ----------
-    script
-        Device, hand and path.
-
-    Attributes
-    ----------
-    script
-        As given.
-    """
+    """A device in a scripted hand, in SI units; right, forward and up."""
 
     def __init__(self, script: HandScript) -> None:
         self.script = script

@@ -10,20 +10,7 @@ __all__ = ["VirtualDevice", "open_virtual"]
 
 
 class VirtualDevice:
-    """A simulated device in a scripted hand, the same to the bit each time.
-
-    Parameters
-    ----------
-    options
-        The hand, and the period that passes with each exchange.
-
-    Attributes
-    ----------
-    name, limits
-        As of each `Device`.
-    simulated
-        Device and hand.
-    """
+    """A simulated device in a scripted hand, the same to the bit each time."""
 
     def __init__(self, options: DeviceOptions) -> None:
         self.name = "virtual device"

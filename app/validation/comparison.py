@@ -49,21 +49,12 @@ SOLID_CASES = {"6.1": "A", "6.2": "B", "6.3": "C"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """One theory's answers to a table.
-
-    Attributes
-    ----------
-    name
-        Name of the column.
-    deflections
-        (R,) deflections, inch; NaN under a load that the theory's law cannot carry.
-    errors
-        (R,) errors against ANSYS, %; NaN likewise.
-    """
+    """One theory's answers to a table."""
 
     name: str
+    # (R,) inch; NaN under a load that the theory's law cannot carry
     deflections: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    errors: NDArray[np.float64]  # (R,) against ANSYS, %; NaN likewise
 
     @property
     def max_error(self) -> float:
@@ -78,21 +69,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """A table and what the theories make of it.
-
-    Attributes
-    ----------
-    table
-        The thesis's table.
-    columns
-        One for each theory, in the order of `COMPARED`.
-    calculated_difference
-        Largest difference between what the thesis calculated and the same theory here, with the
-        section as the thesis rounded it, inch.
-    """
+    """A table of the thesis and the theories' answers to it."""
 
     table: Table
-    columns: tuple[Column, ...]
+    columns: tuple[Column, ...]  # one for each theory, in the order of `COMPARED`
+    # largest one between the thesis's numbers and the same theory here, with the section as the
+    # thesis rounded it, inch
     calculated_difference: float
 
 
@@ -117,29 +99,15 @@ def compared(table: Table) -> Comparison:
 
 @dataclass(frozen=True, slots=True)
 class SolidErrors:
-    """A theory's errors against three-dimensional neo-Hookean solids of one table's duct.
+    """A theory's errors against three-dimensional neo-Hookean solids of one table's duct."""
 
-    Attributes
-    ----------
-    name
-        Name of the theory's column.
-    table
-        Number of the table.
-    lowest, highest
-        Errors with a central grasp at the lowest and the highest load that the solids reach, %;
-        below zero where the beam is stiffer.
-    largest
-        Error of largest size over all loads with a central grasp, %.
-    largest_off_centre
-        The same with a grasp at 30 % of the span, %.
-    """
-
-    name: str
-    table: str
+    name: str  # of the theory's column
+    table: str  # its number
+    # with a central grasp at the lowest load, %; below zero where the beam is stiffer
     lowest: float
-    highest: float
-    largest: float
-    largest_off_centre: float
+    highest: float  # the same at the highest load that the solids reach
+    largest: float  # of largest size over all loads with a central grasp, %
+    largest_off_centre: float  # the same with a grasp at 30 % of the span, %
 
 
 def solid_errors(table: Table) -> tuple[SolidErrors, ...]:

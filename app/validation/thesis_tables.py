@@ -21,37 +21,20 @@ What was calculated stays text, so that it can be seen how many digits were publ
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One table.
-
-    Attributes
-    ----------
-    number
-        Its number.
-    title
-        What it is about.
-    theory
-        Theory that the thesis calculated with: cubic (q = 0.5) or string.
-    half_span, diameter
-        L and d, inch.
-    modulus
-        E, psi.
-    rows
-        The rows but the one at rest.
-    rounded_area, rounded_second_moment
-        Section that reproduces every digit of what was calculated, in^2 and in^4; None where the
-        exact one does. The thesis states the rounded I of 6.1; the others were found by search,
-        within 6e-8 of the exact section.
-    """
+    """One table."""
 
     number: str
     title: str
-    theory: str
-    half_span: float
-    diameter: float
-    modulus: float
-    rows: tuple[Row, ...]
+    theory: str  # that the thesis calculated with: cubic (q = 0.5) or string
+    half_span: float  # L, inch
+    diameter: float  # d, inch
+    modulus: float  # E, psi
+    rows: tuple[Row, ...]  # but the one at rest
+    # with the next, the section that reproduces every digit calculated, in^2; None where the exact
+    # one does. The thesis states the rounded I of 6.1; the others were found by search, within 6e-8
+    # of the exact section
     rounded_area: float | None = None
-    rounded_second_moment: float | None = None
+    rounded_second_moment: float | None = None  # in^4
 
     @property
     def beam(self) -> Beam:
