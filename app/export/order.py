@@ -136,7 +136,7 @@ class Order:
         )
 
     def tear(self, frames: int | None = None, *, run_step: float = RUN_STEP) -> Motion | None:
-        """Return the motion from rest over the break until both pieces lie still."""
+        """Return the motion from rest over the break until both pieces are at rest."""
         if self.break_event is None:
             return None
         return tear_motion(
@@ -150,7 +150,7 @@ class Order:
         )
 
     def motions(self) -> list[Motion]:
-        """Return the organ's motions."""
+        """Return `pull` to the last force, and `tear` where the organ can break."""
         tear = self.tear()
         return [self.pull()] if tear is None else [self.pull(), tear]
 

@@ -25,7 +25,7 @@ class RecordedRun:
 
     @classmethod
     def of(cls, replay: Replay, *, frames: int) -> "RecordedRun":
-        """Return a run as it is made again, from its first tick to its end."""
+        """Return a replayed run: `frames` keys to its end or tear, then the recoil tick by tick."""
         check_frames(frames)
         ticks, session = replay.log.ticks, replay.session
         if not ticks:

@@ -67,7 +67,7 @@ class PulledOrgan:
 
 
 def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:
-    """Return a force that an organ bears."""
+    """Return the force; raise if it is not a number or is past the break."""
     if not math.isfinite(force):
         raise ValueError(f"force must be a finite number of N, got {force}")
     if event is not None and abs(force) > event.force:
@@ -86,7 +86,7 @@ def torn_snapshot(
     edge_length: float,
     seed: int = 1,
 ) -> Snapshot:
-    """Return the two pieces of an organ that has torn and swung back."""
+    """Return the two unstressed pieces of a torn organ, and the force at the break."""
     if event is None:
         raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
     if force is not None and not math.isfinite(force):

@@ -45,7 +45,9 @@ class Dissection:
 
     @classmethod
     def of(cls, organ: Organ, preset: Preset) -> "Dissection":
-        """Return the dissection of an organ with a preset."""
+        """Return the dissection of an organ with a preset; raise if it does not fit."""
+        # A round beam clamps the organ's middle over its span, or from `first_clamp_mm` on; a beam
+        # of the organ's own sections clamps it at its ends, or at `clamps_mm`.
         clamps = _clamps(organ, preset)
         frame = pull_frame(organ, clamps)
         if isinstance(preset.beam, RoundBeam):
@@ -109,7 +111,7 @@ class Dissection:
     def move(
         self, pulled: Equilibrium, out: NDArray[np.float64], *, part: float = 1.0
     ) -> NDArray[np.float64]:
-        """Write the driving points' transforms for a `part` of a pulled beam's displacement."""
+        """Write to `out` the transforms for a part of a displacement: 1 as pulled, 0 at rest."""
         return self.driving.transforms(
             part * (pulled.along - pulled.stations),
             part * pulled.across,

@@ -263,7 +263,7 @@ class DuctLimits(Protocol):
 
 
 def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
-    """Return the exercises for a duct."""
+    """Return the exercises for a duct, scaled by its break; none if it cannot break."""
     event = duct.breaks_at
     working, most = (duct.load_at(1.0 / each) for each in (WORKING_SAFETY, LEAST_SAFETY))
     if event is None or working is None or most is None:
@@ -298,7 +298,7 @@ def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
 
 
 def goal_band(exercise: Exercise, duct: DuctLimits) -> tuple[float, float] | None:
-    """Return the deflections between which an exercise's goal lies."""
+    """Return the deflections between which the goal lies, mm; None without such a goal."""
     event = duct.breaks_at
     if not isinstance(exercise, ApproachBreak) or event is None:
         return exercise.band

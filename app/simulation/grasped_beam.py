@@ -45,7 +45,7 @@ class BeamModel:
 
     @classmethod
     def of(cls, dissection: Dissection, theory: Theory) -> Self:
-        """Return the model of a dissection by a theory."""
+        """Return the model, or raise `NoEquilibrium` where the theory ends before the break."""
         beam = dissection.beam
         threshold = dissection.preset.threshold(theory, beam)
         middle = 0.5 * beam.span
@@ -93,7 +93,7 @@ class GraspedBeam:
         self.solve(Load("force", 0.0))
 
     def renewed(self) -> "GraspedBeam":
-        """Return the same beam at rest, as if it had never been pulled."""
+        """Return the same beam at rest, as if never pulled; its break is not solved again."""
         beam = GraspedBeam(self.model, self.grasp, self.threshold)
         beam._breaks_at, beam._break_known = self._breaks_at, self._break_known
         return beam
@@ -116,7 +116,7 @@ class GraspedBeam:
         return self._breaks_at
 
     def load_at(self, part: float) -> BreakEvent | None:
-        """Return the load under which the highest stress is a part of the threshold."""
+        """Return the load at a stress of `part` thresholds; None where the theory ends before."""
         beam = self.model.dissection.beam
         return break_of(self.model.theory.pull(beam, self.grasp), part * self.threshold)
 
@@ -135,7 +135,7 @@ class GraspedBeam:
         return x + part * slide, y, z + part * self.pulled.deflection
 
     def deflection_at(self, station: float) -> float:
-        """Return how far the axis is pulled at a station, mm."""
+        """Return the displacement of the axis along the pull at a station, both in mm."""
         if station == self.grasp:
             return self.pulled.deflection
         return float(np.interp(station, self.driven.stations, self.driven.across))
@@ -143,7 +143,8 @@ class GraspedBeam:
     def curve(
         self, count: int, *, deepest: float = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return deflections and forces from rest past the break and past a deflection."""
+        """Return (count,) deflections, mm, and forces, N, past the break and past `deepest`, mm."""
+        # Fewer than `count` where the theory ends.
         last = max(self.deflection_limit, PAST_BREAK * deepest)
         deflections = np.linspace(0.0, last, count)
         pull = self.model.theory.pull(self.model.dissection.beam, self.grasp)

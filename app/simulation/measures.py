@@ -143,7 +143,7 @@ class MeasureTaker:
         deflection: float = 0.0,
         came_from: Place | None = None,
     ) -> None:
-        """Take one tick; `came_from` is the hook's place before it. N and mm."""
+        """Take one tick (N, mm); `came_from` is where a hold that starts in it took the duct."""
         self.ticks += 1
         size = abs(force)
         if size > 0.0:

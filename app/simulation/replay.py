@@ -191,7 +191,7 @@ class Replay:
 
 
 def loading_rates(series: Series) -> NDArray[np.float64]:
-    """Return the rate of loading at each tick, as the measure of that name takes it."""
+    """Return (T,) loading rates, N/s over `RATE_SECONDS` of a hold; 0 without a hold."""
     force, held = np.abs(series.force), series.held
     ticks = np.arange(len(force))
     # The first tick of the hold that a tick belongs to; a regrasp goes on with the same hold here.

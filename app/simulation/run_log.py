@@ -58,7 +58,7 @@ class OrganIdentity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, organ: Organ) -> "OrganIdentity":
-        """Return an organ's identity."""
+        """Return the identity, which is the same for equal geometry but for the name."""
         digest = hashlib.sha256()
         for array in (organ.axis, organ.frames, organ.keys, organ.outer, organ.lumen):
             if array is not None:
@@ -142,7 +142,9 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(FORMAT, VERSION, log, measures, outcome)
 
     def agrees_with(self, found: "RunFile") -> bool:
-        """Return whether a run made again has come out as this file says, to the bit."""
+        """Return whether a replayed run has this file's outcome and measures, to the bit."""
+        # Version 1: those measures that it has, but for a smoothness that is not given any more
+        # (docs/measures.md).
         measures = self.measures
         if self.version < VERSION:
             now = found.measures
@@ -172,7 +174,7 @@ def run_json(run: RunFile) -> bytes:
 
 
 def read_run(content: bytes) -> RunFile:
-    """Return the run in a JSON file, checked."""
+    """Return the run in a JSON file, its version, length and inputs checked."""
     if len(content) > MOST_BYTES:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     try:

@@ -102,7 +102,10 @@ class Session:
             return self.grasper.deflection
 
     def move_hand(self, deflection: float) -> None:
-        """Move the hand that holds the duct, mm along the pull; the grasp follows."""
+        """Move the hand that holds the duct, mm along the pull; the grasp follows.
+
+        A hook pulls and does not push: below zero the duct lies where it is at rest.
+        """
         with self._lock:
             if self.duct.accepts(deflection):
                 target = _within(deflection, (0.0, self.duct.deflection_limit))
@@ -179,7 +182,8 @@ class Session:
             return self.drawn.write_stress(self.duct.grasped.pulled, self.duct.tear, out, surface)
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return deflections and forces of the chosen theory, past the break and past this pull."""
+        """Return (count,) deflections, mm, and forces, N, past the break and past this pull."""
+        # Fewer than `count` where the theory ends.
         with self._lock:
             beam, deepest = self.duct.grasped, self.duct.deepest
         return beam.curve(count, deepest=deepest)
@@ -210,7 +214,10 @@ class Session:
             return self.ghost.reading(self.grasper.grip_force, deflection)
 
     def choose_ghost(self, theory: Theory | None) -> None:
-        """Show a ghost by another theory under the same load, or none."""
+        """Show a ghost by another theory under the same load, or none.
+
+        A `ValueError` if the theory ends before the preset's break; then nothing changes.
+        """
         dissection = self.duct.dissection
         model = None if theory is None else BeamModel.of(dissection, theory)
         with self._lock:
@@ -244,6 +251,9 @@ class Session:
 
     def prepare_organ(self, organ: Organ) -> Callable[[], None]:
         """Prepare another organ, solved by its own sections; return what starts anew with it."""
+        # To be called by the thread that draws, since the surfaces change. The material stays where
+        # this preset already takes the organ's own sections as drawn; else it is
+        # `default_preset`'s.
         drawn = DrawnDuct(organ, self._vertices, self.seed)
         preset = self.duct.dissection.preset
         if preset.beam != OrganBeam():  # a bar, or a wall and clamps of the organ before
@@ -263,7 +273,10 @@ class Session:
         return start
 
     def choose_theory(self, theory: Theory) -> None:
-        """Solve the duct by another theory, with that theory's own threshold."""
+        """Solve the duct by another theory, with that theory's own threshold.
+
+        A `ValueError` if the theory ends before the preset's break; then nothing changes.
+        """
         # Outside the lock: a theory's first solution may have to be compiled.
         model = BeamModel.of(self.duct.dissection, theory)
         with self._lock:
@@ -314,7 +327,11 @@ class Session:
         grasp: float | None = None,
         inputs: ExerciseInputs = "hand",
     ) -> None:
-        """Start anew with an exercise; its time runs from the first pull."""
+        """Start anew with an exercise, at `task_grasp` if no grasp is given.
+
+        Its time runs from the first pull. With inputs "hand", a force, another grasp or another
+        threshold is ignored until it is over.
+        """
         with self._lock:
             self.reset()
             if grasp is not None:

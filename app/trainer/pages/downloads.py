@@ -55,6 +55,9 @@ def order_on_screen(session: Session) -> Order:
 
 def download(session: Session, suffix: str) -> Download:
     """Return what is on the screen as a file. It can take seconds: not for the clock."""
+    # Static meshes are as the duct is now, in two if it is torn. What moves pulls the duct to where
+    # it is now, or a duct at rest or torn to its break, where it tears. The curve goes to the
+    # break. Where nothing breaks, the grasper's largest force is the end.
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
     return Download(f"{_file_name(session)}{suffix}", _content(session, suffix))

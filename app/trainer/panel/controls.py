@@ -23,6 +23,7 @@ KPA_PER_MPA = 1000.0
 
 def on_input(handle: Any, take: Callable[[Any], None]) -> None:
     """Call back with values set in the browser, in order; not with those set by the server."""
+    # It runs on the server's event loop, so `take` must be quick.
 
     @handle.on_update
     async def _(event: viser.GuiEvent[Any]) -> None:
@@ -41,6 +42,7 @@ def on_work(handle: Any, take: Callable[[Any], None]) -> None:
 
 def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
     """Call back when a button is pressed, in a thread of its own."""
+    # A disabled or hidden button is never pressed, whatever a browser sends.
 
     @handle.on_click
     def _(_: object) -> None:

@@ -111,6 +111,8 @@ def measures_html(
     sought_break: bool = False,
 ) -> str:
     """Return a run's measures as HTML."""
+    # A row's name opens its definition. Its `data-` attributes hold the unrounded figures, in the
+    # units of `Measures`. Where coming near the break was the goal, neither way is better.
     beside, limits = beside or {}, limits or {}
     heads = ["this try", *beside, *(["limit"] if limits else [])]
     columns = "".join(

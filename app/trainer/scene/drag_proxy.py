@@ -102,7 +102,7 @@ class DragProxy:
     def set_duct(
         self, skins: Sequence[Skin], frame: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> None:
-        """Let a duct be dragged by its skins, whole or torn."""
+        """Let a duct be dragged by its skins, whole or torn, in the frame of the pull."""
         self._frame, self._origin = frame, origin
         self._remove_tubes()
         for number, skin in enumerate(skins):

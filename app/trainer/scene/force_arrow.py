@@ -35,7 +35,7 @@ class ForceArrow(Drawn):
     def show(
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
     ) -> None:
-        """Draw a force, N, from its foot, mm; `at_break` is the force at break, N."""
+        """Draw a force, (3,) N, from its foot, (3,) mm; `at_break`, N, sets the scale."""
         size = float(np.linalg.norm(force))
         length = self._length * min(size / at_break, 1.5) if at_break > 0.0 else 0.0
         drawn = self._visible and size > 0.0

@@ -47,7 +47,7 @@ class GoalBand:
         high: NDArray[np.float64],
         along: NDArray[np.float64],
     ) -> None:
-        """Draw the band between two points of its lower and upper edge, along a direction."""
+        """Draw the band from `low` to `high`, (3,) mm; `along` is half its length, (3,) mm."""
         place = low.tobytes(), high.tobytes()
         if place == self._place:
             return

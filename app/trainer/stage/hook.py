@@ -29,7 +29,9 @@ def bend_radius(radius: float) -> float:
 
 @lru_cache(maxsize=16)  # a few ducts; trainees can build any number
 def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
-    """Return the hook as a GLB file for a pull along +z."""
+    """Return the hook as a GLB file, mm, for a pull along +z, its origin on the duct's axis."""
+    # From the tip, which shows on the viewer's side, the wire runs around the underside to the far
+    # side and up into a shaft that leans to the right and out of the picture.
     corners = max(8, round(20 * detail))
     wire, count = wire_radius(radius), max(14, round(30 * detail))
     path = _wire_path(radius, count)

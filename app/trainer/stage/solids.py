@@ -55,7 +55,7 @@ def solids_glb(parts: Sequence[Part]) -> bytes:
 
 
 def grid_faces(rows: int, columns: int, *, closed: bool = False) -> NDArray[np.int64]:
-    """Return the triangles of a grid of points stored row by row."""
+    """Return (F, 3) triangles of a grid stored row by row; the normal is row x column."""
     row = np.arange(rows - 1)[:, None] * columns
     column = np.arange(columns if closed else columns - 1)[None, :]
     here, right = row + column, row + (column + 1) % columns

@@ -77,7 +77,9 @@ def keep_in_sight(
     nearest: float,
     lowest: float,
 ) -> None:
-    """Place a client's camera, and limit where the user can move it."""
+    """Place a client's camera, and limit where the user can move it; lengths in mm."""
+    # viser sets the camera's place and its target one after the other, and each would be clamped to
+    # the limits with the other's old value. The target stays in the box from `low` to `high`.
     _call(client, "keepInSight", place, target, low, high, nearest, lowest)
 
 

@@ -42,6 +42,8 @@ def stop_server(server: viser.ViserServer) -> None:
 
 def close_idle_connections(server: viser.ViserServer, suspects: set[int]) -> set[int]:
     """Close connections that were silent at the last call and still are; return new suspects."""
+    # viser counts a client from its first message on, which a page sends at once. Until then it has
+    # no session, but a socket and three tasks of the server, and viser lists it nowhere.
     websockets = server._websock_server  # pyright: ignore[reportPrivateUsage]
     loop = server.get_event_loop()
     connections = dict(websockets._live_connections)  # pyright: ignore[reportPrivateUsage]
