@@ -352,6 +352,7 @@ class Organ:
         tissue = whole
         if self.hollow:
             tissue = whole.without(_moments(closed_outlines(self.rows_at(stations, "lumen"))))
+        # Steiner: moments about the centroid are those about the origin less A offset^2.
         centroid = tissue.first / tissue.area[:, np.newaxis]
         about_axis = np.einsum("ni,nij,nj->n", across, tissue.second, across)
         offset = np.einsum("ni,ni->n", centroid, across)
@@ -394,6 +395,8 @@ class _Moments:
 
 def _moments(outlines: NDArray[np.float64]) -> _Moments:
     """Return the integrals over (N, C, 2) closed polygons by Green's theorem."""
+    # Sums over the sides from p to q, with c = p x q: area = sum c / 2, integral of x = sum
+    # c (p + q) / 6, of x x' = sum c (p p' + q q' + (p + q)(p + q)') / 24. Their sign is the sense.
     here = outlines
     after = np.roll(outlines, -1, axis=1)
     cross = here[..., 0] * after[..., 1] - here[..., 1] * after[..., 0]

@@ -20,6 +20,7 @@ Scale = tuple[float, float]
 
 SQUARE: Scale = (1.0, 1.0)
 
+# The blurred image is nearly linear across its edge: Newton converges in two or three steps.
 _NEWTON_STEPS = 4
 # A point that went further than this from the mask's outline has left the edge, and is dropped.
 _LARGEST_MOVE_PX = 1.5
@@ -140,6 +141,7 @@ def _move_to_level(
             y = min(max(points[i, 1], 0.0), rows - 1.001)
             c, r = int(x), int(y)
             right, down = x - c, y - r
+            # Bilinear weights of the four pixels around, for the level and its gradient.
             a, b = (1.0 - right) * (1.0 - down), right * (1.0 - down)
             d, e = (1.0 - right) * down, right * down
             value = (
@@ -161,6 +163,7 @@ def _move_to_level(
                 + e * slope_y[r + 1, c + 1]
             )
             step = (level - value) / max(gx * gx + gy * gy, 1e-12)
+            # No step is longer than a pixel: where the image is flat Newton's would be.
             step /= max(math.hypot(step * gx, step * gy), 1.0)
             points[i, 0] += step * gx
             points[i, 1] += step * gy
@@ -184,6 +187,7 @@ def _unshrunk(points: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
         along_x, along_y = back_x + ahead_x, back_y + ahead_y
         turn = math.atan2(back_x * ahead_y - back_y * ahead_x, back_x * ahead_x + back_y * ahead_y)
         length = 0.5 * (math.hypot(back_x, back_y) + math.hypot(ahead_x, ahead_y))
+        # The second-order formula holds for R well above sigma: R counts as 2 sigma at least.
         curvature = min(max(turn / max(length, 1e-6), -0.5 / sigma), 0.5 / sigma)
         step = 0.5 * sigma**2 * curvature / max(math.hypot(along_x, along_y), 1e-12)
         moved[i, 0] = points[i, 0] + step * along_y

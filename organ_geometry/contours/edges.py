@@ -1,4 +1,11 @@
-"""The edge of an organ in one cross-section image, found to a fraction of a pixel."""
+"""The edge of an organ in one cross-section image, found to a fraction of a pixel.
+
+From a region found to a pixel (`section_region`) by one of two methods: on the half level between
+organ and background, which is where an ideal edge lies whatever the blur; or, as in the thesis,
+where Canny's detector links the steepest places to a closed line. Both are then refined in
+`edge_curve`. A blurred thin wall has its half levels pulled apart by its other edge; then less blur
+is used, as much as the wall's thickness allows.
+"""
 
 import math
 from collections.abc import Iterable
@@ -49,6 +56,7 @@ BORDER_PROBLEM = "the organ touches the image's border"
 
 # Two edges nearer than this many sigmas pull each other's half level away.
 CLEAR_WALL = 3.0
+# Less blur than this does not smooth between pixels.
 SMALLEST_SMOOTHING_PX = 0.5
 # Canny's high threshold, as a share of the steepest gradient of an ideal edge, and low over high.
 CANNY_HIGH = 0.5

@@ -1,4 +1,14 @@
-"""The section that an organ is begun with."""
+"""The section that tracing begins with.
+
+Without a seed it is the largest component near the middle of its image (`main_outline`). With one,
+windows around the seed grow by half, each is split at three levels, and the component around the
+seed is a candidate if it closes inside the window. Of candidates with a clear edge all around, the
+weakest tenth of it at least `CLEAR_EDGE` of an ideal edge's slope, the smallest is taken; of others
+the one of the clearest edge.
+
+An ideal edge is a step as high as the contrast, blurred by sigma: its slope is
+contrast / (sigma sqrt(2 pi)).
+"""
 
 import math
 from collections.abc import Iterator
@@ -32,6 +42,7 @@ from organ_geometry.images.image_stack import GreyImage
 
 # Where an organ leaks, its edge is weaker than this share of an ideal one.
 CLEAR_EDGE = 0.3
+# Half the side of the first window, px: a duct of a few pixels, and background around it.
 _SMALLEST_WINDOW = 12
 
 
@@ -126,6 +137,8 @@ def _half_windows(largest: int) -> Iterator[int]:
 
 def _split_levels(smoothed: Image, here: float) -> tuple[float, float, float]:
     """Return Otsu's levels: of an image, of its part above that, of it cut off at `here`."""
+    # An organ may be a bright part of a bright body (the second), or dim beside a brighter one (the
+    # third).
     level = otsu(smoothed)
     above = smoothed[smoothed > level]
     return level, otsu(above) if above.size else level, otsu(np.minimum(smoothed, here))

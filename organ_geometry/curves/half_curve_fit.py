@@ -1,4 +1,14 @@
-"""Two polynomials y(u) of degree six through the two halves of a closed boundary."""
+"""Two polynomials y(u) of degree six through the two halves of a closed boundary.
+
+    u_i   (x_i - middle) / half_width of point i
+    w_i   |n_y| sqrt(l_i): the normal's y component, which makes a distance in y one along it to
+          first order, and the root of the length of boundary l_i that the point stands for
+    a     seven Chebyshev coefficients, minimising sum of w_i^2 (y_i - sum a_k T_k(u_i))^2
+
+Solved by modified Gram-Schmidt (QR) on the columns w T_k(u), the right-hand side as an eighth one;
+R a = Q'y by back substitution. Normal equations would square a condition number that is large where
+points are few; where even R is nearly singular, the caller solves by singular values.
+"""
 
 import math
 
@@ -30,6 +40,7 @@ def boundary_halves(
         )
         chord_x = boundary[after, 0] - boundary[before, 0]
         chord = math.hypot(chord_x, boundary[after, 1] - boundary[before, 1])
+        # |n_y|, by the chord of both neighbours.
         along = abs(chord_x) / chord if chord > 0.0 else 0.0
         weights[i] = along * math.sqrt(0.5 * (ahead + back))
     left = right = 0
@@ -76,6 +87,7 @@ def fitted_half(
         for order in range(2, COEFFICIENTS):
             system[order, row] = 2.0 * u * system[order - 1, row] - system[order - 2, row]
         system[COEFFICIENTS, row] = boundary[point, 1] * weight
+    # Orthogonalisation destroys the columns: a copy for the caller's other solver.
     given = np.empty((count, COEFFICIENTS + 1))
     for row in range(count):
         for order in range(COEFFICIENTS + 1):
@@ -96,6 +108,7 @@ def fitted_half(
             product /= size
             for row in range(count):
                 system[later, row] -= product * system[order, row]
+    # The diagonal of R spreads about as the singular values do.
     least = most = upper[0, 0]
     for order in range(COEFFICIENTS):
         least, most = min(least, upper[order, order]), max(most, upper[order, order])

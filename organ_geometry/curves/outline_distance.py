@@ -1,10 +1,10 @@
-"""Distances of points to outlines: the one place where they are measured.
+"""Distances of points to outlines, and the feet of the perpendiculars.
 
 An outline is a closed polygon of 2 H corners as `half_curves.closed_outlines` makes it: its two
 halves have corners at the same x, the places u_c = cos(pi c / (H - 1)), so that corner c of the
-one lies above corner 2 H - 1 - c of the other. A point's nearest side is looked for from its own
-column to both ways, until a column is further away in x than what was found. The foot is the
-nearest place of a side.
+one lies above corner 2 H - 1 - c of the other. A point's nearest side is searched from its own
+column in both directions, until a column is further away in x alone than the nearest side found:
+a few columns in place of all of them. The foot is the nearest place of a side.
 """
 
 import math
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 
 _FURTHER = 1.0 + 1e-6
-"""How much further away, squared, what is left out must be, for rounding."""
+"""Factor by which a squared distance must exceed the best before its column is left out."""
 
 
 def outline_distances(

@@ -131,18 +131,20 @@ def _shortest_ways(
                     (k * steps[0]) ** 2 + (j * steps[1]) ** 2 + (i * steps[2]) ** 2
                 )
                 count += 1
+    # The first entry says the type to numba; as a second one of the same start it is passed over.
     heap = [(0.0, starts[0])]
     for start in starts:
         times[start] = 0.0
         heap.append((0.0, start))
     while len(heap) > 0:
         time, here = heapq.heappop(heap)
-        if time > times[here]:
+        if time > times[here]:  # reached sooner since this entry was made
             continue
         for way in range(26):
             there = here + jumps[way]
             if not inner[there]:
                 continue
+            # Time over a jump: its length at the mean slowness of both ends (trapezoid rule).
             later = time + 0.5 * (slow[here] + slow[there]) * lengths[way]
             if later < times[there]:
                 times[there] = later

@@ -39,6 +39,7 @@ def _fill_plane(
             y = centre[1] + right * steps[0, 1] + down * steps[1, 1]
             z = centre[2] + right * steps[0, 2] + down * steps[1, 2]
             i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
+            # Fractions within the voxel; its eight corners weigh by what is opposite of them.
             x -= i
             y -= j
             z -= k
