@@ -552,9 +552,9 @@ def test_a_real_duct_lies_on_the_mesh_it_was_cut_from(
 @pytest.mark.parametrize(
     ("name", "limit_px"),
     [
-        # README figures for a plain degree-6 fit are medians of 0.48, 0.33 and 0.48 px; leaving
-        # sections out may add the tolerance, half a pixel or more, and takes what it may.
-        ("bile_duct_perpendicular", 0.5),
+        # A plain degree-6 fit has medians of 0.48, 0.33 and 0.48 px; leaving sections out may add
+        # the tolerance, half a pixel or more, and takes what saves bytes: 0.52, 0.33 and 0.70 px.
+        ("bile_duct_perpendicular", 0.55),
         ("bile_duct_parallel", 0.4),
         ("ureter_left", 0.8),
     ],
