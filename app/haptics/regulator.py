@@ -2,7 +2,8 @@
 
 Time-domain passivity control (Hannaford and Ryu 2002, IEEE Trans. Robot. Autom. 18:1) with the
 model's own energy as the reference that is followed (Ryu et al. 2005). Symbols: f force on the
-device, N; dx its way over a period tau, mm; v its speed; E surplus energy, N mm; alpha damping.
+device, N; dx its movement over a period, mm; v its speed; E surplus energy, N mm; alpha damping;
+tau the time over which the surplus is taken out.
 
 Method. The device holds a force for a period, so that the work of the hand over it is -f . dx
 exactly. What the model has stored and spent beyond the hands' work, E = stored + spent - work > 0,
@@ -36,7 +37,7 @@ SOFT_SECONDS = 0.3
 TOLERANCE = 1e-3
 """Energy, N mm, that is left alone: 1 uJ."""
 DRAIN_SECONDS = 0.02
-"""tau: time over which energy that was made is taken out. Within one period it would be a knock."""
+"""tau, time over which generated energy is taken out, s. Within one period it would be a knock."""
 SLOWEST = 1e-4
 """Speed, m/s, below which nothing can be damped."""
 

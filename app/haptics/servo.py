@@ -1,7 +1,7 @@
-"""The servo: devices, a loop and a clock. A period sends a force and takes the next state.
+"""The servo: devices, a loop and a clock. Each period sends a force and reads the next state.
 
-In a process of its own: nothing else takes the interpreter from it, the collector is off, and all
-of a step that is arithmetic is compiled. It sleeps to just before a period and spins the rest.
+It runs in a process of its own with the garbage collector off, and the arithmetic of a step is
+compiled. It sleeps until just before a period and busy-waits for the rest.
 """
 
 import contextlib
@@ -23,20 +23,21 @@ from app.haptics.servo_report import Energies, ForceCheck, ServoReport, TimeHist
 __all__ = ["ORDINARY", "Servo", "real_time"]
 
 SPIN_SECONDS = 1.5e-4
-"""How long before a period it stops sleeping: a sleep ends late by up to as much."""
+"""How long before a period it stops sleeping, s: a sleep ends late by up to as much."""
 MISSED = 1.5
 """Periods from one to the next that count as missed."""
 BEHIND = 5
-"""Periods after which it stops making up for lost time."""
+"""Periods behind the clock beyond which it starts afresh instead of catching up."""
 SILENT_SECONDS = 1.0
 """Time without a state after which a device counts as gone."""
 ORDINARY = "as other processes"
 CHECKS_PER_SECOND = 20
+"""How often a force is kept to be compared with the theory's own, up to `MOST_CHECKS` times."""
 MOST_CHECKS = 2000
 
 
 def real_time() -> str:
-    """Ask that other processes wait for this one, which sleeps most of the time."""
+    """Ask for real-time scheduling of this process, which sleeps most of the time."""
     with contextlib.suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
         return "before other processes (SCHED_FIFO)"

@@ -1,8 +1,8 @@
-"""The servo in a process of its own, beside a trainer: a duct goes in, where the hook is comes out.
+"""The servo in a process of its own: the trainer sends a duct and reads the state of the hook.
 
-Nothing of the trainer's delays a force: the two share a row of numbers that the servo writes each
-period, and a pipe by which the trainer says which duct is felt. When the trainer ends, the pipe
-does, and with it the force.
+The trainer cannot delay a force: the two share an array that the servo writes each period, and a
+pipe through which the trainer sends the duct. When the trainer ends, the pipe closes and the
+force ends.
 """
 
 import multiprocessing

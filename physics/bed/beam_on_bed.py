@@ -1,4 +1,18 @@
-"""A beam on its bed, held by hands: solved step by step, in equilibrium or in real time."""
+"""A beam on its bed, held by hands: solved step by step, in equilibrium or in real time.
+
+`kernels` has energy, tangent and solver; docs/theory.md and docs/peel.md have the equations and the
+scenes. Here a step towards the hands' targets is divided into substeps whose energy is accounted
+for (`BeamOnBed.advance`):
+
+    W = sum (f_0 + f_1)/2 . dx      trapezoidal rule, over all hands on the beam and on rods
+    W - (U_1 - U_0) - D             missing: U stored energy, D dissipated by the strands' law
+    sum |f_1 - f_0| |dx| / 2        what W is unsure by, if a force jumped in between
+
+A substep is accepted if what is missing is within `books` of its work, or if a jump of the force
+could change no more than `books` / 100 of all work so far: what is missing was then released in a
+jump (`snap`). Otherwise it is repeated at `SHORTER` of its length, and at half where no equilibrium
+was found, down to 2^-`deepest` of the step.
+"""
 
 import math
 from collections.abc import Sequence
@@ -23,8 +37,9 @@ CONTACT = 1.6
 REACH_OF_RODS = 12.0
 """How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
 IN_PLANE = 2 + 8 + 32
+"""Bits of what is held in the plane of x and z: y, and turning about x and z."""
 SHORTER, LONGER = 0.2, 3.0
-"""By what a substep is cut where its books do not close, and grows where they do with ease."""
+"""Factors of a substep whose energy does not balance, and of one after an eighth of that error."""
 EVERYWHERE = (True, True, True)
 
 
@@ -190,8 +205,9 @@ class BeamOnBed:
         kernels.set_rest(self._rest_x, self._rest_q, s.h, s.strain)
         s.floor[:, 1] = self._rest_x[:, 2]
         s.stiff[:] = self._elastic
-        # What one shear strain an element leaves out of its bending, h^2/(12 E I), goes to its
-        # shear: under forces at the nodes a straight element is then exact at small loads.
+        # One shear strain an element leaves bending out, h^2/(12 E I), which is added to its shear
+        # flexibility [MacNeal 1978]: under forces at the nodes a straight element is then exact at
+        # small loads.
         for shear, bending in ((1, 5), (2, 4)):
             s.stiff[:, shear] = 1.0 / (
                 1.0 / self._elastic[:, shear] + s.h**2 / (12.0 * self._elastic[:, bending])
@@ -302,7 +318,7 @@ class BeamOnBed:
         s = self.state
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())
-        # Forces are known to what balance asks for, and no better.
+        # Forces are known only to the tolerance of the equilibrium.
         noise = 2.0 * self._rounding()
         before = self._balance()
         done, size = 0.0, 1.0
@@ -322,7 +338,7 @@ class BeamOnBed:
                     "no equilibrium was found near the last one, however small the step"
                 )
             after = self._balance()
-            # The trapezoid rule, and how far it could be off if the forces jumped in between.
+            # The trapezoidal rule and its uncertainty, if the forces jumped in between.
             way = (
                 after.goals - before.goals,
                 after.places - before.places,
@@ -373,7 +389,7 @@ class BeamOnBed:
         floor = self._rounding()
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
             return kernels.yielded(s)
-        # Slower and surer: damage stands, equilibrium, damage follows, and again.
+        # Slower and more robust: equilibrium under fixed damage, then damage by its law, in turn.
         lost = 0.0
         for _ in range(4000):
             if kernels.equilibrium(s, kernels.STANDING, tolerance, floor, 2000) < 0:
@@ -402,7 +418,7 @@ class BeamOnBed:
         )
 
     def _rounding(self) -> float:
-        """Return what places rounded to their last digit make of the forces, N."""
+        """Return the error of forces from places rounded to their last digit, N."""
         s = self.state
         return 1e-15 * float(s.stiff[:, :3].max()) * self.beam.span / float(s.h.min())
 
@@ -416,6 +432,9 @@ class BeamOnBed:
         newton: int = 1,
     ) -> None:
         """Go on in real time towards what the hands ask for, at a fixed cost."""
+        # `delay`, s, of the damage: pulls are 1.6 % too large at 5 mm/s in a firm bed. `drag` at
+        # each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
+        # slide.
         s = self.state
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         step = seconds / ticks
@@ -528,7 +547,7 @@ class BeamOnBed:
             q[node] /= np.sqrt(q[node] @ q[node])
         self._stations[node] = station
         self._measure_rest()
-        # The beam's energy is not the same to the last digit on other nodes: nobody's work.
+        # The discrete energy changes slightly with the nodes: booked as `open`, no hand's work.
         after = kernels.assemble(self.state, kernels.STANDING, 0.0)
         self.state.sums[kernels.OPEN] -= after - before
 

@@ -183,7 +183,7 @@ class Bed:
 
 
 def _bell(uniform: Floats) -> Floats:
-    """Return numbers of mean 0 and standard deviation 1 from three uniform ones each."""
+    """Return nearly normal numbers, mean 0, standard deviation 1, from three uniform ones each."""
     return 2.0 * (uniform[0] + uniform[1] + uniform[2] - 1.5)
 
 
@@ -193,6 +193,6 @@ def _scattered(drawn: Floats, variation: float) -> Floats:
         return np.ones(int(drawn.shape[1]), dtype=np.float64)
     sd = math.sqrt(math.log1p(variation * variation))
     spread = [math.exp(sd * each) for each in _bell(drawn).tolist()]
-    # The sample's own mean is 1, so that the seed does not change how tough a bed is.
+    # Scaled to a sample mean of 1, so that the seed does not change the toughness of the bed.
     scale = len(spread) / math.fsum(spread)
     return np.array([scale * each for each in spread])

@@ -1,4 +1,11 @@
-"""A beam in space at rest: its nodes, frames, stiffnesses and ends."""
+"""A beam in space at rest: its nodes, frames, stiffnesses and ends.
+
+The axis through given points is a cubic spline with not-a-knot ends, walked in 64 parts a piece by
+the trapezoidal rule of its speed to get arc lengths s, mm. Nodes are even in s between those that
+hooks need. A node's frame R (a unit quaternion) has the columns tangent t, across and up; from node
+to node it is carried by the smallest rotation from t_i to t_i+1, so that a curved beam at rest is
+not twisted (parallel transport). docs/theory.md has the beam's equations [Simo 1985].
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +20,8 @@ from physics.quantity import finite, positive
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
 
 End = Literal["clamped", "pinned", "sliding", "roller", "free"]
-"""How an end is held: nothing moves or turns; it turns only; it moves along x only; it moves along
-x and turns; not at all."""
+"""How an end is held: clamped does not move or turn, pinned turns, sliding moves along x, roller does
+both, free is not held."""
 
 HELD: dict[End, int] = {"clamped": 63, "pinned": 7, "sliding": 62, "roller": 6, "free": 0}
 """Bits of what is held: 1 2 4 along x y z, 8 16 32 turning about them."""
@@ -256,7 +263,7 @@ def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
     Parameters
     ----------
     points
-        (P, 3) two or more points, mm.
+        (P, 3) two or more points, mm; no two neighbours the same.
 
     Returns
     -------

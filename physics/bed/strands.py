@@ -1,4 +1,11 @@
-"""Strands of loose connective tissue between a beam and its bed."""
+"""Strands of loose connective tissue between a beam and its bed.
+
+A strand's force f over its elongation u (beyond the length L at which it comes taut) is a bilinear
+cohesive law: 0 for u < 0, k u to the yield elongation u_0, then k u_0 (u_f - u)/(u_f - u_0), 0 from
+u_f on. The energy to part it is k u_0 u_f / 2. Softening, u_f/u_0, of 1.5 or more spreads the front
+over several strands: brittle strands read too tough, by how far a front is trapped between two
+(docs/theory.md).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,8 +20,8 @@ __all__ = ["Strands"]
 Floats = NDArray[np.float64]
 
 GRAIN = 2.0**-32
-"""Numbers of a bed are rounded to this, mm, N/mm: what sine and root differ by from one machine to
-another is far below it, so that a seed gives the same bed on all."""
+"""Numbers of a bed are rounded to multiples of this, mm, N/mm. Sines and roots differ far less than
+that between machines, so that a seed gives the same bed on all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
