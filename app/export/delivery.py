@@ -23,7 +23,7 @@ class Delivery:
 
     @classmethod
     def of(cls, kind: str, snapshot: Snapshot, files: tuple[Path, ...] = ()) -> "Delivery":
-        """Return what a snapshot's file is."""
+        """Return the description of a snapshot's file."""
         surfaces = snapshot.surfaces
         return cls(
             kind,

@@ -158,7 +158,7 @@ def tear_motion(
     threshold: float,
     run_step: float = RUN_STEP,
 ) -> Motion:
-    """Return the motion from rest over the break until both pieces lie still."""
+    """Return the motion from rest over the break until both pieces are at rest."""
     pull = pull_motion(
         dissection,
         theory,

@@ -105,7 +105,7 @@ class Order:
         return self._made(suffix.lower())[0]
 
     def _made(self, suffix: str) -> tuple[bytes, Delivery]:
-        """Return a file's content and what it is; its place is not known yet."""
+        """Return a file's content and its description, without a path."""
         if suffix == ".csv":
             return self._table()
         if suffix == ".glb" and not (self.still or self.torn or self.painted):
@@ -176,7 +176,7 @@ class Order:
         )
 
     def pieces(self) -> tuple[TornPiece, TornPiece] | None:
-        """Return the two pieces that the organ tears into."""
+        """Return the two pieces that the organ tears into, or None."""
         if self.break_event is None:
             return None
         return self.dissection.torn_at(

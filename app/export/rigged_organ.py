@@ -133,7 +133,7 @@ def rigged_organ(
 
 
 def _moving(motions: Sequence[Motion]) -> tuple[int, int]:
-    """Return the driving points that the moving ones lie between; what is behind follows those."""
+    """Return the driving points before the first that moves and after the last."""
     moving = np.logical_or.reduce([motion.transforms.any(axis=(0, 2, 3)) for motion in motions])
     which = np.flatnonzero(moving)
     if not which.size:

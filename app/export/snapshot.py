@@ -55,7 +55,7 @@ class PulledOrgan:
         self._driven, self._loaded = slice(0, driven.size), slice(driven.size, None)
 
     def under(self, force: float) -> Snapshot:
-        """Return the organ under a force, whether it bears it or not (`borne_force`)."""
+        """Return the organ under a force, N, even past the break (see `borne_force`)."""
         dissection = self._dissection
         pulled = self._pull.to_force(force).sample(self._stations)
         vertices = np.empty_like(self.skin.vertices)

@@ -30,7 +30,7 @@ class RimShapes:
 def rim_shapes(
     piece: TornPiece, bound: BoundSkin, motions: list[Motion], *, tolerance: float
 ) -> RimShapes:
-    """Return the shapes that show a torn rim through motions."""
+    """Return as few shapes as show a torn rim in all motions within `tolerance`, mm."""
     near = np.flatnonzero(piece.retreat.any(axis=1))
     index, weight = bound.index[near], bound.weight[near, np.newaxis, np.newaxis]
     rows: list[NDArray[np.float64]] = []
@@ -64,7 +64,7 @@ def _turned_back(
 def _principal(
     rows: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (T, M) parts from 0 to 1 and (M, N) shapes whose product is within a tolerance."""
+    """Return (T, M) weights, 0 to 1, and (M, N) shapes whose product meets the tolerance."""
     if not rows.size:
         return np.zeros((len(rows), 0)), np.zeros((0, rows.shape[1]))
     # The copy avoids BLAS's symmetric product, which is twenty times slower on flat matrices.

@@ -84,7 +84,7 @@ class Ghost:
         np.add(positions, moved + np.outer(driven.across, frame[:, 2]), out=self._axis)
 
     def reading(self, force: float, deflection: float) -> GhostReading | None:
-        """Return what the ghost says beside the session."""
+        """Return the ghost's reading; None where its theory has no equilibrium."""
         if self._beam is None or self._ends:
             return None
         pulled = self._beam.pulled

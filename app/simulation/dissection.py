@@ -123,7 +123,7 @@ class Dissection:
     def torn_at(
         self, check: RuptureCheck, *, edge_length: float, seed: int = 1
     ) -> tuple[TornPiece, TornPiece]:
-        """Return the two pieces that the organ tears into."""
+        """Return the pieces in the first and in the second clamp; `seed` for the ragged rim."""
         return torn_pieces(
             self.organ,
             min(self.clamps[0] + check.station, self.clamps[1]),

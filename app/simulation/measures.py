@@ -232,7 +232,7 @@ class MeasureTaker:
         self._held += 1
 
     def _smoothness(self) -> float | None:
-        """Return -ln(T^3 / v^2 * integral of jerk^2), with the tick's length cancelled from it."""
+        """Return -ln(T^3 / v^2 * integral of jerk^2); the tick's length cancels."""
         if self._peak**2 == 0.0 or self._jerk == 0.0:  # squares of tiny numbers underflow
             return None
         # An incomplete movement can come out smoother than any complete one can be.

@@ -129,7 +129,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return presets().get(self.name) == self
 
     def round_beam(self) -> Beam:
-        """Return the beam of a preset that brings its own."""
+        """Return the preset's own round beam."""
         if not isinstance(self.beam, RoundBeam):
             raise ValueError(f"preset {self.name} needs an organ: its beam is the organ's own")
         return Beam.round(
@@ -141,7 +141,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
     def threshold(self, theory: Theory, beam: Beam) -> float:
-        """Return the stress at which the duct tears in a theory."""
+        """Return a theory's threshold, MPa: as given, or its stress at the break force."""
         if self.break_stress_MPa is not None:
             return self.break_stress_MPa
         assert self.break_force_N is not None  # noqa: S101 (checked when it was made)
@@ -206,7 +206,7 @@ def read_preset(content: bytes, name: str) -> Preset:
 
 
 def chosen_preset(text: str) -> Preset:
-    """Return the preset that somebody names: one that ships, or a file's."""
+    """Return a preset by its name, if shipped, or from a file."""
     if text in presets():
         return preset_named(text)
     if Path(text).suffix.lower() != SUFFIX:

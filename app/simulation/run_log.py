@@ -77,7 +77,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
-        """Return the choice that gives a theory."""
+        """Return the choice that stands for a theory; raise if it has no name."""
         if isinstance(theory, Cubic):
             choice = cls(theory.name, q=theory.q)
         elif isinstance(theory, Exact):

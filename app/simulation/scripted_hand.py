@@ -74,7 +74,7 @@ def do_exercise(session: Session, manner: Manner) -> None:
 
 
 def _ways(exercise: Exercise, goal: float) -> list[tuple[float, float]]:
-    """Return where a hand goes, mm, and how long it stays there, s."""
+    """Return the deflections that a hand goes to, mm, and how long it stays at each, s."""
     if isinstance(exercise, HoldStretch | ApproachBreak):
         return [(goal, exercise.seconds + SPARE_SECONDS)]
     if isinstance(exercise, GentleDissection):
@@ -83,7 +83,7 @@ def _ways(exercise: Exercise, goal: float) -> list[tuple[float, float]]:
 
 
 def _reach(start: float, goal: float, stay: float, manner: Manner) -> list[float]:
-    """Return a reach tick by tick: out to the goal or past it, back to it, and a stay, mm."""
+    """Return the deflections of a reach, tick by tick, mm: out, any correction, and the stay."""
     past = goal + manner.overshoot * max(goal - start, 0.0)
     back = manner.reach_seconds if past > goal else 0.0
     out = _minimum_jerk(start, past, manner.reach_seconds)
@@ -91,7 +91,7 @@ def _reach(start: float, goal: float, stay: float, manner: Manner) -> list[float
 
 
 def _minimum_jerk(start: float, goal: float, seconds: float) -> list[float]:
-    """Return a way tick by tick, never faster than a hand is; none for no time."""
+    """Return a reach of minimum jerk tick by tick, never faster than `HAND_SPEED`."""
     least = PEAK_SPEED * abs(goal - start) / HAND_SPEED if seconds > 0.0 else 0.0
     ticks = math.ceil(max(seconds, least) / TICK_SECONDS - 1e-9)
     parts = [tick / ticks for tick in range(1, ticks + 1)]

@@ -206,7 +206,7 @@ class Session:
         return self._chain if self.duct.tear is None else None
 
     def ghost_reading(self) -> GhostReading | None:
-        """Return what the ghost's theory says beside this one."""
+        """Return the ghost's reading; None without a ghost or an equilibrium of it."""
         with self._lock:
             if self.ghost is None:
                 return None
@@ -236,7 +236,7 @@ class Session:
     # Organ, preset and theory; each choice but the theory starts anew.
 
     def presets_offered(self) -> list[Preset]:
-        """Return the presets that this organ can be clamped for, and one of one's own in use."""
+        """Return the presets that fit this organ, with the user's own one in use."""
         shipped = [preset for preset in presets().values() if fits(self._organ, preset)]
         own = self.duct.dissection.preset
         return shipped if own.ships else [*shipped, own]
@@ -355,7 +355,7 @@ class Session:
             return self._file(self.run)
 
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
-        """Return this session's judged runs of one exercise from the same start, oldest first."""
+        """Return the earlier judged runs of the same exercise and start, oldest first."""
         with self._lock:
             tries = [self._file(each) for each in self._tries if each.exercise == run.log.exercise]
         return [each for each in tries if each.log.start == run.log.start and each != run]
@@ -397,7 +397,7 @@ class Session:
         return chain
 
     def _accepts_slider(self, value: float) -> bool:
-        """Return whether a slider's or a key's input counts now: in some exercises only a hand."""
+        """Return whether a slider's or key's value counts now; some exercises want the hand."""
         return not self.run.hand_only and self.duct.accepts(value)
 
     def _hold_at(self, grasp: float) -> bool:

@@ -53,7 +53,7 @@ class Trial(ABC):
 
     @abstractmethod
     def judge(self, figures: Figures) -> Outcome | None:
-        """Return how one more tick ends the exercise, or None; set `progress`."""
+        """Return the outcome if this tick ends the exercise, else None; set `progress`."""
         ...
 
 
@@ -219,7 +219,7 @@ class _Stay:
 
 
 def trial_of(exercise: Exercise) -> Trial:
-    """Return a fresh go at an exercise."""
+    """Return a new attempt at an exercise."""
     if isinstance(exercise, HoldStretch):
         return _Hold(exercise)
     if isinstance(exercise, ApproachBreak):

@@ -110,7 +110,7 @@ def bed_named(name: str) -> BedPreset:
 def beam_in_space(
     dissection: Dissection, *, elements: int, nodes_at: Sequence[float] = ()
 ) -> SpaceBeam:
-    """Return the beam in space that stands for a duct: as it lies where it has its own sections."""
+    """Return the beam in space for a duct: along its axis if it has its own sections."""
     beam, preset = dissection.beam, dissection.preset
     if isinstance(preset.beam, RoundBeam):
         return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)

@@ -101,7 +101,7 @@ class ClientState:
         return self._paused
 
     def take_change(self) -> bool:
-        """Return whether what is to be seen has changed since this was last asked."""
+        """Return whether the client's choices have changed since the last call."""
         changed, self._changed = self._changed, False
         return changed
 
@@ -136,7 +136,7 @@ class ClientState:
         self._home = True
 
     def take_home(self) -> bool:
-        """Return whether the camera is to be brought home since this was last asked."""
+        """Return whether `bring_home` was called since the last call."""
         wanted, self._home = self._home, False
         return wanted
 
@@ -294,14 +294,14 @@ class ClientState:
         return True
 
     def _refuses_mouse(self) -> bool:
-        """Return whether a device has the hook, and say so."""
+        """Return whether a device has the hook; then tell the client so."""
         if self.device is not None:
             self.refuse(f"The hand on the device has the hook ({self.device}).")
             return True
         return False
 
     def _refuses_force(self) -> bool:
-        """Return whether only the hand counts now, and say so."""
+        """Return whether only the hand counts now; then tell the client so."""
         if self.session.run.hand_only:
             self.refuse(HAND_ONLY)
             return True

@@ -19,7 +19,7 @@ apart so that a hand resting at the duct does not grab and release it at every t
 
 
 def felt_in(session: Session) -> FeltSetting:
-    """Return what a hand feels of a session's duct."""
+    """Return the setting that the servo needs for a session's duct."""
     return FeltSetting(
         session.duct.theory,
         session.duct.dissection.beam,

@@ -80,7 +80,7 @@ class ReplayPlayback:
         return moved
 
     def _approach(self, tick: int) -> bool:
-        """Return whether a tick has been reached in the time that there is."""
+        """Return whether a tick has been reached within `SEEK_SECONDS` of work."""
         until = time.monotonic() + SEEK_SECONDS
         if tick < self._at:
             self._go_to(0)

@@ -79,7 +79,7 @@ def _content(session: Session, suffix: str) -> bytes:
 
 
 def _moving(order: Order, most: float, *, whole_curve: bool) -> Order:
-    """Return an order as one of a motion or a curve, with an end to go to."""
+    """Return the order with a last force, as a motion or a curve needs one."""
     force = None if whole_curve or not order.force else order.force
     if force is None and order.break_event is None:
         force = most
@@ -87,6 +87,6 @@ def _moving(order: Order, most: float, *, whole_curve: bool) -> Order:
 
 
 def _file_name(session: Session) -> str:
-    """Return a name that every system takes."""
+    """Return a file name that is valid on every system."""
     name = re.sub(r"[^\w-]+", "_", session.duct.dissection.organ.name, flags=re.ASCII).strip("_")
     return name or "organ"

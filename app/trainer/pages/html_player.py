@@ -73,7 +73,7 @@ class _Body:
 
 
 def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
-    """Return the edges that a page shows an organ with where nobody asks for others."""
+    """Return the edge length, mm, that gives an organ about this number of vertices."""
     walls = 2 if organ.hollow else 1
     area = walls * 2.0 * math.pi * organ.mean_radius * organ.length
     return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
@@ -267,7 +267,7 @@ def _rounded(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _caption(reading: Reading) -> str:
-    """Return what is written over the organ."""
+    """Return the caption over the organ."""
     if reading.phase is Phase.TEARING:
         return f"F {reading.force:.3g} N   it tears"
     if reading.phase is Phase.TORN:

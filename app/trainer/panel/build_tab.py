@@ -255,7 +255,7 @@ class BuildTab:
         self._build_first(opened)
 
     def _choice(self, opened: OpenedStack) -> OrganChoice:
-        """Return what the fields say."""
+        """Return the organ that the fields describe."""
         said = str(self._point.value)
         seed = picked_pixel(said)
         if seed is None and said.strip():
@@ -319,7 +319,7 @@ class BuildTab:
         self._status.content = note(content or self._telling(), "build-status")
 
     def _telling(self) -> str:
-        """Return what is said when nothing is being done."""
+        """Return the text shown while nothing is being done."""
         opened = self._bench.opened
         if opened is not None and opened.traced is None:
             return (
@@ -399,7 +399,7 @@ class BuildTab:
 
 
 def _between(what: str, text: str, count: int) -> tuple[int, int]:
-    """Return "12-80" as (12, 80); all of so many where nothing is said."""
+    """Return "12-80" as (12, 80), and an empty text as all of `count`."""
     if not text.strip():
         return 0, count - 1
     ends = re.fullmatch(r"\s*(\d{1,6})\s*[-,]\s*(\d{1,6})\s*", text, re.ASCII)
@@ -409,19 +409,19 @@ def _between(what: str, text: str, count: int) -> tuple[int, int]:
 
 
 def _waiting(before: int) -> str:
-    """Return what is said to somebody whose organ is not begun yet."""
+    """Return the text shown while other clients' organs are built first."""
     organs = "another organ is" if before == 1 else f"{before} other organs are"
     return f"Waiting: {organs} being built first."
 
 
 def _length(value: object) -> float | None:
-    """Return a length that was given, mm, or None."""
+    """Return the length in a field, mm, or None."""
     length = number(value)
     return length if math.isfinite(length) and length > 0.0 else None
 
 
 def _caption(opened: OpenedStack, index: int) -> str:
-    """Return what is seen in an image, as HTML."""
+    """Return the caption of an image, as HTML."""
     name = html.escape(opened.shown.names[index])
     section = opened.section(index)
     pointing = "" if opened.resliced else ". Another organ is meant? Click on it."
@@ -478,7 +478,7 @@ def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
 
 
 def _doubts_html(built: BuiltOrgan) -> str:
-    """Return why an organ is probably another than the one wanted, as HTML."""
+    """Return the warnings about a doubtful organ, as HTML."""
     listed = "".join(f"<li>{html.escape(each)}</li>" for each in built.doubts)
     return (
         f"<div data-testid='build-doubts' style='margin:2px 12px 8px;padding:6px 10px;"
@@ -494,7 +494,7 @@ def _lengths(length: float, pixel: float) -> str:
 
 
 def _unfit(organ: Organ) -> list[str]:
-    """Return what is to be said of the presets that do not suit an organ."""
+    """Return why some presets do not suit an organ."""
     unfit = [preset.title for preset in presets().values() if not fits(organ, preset)]
     if not unfit:
         return []

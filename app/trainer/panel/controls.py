@@ -58,12 +58,12 @@ def set_if_changed(handle: Any, **values: object) -> None:
 
 
 def number(value: object) -> float:
-    """Return what a browser sent as a number, NaN where it is none."""
+    """Return a value from the browser as a number, NaN if it is not one."""
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
 def figure(value: float | None) -> str:
-    """Return a figure with as many digits as a glance takes in."""
+    """Return a figure as text with few digits, for reading at a glance."""
     if value is None:
         return "–"
     size = abs(value)

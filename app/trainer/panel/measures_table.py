@@ -82,7 +82,7 @@ _ROWS = (
 
 
 def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
-    """Return how a run has ended, as HTML."""
+    """Return the outcome of a run as HTML; a run without one was not judged."""
     if outcome is None:
         word, colour, reason = "Not judged", _PLAIN, "A free pull, or one that was stopped."
     else:

@@ -106,7 +106,7 @@ class ModelTab:
         self._solve_thresholds()
 
     def _offered(self) -> dict[str, Preset]:
-        """Return the presets to choose from, by title; the last one of one's own is kept."""
+        """Return the presets to choose from, by title, with the user's last own one."""
         session = self._state.session
         presets, organ = session.presets_offered(), session.duct.dissection.organ
         if not session.duct.dissection.preset.ships:
@@ -120,7 +120,7 @@ class ModelTab:
         return offered
 
     def _title(self) -> str:
-        """Return the title of the preset that is solved."""
+        """Return the title of the preset in use."""
         now = self._state.session.duct.dissection.preset
         titles = (title for title, preset in self._titles.items() if preset == now)
         return next(titles, now.label)

@@ -148,7 +148,7 @@ class PresetForm:
             self._use.disabled = not fits
 
     def _edited(self, dissection: Dissection) -> tuple[Preset, list[str]]:
-        """Return the preset with what was typed, and the names of what is another figure."""
+        """Return the preset with the typed numbers, and the names of those that differ."""
         preset, beam = dissection.preset, dissection.preset.beam
         typed = {name: number(field.value) for name, field in self._fields.items()}
         changed = {name for name, value in typed.items() if value != self._shown[name]}
@@ -238,7 +238,7 @@ def _field(
 
 
 def _told(preset: Preset, own: list[str]) -> dict[str, str]:
-    """Return what an edited preset is called and where its figures come from."""
+    """Return the name and the source of an edited preset."""
     source = preset.source
     if source.startswith(YOURS) and REST in source:
         before, source = source.removeprefix(YOURS).split(REST, 1)
@@ -256,7 +256,7 @@ def _told(preset: Preset, own: list[str]) -> dict[str, str]:
 
 
 def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
-    """Return what other figures change, as HTML."""
+    """Return what the typed numbers would change, as HTML."""
     rows = "".join(
         f"<tr><td style='padding:1px 8px 1px 0;opacity:.8'>{name}</td>"
         f"<td style='text-align:right;padding-right:8px'>{figure(before)}</td>"
@@ -275,7 +275,7 @@ def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
 
 
 def _results(model: BeamModel) -> tuple[tuple[str, float, str], ...]:
-    """Return what follows from a preset's figures: name, value and unit."""
+    """Return the results of a preset: name, value and unit."""
     beam = model.dissection.beam
     # The stiffness of a pull too small to stretch the beam.
     small = 1e-4 * beam.fibre_distance

@@ -44,7 +44,7 @@ _Pair = tuple[Curve, Curve]
 
 
 def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
-    """Return what ANSYS said of a beam, where the thesis has printed it."""
+    """Return ANSYS's deflections and forces for a beam, where the thesis has printed them."""
     if abs(grasp - 0.5 * beam.span) > MIDDLE:
         return None
     for table in TABLES:
@@ -193,7 +193,7 @@ class PullPlot:
 def _curve(
     dissection: Dissection, theory: Theory, chosen: Theory, grasp: float, threshold: float
 ) -> _Pair | None:
-    """Return a theory's curve; None for the chosen one, which is drawn, and where there is none."""
+    """Return a theory's curve; None for the theory in use, or where it has none."""
     if theory == chosen:
         return None
     with suppress(ValueError):

@@ -29,7 +29,7 @@ COLOURS = {
 
 
 def zone(reading: Reading) -> str:
-    """Return the word for how far the duct is from its break."""
+    """Return the word for the distance to break."""
     if reading.phase is Phase.TORN:
         return TORN
     if reading.phase is Phase.TEARING:
@@ -39,7 +39,7 @@ def zone(reading: Reading) -> str:
 
 
 def zone_told(phase: Phase) -> str:
-    """Return the word for what a duct goes through whose figures are hidden: none while whole."""
+    """Return the word for a tear while figures are hidden; empty while the duct is whole."""
     return {Phase.TEARING: TEARING, Phase.TORN: TORN}.get(phase, "")
 
 
@@ -105,7 +105,7 @@ def readout_html(reading: Reading, state: str = "") -> str:
 
 
 def duct_html(session: Session, *, figures: bool) -> str:
-    """Return which organ and which section of it are solved, and the strength as it is given."""
+    """Return which organ and section are solved, and the strength, as HTML."""
     dissection, organ = session.duct.dissection, session.duct.dissection.organ
     own = dissection.own_sections
     name = html.escape(organ.name or "Your organ")
@@ -131,7 +131,7 @@ def duct_html(session: Session, *, figures: bool) -> str:
 
 
 def hidden_readout_html(phase: Phase) -> str:
-    """Return what stands where the read-out is while a trainee is not to see its figures."""
+    """Return the HTML in the read-out's place while its figures are hidden."""
     return (
         f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1'"
         " style='padding:8px 14px 2px'><div style='font-size:11px;opacity:.75'>"

@@ -107,7 +107,7 @@ class ReplayTab:
             self.replay(lambda: run)
 
     def _run(self) -> RunFile | None:
-        """Return the run that goes, or the last one."""
+        """Return the run in progress, or the last one."""
         if self._state.session.run.started:
             return self._state.session.run_file()
         return self._state.last_run

@@ -55,7 +55,7 @@ def _expert(run: RunFile, state: ClientState) -> Measures | None:
 
 
 def _beside(run: RunFile, state: ClientState) -> dict[str, Measures]:
-    """Return what a result stands beside: this session's last tries, newest first, the expert."""
+    """Return the runs shown beside a result: the last tries, newest first, and the expert."""
     tries = state.session.earlier_tries(run)
     found = {
         f"try {number}": each.measures

@@ -124,10 +124,10 @@ class TrainTab:
 
 
 def _force_step(limit: float) -> float:
-    """Return a step that tells the tenths of a percent of the break apart."""
+    """Return a slider step of at most a tenth of a percent of the limit."""
     return 0.1 * slider_step(limit)
 
 
 def slider_step(limit: float) -> float:
-    """Return the power of ten that divides a scale into some hundred to a thousand steps."""
+    """Return the power of ten that divides a scale into 100 to 1000 steps."""
     return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))

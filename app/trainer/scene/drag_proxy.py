@@ -66,7 +66,7 @@ class _Tube:
         return shown.reshape(-1, 3).astype(np.float32)
 
     def hold(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
-        """Return the hold on the duct where the grip is: the station nearest to it."""
+        """Return a hold on the duct at the station nearest to the grip."""
         spans = np.diff(self.axis, axis=0)
         along = np.sum((grip - self.axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
         part = np.clip(along, 0.0, 1.0)

@@ -150,7 +150,7 @@ class DuctScene:
         return HookPlace(place, dissection.frame, stage.radius)
 
     def _lift(self, stage: Stage, reading: Reading) -> float:
-        """Return how high the picture must show the duct: its arch at rest and the break above."""
+        """Return the height to show, mm: the duct's arch at rest plus its deflection at break."""
         event = reading.breaks_at
         pulled = max(reading.deepest, 0.0 if event is None else event.deflection)
         tenth = 0.1 * stage.span
@@ -158,7 +158,7 @@ class DuctScene:
         return max(3.0, np.ceil((self._arch + 1.1 * pulled) / tenth)) * tenth
 
     def _set_stage(self) -> Stage:
-        """Return the stage for the session's clamps, setting it anew when they have moved."""
+        """Return the stage for the session's clamps; a new one if they have moved."""
         dissection = self._session.duct.dissection
         organ, clamps = dissection.organ, dissection.clamps
         preset = dissection.preset

@@ -133,7 +133,7 @@ class ClientView:
         self._annotations.draw(shown, reading, figures=figures, overlay=state.overlay)
 
     def _shares(self, session: Session) -> Sequence[NDArray[np.float32]]:
-        """Return the stress at the vertices of each surface, in parts of the threshold."""
+        """Return each surface's stress at its vertices over the threshold."""
         if self._stress_of is not session or self._stress_shape != session.drawn.shape:
             self._stress_of, self._stress_shape = session, session.drawn.shape
             self._stress = [

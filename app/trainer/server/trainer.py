@@ -279,7 +279,7 @@ class Trainer:
 
 
 def _seen(client: viser.ClientHandle) -> bool:
-    """Return whether a browser has shown the first minute before."""
+    """Return whether this browser has shown the help for the first minute before."""
     try:
         return client.local_storage.get_item(SEEN, STORAGE_SECONDS) is not None
     except (RuntimeError, TimeoutError):

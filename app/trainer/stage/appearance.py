@@ -92,18 +92,18 @@ _KINDS: dict[Kind, Appearance] = {
 
 
 def appearance_of(preset: Preset) -> Appearance:
-    """Return how a duct looks that is solved by a preset."""
+    """Return the appearance of a preset's duct."""
     return _KINDS[preset.looks_like]
 
 
 def drawn_radius(dissection: Dissection) -> float:
-    """Return how thick a duct is drawn: as thick as what is solved."""
+    """Return the radius that a duct is drawn with, mm: that of the beam solved."""
     beam = dissection.preset.beam
     return 0.5 * beam.diameter_mm if isinstance(beam, RoundBeam) else dissection.organ.mean_radius
 
 
 def drawn_lumen(dissection: Dissection) -> float | None:
-    """Return how wide a torn duct's lumen is drawn."""
+    """Return the drawn radius of a torn duct's lumen over its wall's, if not the skin's own."""
     beam = dissection.preset.beam
     if beam.wall_mm is not None:
         return max(_NO_LUMEN, 1.0 - beam.wall_mm / drawn_radius(dissection))

@@ -34,7 +34,7 @@ class Viewpoint:
         return float(np.linalg.norm(self.look_at - self.position))
 
     def picture_points(self, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
-        """Return where points appear in the picture."""
+        """Return (N, 2) places in the picture, right and up, -1 to 1 from edge to edge."""
         forward = (self.look_at - self.position) / self.distance
         right = np.cross(forward, self.up)
         right /= np.linalg.norm(right)

@@ -136,7 +136,7 @@ def _shaft_solid(corners: int) -> Solid:
 
 
 def _cuff_solid(bite: float, corners: int) -> Solid:
-    """Return the tissue between the jaws, just inside that which a wall is carried on with."""
+    """Return the tissue between the jaws, just inside the stub that carries the wall on."""
     reach = [0.0, *(behind for behind, _, _ in STUB)]
     wide, high = [1.0, *(width for _, width, _ in STUB)], [1.0, *(height for *_, height in STUB)]
     x = np.linspace(_CUFF_FACE, -1.6, 12)

@@ -48,7 +48,7 @@ class HookPlace:
 
 
 def sink(share: float, radius: float) -> float:
-    """Return how far the hook's wire sinks into the wall."""
+    """Return the depth of the wire in the wall, mm, at a stress of `share` thresholds."""
     return radius * (SINK_AT_REST + (SINK_AT_BREAK - SINK_AT_REST) * min(max(share, 0.0), 1.0))
 
 
@@ -163,7 +163,7 @@ class Contact:
 
 @lru_cache(maxsize=16)
 def _ring_smoothing(sides: int, thickness: float) -> NDArray[np.float32]:
-    """Return what takes a ring's points to a smooth ring of another thickness, (sides, sides)."""
+    """Return the (sides, sides) matrix that smooths a ring's points and scales its thickness."""
     # A section is stored as two half-curves, which meet at a corner that tissue does not have. A
     # low-pass filter over the ring, written as a circulant matrix, rounds it: waves of up to two
     # periods around the ring are kept, shorter ones fade out. All but the mean are scaled by the

@@ -17,7 +17,7 @@ _REFERENCE_SPAN = 50.8
 
 
 def lamp_position(span: float) -> NDArray[np.float64]:
-    """Return where the lamp is."""
+    """Return the lamp's position, (3,) mm in stage coordinates."""
     return np.array([0.5 * span, 0.0, 0.0]) + np.array([-32.0, -30.0, 86.0]) * (
         span / _REFERENCE_SPAN
     )

@@ -20,7 +20,7 @@ _BELOW = 0.35  # mm that its edge lies below the bed's surface
 
 @lru_cache(maxsize=16)
 def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> bytes:
-    """Return what lies on the bed below a tear, as a GLB file."""
+    """Return the pools below a tear as a GLB file, in the bed's coordinates; empty if none."""
     random = np.random.default_rng(seed)
     parts: list[Part] = []
     pools: list[tuple[Color, float, float]] = []  # colour, reach, aside
@@ -40,7 +40,7 @@ def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> b
 
 
 def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator) -> Solid:
-    """Return a liquid that stands in the bed's hollows: level, with the bed for its shore."""
+    """Return a pool in the bed's hollows: a level surface, ending where the bed is higher."""
     angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     orders = np.arange(2, 7)
     sizes = random.normal(0.0, 0.07, orders.size)

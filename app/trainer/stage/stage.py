@@ -37,7 +37,7 @@ def stage_files(
     tissue: tuple[int, int, int],
     surroundings: Surroundings = "liver",
 ) -> dict[str, bytes]:
-    """Return what stands still, drawn once for all clients with the same duct."""
+    """Return the static GLB files by their name on the stage; made once for all clients."""
     full = look == "full"
     detail = 1.0 if full else 0.5
 

@@ -186,7 +186,7 @@ def _lobules(x: Image, y: Image, size: float, *, seed: int) -> tuple[Image, Imag
 
 
 def _capillaries(x: Image, y: Image) -> Image:
-    """Return a net of fine vessels: lines where smooth fields pass their middles, with gaps."""
+    """Return a net of fine vessels: level lines of smooth noise at its mean, with gaps."""
     lines = [
         smooth_step(
             np.abs(noise_at(x, y, length=length, cells=5.0, fall=2.4, seed=seed) - 0.5),

@@ -29,7 +29,7 @@ _MOST = 0.99  # largest value inverted: the curve reaches 1 only at infinite lig
 
 
 def shown_color(light: ArrayLike) -> NDArray[np.float64]:
-    """Return the sRGB colours that the page shows of linear light."""
+    """Return the sRGB colours, 0 to 255, as which the page shows linear light."""
     v = _EXPOSURE * np.asarray(light, np.float64) @ _ACES_INPUT.T
     fitted = (v * (v + _RISE) - _FLOOR) / (v * (_BEND * v + _SLOPE) + _OFFSET)
     return srgb_color(np.clip(fitted @ _ACES_OUTPUT.T, 0.0, 1.0))

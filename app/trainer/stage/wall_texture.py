@@ -44,7 +44,7 @@ class WallTexture:
 
 @lru_cache(maxsize=8)  # a few ducts; trainees can build any number
 def wall_texture(look: Appearance, radius: float) -> WallTexture:
-    """Return the pictures of a duct's wall."""
+    """Return the textures of a duct's wall, periodic over `PERIOD` radii and once around it."""
     grain = _Grain(radius)
     broad, patches, speckle = grain(9.0, 5.0, 31), grain(4.0, 3.0, 32), grain(0.9, 0.9, 34)
     # Bundles of fibres run along the duct, wavy where the wall is slack.
@@ -108,7 +108,7 @@ class _Grain:
 
 
 def _network(grain: _Grain) -> Image:
-    """Return the capillaries: thin lines where smooth fields pass their middles, with gaps."""
+    """Return the capillaries: thin level lines of smooth noise at its mean, with gaps."""
     lines = [
         smooth_step(np.abs(grain(size, size, seed) - 0.5).astype(np.float32), 0.03, 0.004)
         for size, seed in ((2.6, 41), (1.5, 42))
@@ -118,7 +118,7 @@ def _network(grain: _Grain) -> Image:
 
 
 def _vessels(look: Appearance, radius: float) -> tuple[Image, Image]:
-    """Return how much of each vessel's colour is seen, and how far it stands out, 0 to 1."""
+    """Return the share of the vessels' colour and their relief, both 0 to 1."""
     core = np.zeros((_ROWS, _COLUMNS), np.uint8)
     wide = np.zeros_like(core)
     scale = _pixels_per_mm(radius), _ROWS / (2.0 * np.pi * radius)
@@ -207,7 +207,7 @@ def _paths(
 
 
 def mean_color(look: Appearance) -> Color:
-    """Return about what the eye sees of a kind from afar, sRGB, 0 to 255."""
+    """Return the mean colour of a kind of duct, sRGB, 0 to 255."""
     mixed = 0.6 * np.array(look.base) + 0.25 * np.array(look.deep) + 0.15 * np.array(look.pale)
     red, green, blue = mixed.round().astype(int).tolist()
     return red, green, blue

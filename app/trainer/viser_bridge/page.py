@@ -84,7 +84,7 @@ def keep_in_sight(
 
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
-    """Return the text that `tab_keeps` gave to a browser's tab; None without one or an answer."""
+    """Return the text stored by `tab_keeps` in a browser's tab; None without one or an answer."""
     # viser reads only the browser's storage, which all tabs share. So the script copies the tab's
     # own value into it for a moment, under a name that no other page knows.
     name = f"tab-{secrets.token_hex(8)}"
@@ -103,7 +103,7 @@ def tab_keeps(client: viser.ClientHandle, value: str) -> None:
 
 
 def letter_keys_on(client: viser.ClientHandle) -> bool:
-    """Return whether single letters are keys in this browser, as they are until it is said."""
+    """Return whether single-letter keys are on in this browser; they are by default."""
     try:
         return client.local_storage.get_item(_LETTER_KEYS, ANSWER_SECONDS) != "off"
     except (RuntimeError, TimeoutError):
@@ -116,7 +116,7 @@ def set_letter_keys(client: viser.ClientHandle, on: bool) -> None:
 
 
 def closer_html() -> str:
-    """Return the mark that makes the next button of a dialog the one that closes it."""
+    """Return the HTML mark that makes a dialog's next button its closing button."""
     return f"<div class='{_CLOSER}'></div>"
 
 

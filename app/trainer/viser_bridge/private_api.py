@@ -60,7 +60,7 @@ def read_icons(icons: Iterable[viser.IconName]) -> None:
 
 
 def page_number(handle: viser.CommandHandle | viser.GuiSliderHandle[Any]) -> str:
-    """Return what the page knows a command or a widget by."""
+    """Return the identifier of a command or a widget in the page."""
     return handle._impl.uuid  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
 
 
