@@ -20,8 +20,8 @@ from physics.quantity import finite, positive
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
 
 End = Literal["clamped", "pinned", "sliding", "roller", "free"]
-"""How an end is held: clamped does not move or turn, pinned turns, sliding moves along x, roller does
-both, free is not held."""
+"""How an end is held: clamped does not move or turn, pinned turns, sliding moves along x, roller
+does both, free is not held."""
 
 HELD: dict[End, int] = {"clamped": 63, "pinned": 7, "sliding": 62, "roller": 6, "free": 0}
 """Bits of what is held: 1 2 4 along x y z, 8 16 32 turning about them."""
