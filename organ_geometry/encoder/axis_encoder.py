@@ -108,8 +108,8 @@ def quantised_axis(
         highest=np.full(size, UNBOUNDED),
         bits=np.tile(first_axis_bits(), (size, 1)),
     )
-    # Of three rows of a section only the two across say something: half a square each, as of the
-    # mean over a round boundary, on which a shift counts with its cosine.
+    # Weight 1/2 of each squared component: a shift moves a point of a round boundary along its
+    # normal by the cosine of the angle between, whose mean square is 1/2.
     shares = np.full(len(wanted), 0.5)
     rest = -wanted
     errors = np.array([shares @ (rest * rest)])

@@ -102,16 +102,16 @@ class CandidateEncoder:
         counts = np.sum([[len(edge) for edge in edges] for edges in self._edges], axis=0)
         # Each section's part of all edge points: the overall RMS weights sections by it.
         self._shares = counts / counts.sum()
-        # Steps below a thousandth of the radius say nothing of images; tolerances above fifty radii
-        # nothing of an organ.
+        # No image resolves a thousandth of the radius, and a tolerance of fifty radii constrains
+        # nothing: both bound the numbers that the search has to do with.
         finest = 1e-3 * self._radius
         self._number = tolerance_number(min(max(tolerance, finest), 50.0 * self._radius))
         stored = tolerance_of(self._number)
-        # What the file says is what is promised; no integers keep a billionth of the radius, which
-        # lets errors be said in tolerances all the same.
+        # The promise is the smaller of the tolerance asked and the one stored. A billionth of the
+        # radius cannot be kept by any integers; it only keeps quotients by a tolerance of 0 finite.
         self._allowed = max(min(tolerance, stored), 1e-9 * self._radius)
-        # A reader's stations are at equal chords of the axis: it finds distances larger by 1e-4 at
-        # most.
+        # A reader may measure at stations of equal chords along the axis, where distances come out
+        # larger by 1e-4 at most.
         # (S,) RMS distance that each section may have, mm.
         self.limits = np.full(len(contours), (1.0 - 1e-4) * self._allowed)
         self._overall = self._allowed if overall is None else min(overall, self._allowed)

@@ -226,8 +226,8 @@ class Refinement:
 
     def _without_zero_keys(self, state: _State) -> _State:
         """Return a state without the keys of which all integers are zero, where it costs less."""
-        # They do say something: that the coefficients lie on the line between other keys there.
-        # Fewer keys have other neighbours, and integers that become zero in turn.
+        # A key of zeros still has an effect: the blend passes through the line between its
+        # neighbours there. Without it the blend changes, and further keys may become zero.
         for _ in range(3):
             used = np.asarray((self._stored(state) != 0).any(axis=(0, 2)))
             used[[0, -1]] = True

@@ -66,8 +66,8 @@ class Search:
     def fewest_bytes(self) -> Encoding:
         """Return the encoding of fewest bytes that keeps the tolerance."""
         crossed = np.zeros(0, dtype=np.intp)
-        # Where the walls cross, sections must be kept more nearly; after three times, to a fifth of
-        # what was promised, there is no wall to keep.
+        # Where the walls cross, limits of those sections are lowered; after three times, at a fifth
+        # of the tolerance, the wall is thinner than can be represented.
         for _ in range(4):
             kept = self._kept_soonest()
             whole: list[Encoding] = []
@@ -110,7 +110,7 @@ class Search:
             if not kept:
                 kept = self._searched((depth,), last=True)
         if not kept:
-            # What changes between two sections may need keys at less than their distance.
+            # A change between two neighbouring sections may need key sections closer than those.
             exact = self.nearest()
             kept = [exact, *self._searched((exact.sampling.depth,))]
         return kept
@@ -134,14 +134,14 @@ class Search:
                 tried.append((size, sampling))
         tried = _best_of_each_depth(tried)
         full = settings.rounds > settings.choice_rounds
-        # Where first encodings are a third off, more are of no use: unless finest steps tell
-        # otherwise, no step will do.
+        # Where all first encodings miss their limits by a third, no other step will keep them,
+        # unless the finest steps do.
         if not full and nearest > 1.3:
             if not last:
                 return []
             self._check_within_reach()
-        # The axis of most promise is encoded in all steps. With no more rounds than it was chosen
-        # by, in the first step and worth it has been.
+        # The best axis is encoded in all section steps. The first step and worth are left out where
+        # they would repeat, round for round, what it was chosen by.
         for _, sampling in tried if every else tried[: settings.axes]:
             for step in settings.section_steps:
                 for bit_worth in settings.bit_worths:
@@ -270,7 +270,8 @@ class SampledSearch:
         try:
             found = self._by_samples()
         except ToleranceNotMet:
-            # What some sections do not let be kept, all do not, and this is the quicker to say.
+            # A tolerance that a sample cannot keep all sections cannot keep either; `nearest` names
+            # the worst of them sooner than a whole search.
             whole.nearest()
             found = None
         except ValueError:

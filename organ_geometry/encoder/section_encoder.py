@@ -92,7 +92,8 @@ class SectionEncoder:
         steps = signal_steps(step)
         bits = [first_bits() for _ in self._walls]
         stored: list[NDArray[np.int64]] = []
-        # Integers teach what they cost, and that other integers: three times are enough.
+        # Tables of bits are learned from the integers, and lead to other integers: three iterations
+        # settle them.
         for last in (False, False, True):
             quantiser = _Quantiser(self._places, chosen, weights, bit_worth, self._settings)
             stored, base = [], np.zeros_like(self.fits[0])
@@ -103,7 +104,7 @@ class SectionEncoder:
                 break
             bits = [learned_bits(integers) for integers in stored]
             if keys is None:
-                # Keys of zeros are no keys.
+                # A key of zeros lies on the line between its neighbours: it is not needed.
                 used = np.any([(integers != 0).any(axis=1) for integers in stored], axis=0)
                 used[[0, -1]] = True
                 chosen = chosen[used]
