@@ -185,7 +185,37 @@ def build_organ(
     progress: Callable[[int, int], None] | None = None,
     name: str | None = None,
 ) -> BuiltOrgan:
-    """Return the organ of a stack of images, and a report on every section."""
+    """Return the organ of a stack of images, and a report on every section.
+
+    A section in which nothing continues the organ is left out, and so is one whose organ touches
+    the image's border or is not single-valued; its neighbours keep their places. The organ is
+    hollow if a lumen is found in every section that is found.
+
+    Parameters
+    ----------
+    stack
+        The images; they are read one at a time.
+    trace
+        Which organ, and how its edge is defined.
+    promise
+        Tolerances, mm or px. Default: 2 % of the mean radius, half a pixel or more.
+    progress
+        Called after each image with the number done and the number of images.
+    name
+        The organ's name. Default: that of the folder or file.
+
+    Returns
+    -------
+    BuiltOrgan
+        The organ, decoded from its file's content, and the report.
+
+    Raises
+    ------
+    ToleranceTooSmall
+        If a tolerance given cannot be kept; the smallest that can is named.
+    ValueError
+        If an image cannot be read or fewer than two sections show an edge.
+    """
     started = time.perf_counter()
     traced = trace_organ(stack, trace, progress=progress)
     fitted = fit_organ(stack, traced)

@@ -163,7 +163,7 @@ def _loft_cuts(
 
 
 def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return points at equal distances along a closed polygon."""
+    """Return points at equal distances along a closed polygon, from its first corner on."""
     return _even_points(np.ascontiguousarray(points, dtype=np.float64), count)
 
 

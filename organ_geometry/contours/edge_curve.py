@@ -32,6 +32,7 @@ class NoEdgeFound(ValueError):  # noqa: N818
 
 def blurred(grey: Image, sigma: float, scale: Scale = SQUARE) -> Image:
     """Return an image blurred by the same length in all directions."""
+    # Sigma, and a pixel's scale (width, height), are in pixels of mean size.
     sigma_x, sigma_y = sigma / scale[0], sigma / scale[1]
     size = (2 * math.ceil(4.0 * sigma_x) + 1, 2 * math.ceil(4.0 * sigma_y) + 1)
     return np.asarray(cv2.GaussianBlur(grey, size, sigma_x, sigmaY=sigma_y), dtype=np.float32)
@@ -55,6 +56,7 @@ def steepest_curve(
     smoothed: Image, start: NDArray[np.int32], sigma: float, scale: Scale = SQUARE
 ) -> NDArray[np.float64]:
     """Return the outline moved to where a blurred image is steepest across it."""
+    # F. Devernay, INRIA report 2724, 1995, on Canny's edges.
     slope_x, slope_y = _slopes(smoothed)
     steepness = np.asarray(cv2.magnitude(slope_x, slope_y), dtype=np.float32)
     points = start.astype(np.float64)
@@ -77,7 +79,7 @@ def enclosed_area(points: NDArray[np.float64]) -> float:
 
 
 def outward_normals(points: NDArray[np.float64], reach: int = 1) -> NDArray[np.float64]:
-    """Return the normals of a closed curve, pointing outwards."""
+    """Return the outward normals of a closed curve, by chords over `reach` points each way."""
     along = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1)

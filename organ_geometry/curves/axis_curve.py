@@ -18,7 +18,7 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the weights of even keys in the natural cubic spline through them."""
+    """Return (N, K) weights of K even keys in the natural cubic spline, at places 0 to 1."""
     bends = _bends(count)
     scaled = np.asarray(places, dtype=np.float64) * (count - 1)
     before = np.clip(scaled.astype(np.intp), 0, count - 2)
@@ -34,7 +34,7 @@ def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64
 
 
 def natural_cubic_slopes(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the weights of even keys in the slopes of the natural cubic spline through them."""
+    """Return (N, K) weights of K even keys in the natural cubic spline's slopes, at 0 to 1."""
     bends = _bends(count)
     scaled = np.asarray(places, dtype=np.float64) * (count - 1)
     before = np.clip(scaled.astype(np.intp), 0, count - 2)
@@ -65,6 +65,8 @@ def _bends(count: int) -> NDArray[np.float64]:
 @lru_cache(maxsize=16)
 def refinement(depth: int) -> NDArray[np.float64]:
     """Return the (K, K) matrix that makes the keys of an axis of its stored bends."""
+    # Keys half way between those of all coarser levels are predicted by the natural cubic spline
+    # through these; a bend is the difference.
     values = np.eye(2)
     for level in range(1, depth + 1):
         count = 2**level + 1
@@ -97,7 +99,7 @@ def key_levels(depth: int) -> NDArray[np.intp]:
 def even_axis(
     keys: NDArray[np.float64], intervals: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points at equal arc length along the natural cubic spline through keys."""
+    """Return (N + 1, 3) points at equal arc length along an axis, and unit tangents."""
     wanted = even_places(keys, intervals)
     points = natural_cubic(wanted, len(keys)) @ keys
     tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
@@ -106,7 +108,7 @@ def even_axis(
 
 
 def even_places(keys: NDArray[np.float64], intervals: int) -> NDArray[np.float64]:
-    """Return the places at equal arc length along the natural cubic spline through keys."""
+    """Return (N + 1,) places, 0 to 1, at equal arc length along an axis of (K, 3) keys."""
     places = np.linspace(0.0, 1.0, 4 * intervals + 1)
     fine = natural_cubic(places, len(keys)) @ keys
     steps = np.diff(fine, axis=0)

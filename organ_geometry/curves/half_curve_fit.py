@@ -5,9 +5,10 @@
           first order, and the root of the length of boundary l_i that the point stands for
     a     seven Chebyshev coefficients, minimising sum of w_i^2 (y_i - sum a_k T_k(u_i))^2
 
-Solved by modified Gram-Schmidt (QR) on the columns w T_k(u), the right-hand side as an eighth one;
-R a = Q'y by back substitution. Normal equations would square a condition number that is large where
-points are few; where even R is nearly singular, the caller solves by singular values.
+Solved by modified Gram-Schmidt (QR) on the columns w T_k(u), the right-hand side as an eighth one,
+which is backward stable (A. Bjorck, Numerical Methods for Least Squares Problems, 1996, section
+2.4); R a = Q'y by back substitution. Normal equations would square a condition number that is
+large where points are few; where even R is nearly singular, the caller solves by singular values.
 """
 
 import math

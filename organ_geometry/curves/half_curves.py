@@ -98,6 +98,9 @@ class HalfCurves:
 
 def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
     """Return the two half-curves that lie nearest to a closed boundary."""
+    # (N, 2) points, mm, in either sense, are cut at the leftmost and the rightmost one. The ends of
+    # both halves stay free: forcing them to meet costs a factor of four in distance. A boundary
+    # that doubles back in x makes a half-curve run away: `NotSingleValued`.
     boundary = np.asarray(points, dtype=np.float64)
     if boundary.ndim != 2 or boundary.shape[1] != 2 or len(boundary) < 3:
         raise ValueError(
@@ -148,6 +151,8 @@ def outline_points(rows: NDArray[np.float64], angles: NDArray[np.float64]) -> ND
 
 def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.float64]:
     """Return each boundary as a closed polygon that includes the ends of both halves."""
+    # (K, count, 2) mm: the first half of the corners on the bottom half-curve from right to left,
+    # the others on the top one from left to right.
     half = count // 2
     u, basis = _corner_places(half)
     corners = np.empty((len(rows), 2 * half, 2))

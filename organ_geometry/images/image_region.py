@@ -45,7 +45,8 @@ class CroppedSlices:
 
 
 def image_region(roi: Region, shape: tuple[int, int], count: int) -> ImageRegion:
-    """Return a checked region."""
+    """Return a checked region, of all images where none are given."""
+    # (x0, y0, x1, y1) columns and rows, or these and (first, last) images; from 0, last included.
     if len(roi) not in (4, 6):
         raise ImageStackError(
             f"a region must be x0,y0,x1,y1 or x0,y0,x1,y1,first,last, not {len(roi)} numbers"

@@ -114,7 +114,7 @@ def _planes(
 
 
 def even_step(planes: ImagePlanes, where: Path) -> NDArray[np.float64]:
-    """Return the step from plane to plane of a stack that is a volume."""
+    """Return the (3,) step, mm, between planes, which must be parallel, even and aligned."""
     if len(planes.origins) < 2:
         raise ImageStackError(f"{where} is one image and not a volume")
     steps = np.diff(planes.origins, axis=0)

@@ -26,7 +26,7 @@ _MAGIC, _VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 
 
 def metres(points: NDArray[Any]) -> NDArray[np.float32]:
-    """Return points in glTF's frame."""
+    """Return points (..., 3), mm and z up, in glTF's frame, m and y up."""
     moved: NDArray[np.float64] = points.astype(np.float64) @ GLTF_FROM_MM.T
     return moved.astype(np.float32)
 

@@ -43,6 +43,8 @@ def smooth_points(points: NDArray[np.float64], reach: int) -> NDArray[np.float64
 
 def smooth_tangents(points: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
     """Return unit tangents of cubics fitted to the points around each point."""
+    # At an end, the tangent is that of the first point with `reach` points on both sides: a fit's
+    # slope at the end of its points is poor.
     windows, _, x = _windows(points, reach)
     powers = np.vander(x, 4, increasing=True)
     tangents = np.einsum("w,nwd->nd", np.linalg.pinv(powers)[1], windows)
@@ -62,7 +64,8 @@ def _windows(
 def rotation_minimising_frames(
     points: NDArray[np.float64], tangents: NDArray[np.float64], across: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return frames along a curve that do not turn about it."""
+    """Return (N, 3, 3) right-handed frames along a curve that do not turn about it."""
+    # Columns: nearest to `across` at first, across that, tangent.
     first = across - tangents[0] * (across @ tangents[0])
     if np.linalg.norm(first) < 1e-3 * np.linalg.norm(across):
         first = np.roll(across, 1) - tangents[0] * (np.roll(across, 1) @ tangents[0])

@@ -14,7 +14,9 @@ def plane_cut(
     steps: NDArray[np.float64],
     shape: tuple[int, int],
 ) -> GreyImage:
-    """Return an image of a plane through a volume."""
+    """Return an image of a plane through a (K, H, W) volume."""
+    # Centre (3,) and steps (2, 3), from column to column and row to row, are in voxels: column,
+    # row, image.
     image = np.empty(shape, dtype=levels.dtype)
     _fill_plane(image, levels, outside_level, centre, steps)
     return image
