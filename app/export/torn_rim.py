@@ -75,9 +75,11 @@ def _principal(
     while count < len(rows) and np.abs(left).max() > tolerance:
         left -= turns[:, count, np.newaxis] * along[count]
         count += 1
+    # Components are taken, largest first, until no displacement is off by more than the tolerance.
     coefficients, components = turns[:, :count], along[:count]
     if not count:
         return coefficients, components
+    # coefficient = least + weight * spread, so that weights are in [0, 1]; the least is one shape.
     least = coefficients.min(axis=0, keepdims=True)
     spread = np.ptp(coefficients, axis=0, keepdims=True)
     spread[spread == 0.0] = 1.0

@@ -225,6 +225,7 @@ class MeasureTaker:
             elif way <= SLOW * self._peak:
                 self._slowed = True
             self._farthest = max(self._farthest, math.dist(hook, self._start))
+        # Third difference: jerk times the tick's length cubed.
         if self._held >= 3:
             for x, a, b, c in zip(hook, one, two, three, strict=True):
                 self._jerk += (x - 3.0 * a + 3.0 * b - c) ** 2

@@ -92,6 +92,7 @@ def _reach(start: float, goal: float, stay: float, manner: Manner) -> list[float
 
 def _minimum_jerk(start: float, goal: float, seconds: float) -> list[float]:
     """Return a reach of minimum jerk tick by tick, never faster than `HAND_SPEED`."""
+    # Long enough for the peak speed to stay below that of a hand.
     least = PEAK_SPEED * abs(goal - start) / HAND_SPEED if seconds > 0.0 else 0.0
     ticks = math.ceil(max(seconds, least) / TICK_SECONDS - 1e-9)
     parts = [tick / ticks for tick in range(1, ticks + 1)]

@@ -106,6 +106,7 @@ class ClientView:
         # While a deflection is held nothing moves, but the time shown runs on.
         timed = run.going and run.exercise is not None
         self._panel_stale |= changed | timed | (run.over and run is not self._told)
+        # A change is kept until there is time to draw it.
         self._undrawn |= changed
         if not draws:
             return

@@ -34,6 +34,7 @@ class FixedRateTimer:
         if stop.wait(max(0.0, self._due - now)):
             return None
         now = self._clock()
+        # Whole periods late are missed; the next tick stays on the fixed grid of times.
         missed = max(0, int((now - self._due) / self._period))
         seconds, self._last = now - self._last, now
         self._due += (missed + 1) * self._period

@@ -1,6 +1,6 @@
 """A moving surface with a material of its own: fine, smooth, textured and wet.
 
-viser's streamed meshes have one colour and flat-shaded normals. This one streams the rings of a
+viser's streamed meshes have one colour and normals by their triangles. This one streams rings of a
 coarse grid; the page interpolates a finer grid through them and draws it in the material of a GLB
 file that was sent once (`dressed_surface.js`). A frame is each point's place and the light that
 reaches it, 16 bytes a point. Instead of light it can be the stress at each point, to which the page
@@ -139,6 +139,7 @@ class DressedSurface:
             cast_shadow=False,
             receive_shadow=False,
         )
+        # What the page's script needs to know once; big arrays as base64 of little-endian float32.
         wear = {
             "finish": finish,
             "sides": sides,

@@ -93,9 +93,11 @@ class Tissue:
         wall = skin.grid(skin.stations)
         rows = [_stations(wall[0], len(first), at_start=True, radius=radius), wall]
         rows.append(_stations(wall[-1], len(last), at_start=False, radius=radius))
+        # The wall as one sheet with its stubs.
         patches = [Patch(tuple(range(after)), skin.right_handed)]
         self._inner = self._fringe = slice(after, after)
         if torn_end is not None:
+            # The cut face goes from the rim to the lumen's ring, or to the centre of a solid skin.
             rim = before + (rings - 1 if torn_end == "last" else 0)
             inner = rings if skin.hollow else 1
             self._inner = slice(after, after + inner)
@@ -104,6 +106,7 @@ class Tissue:
             inside_rim = after + (inner - 1 if torn_end == "last" and skin.hollow else 0)
             raw = dark = (1.0, 1.0, 1.0)
             if look is not None:
+                # A tint multiplies the texture, so it is the wanted colour over the mean one.
                 base = linear_light(mean_color(look))
                 raw = tuple((linear_light(look.raw) / base).tolist())
                 dark = tuple((linear_light(look.inside) / base).tolist())
@@ -116,6 +119,7 @@ class Tissue:
                 rows.append(np.repeat(wall[[rim - before]], len(FRINGE), axis=0))
                 patches.append(Patch((rim, after + inner, after + inner + 1), facing, raw))
         stations = np.concatenate(rows)
+        # Distance of each point from the torn rim, which the page soaks with blood.
         behind = np.full(stations.shape, FAR)
         if torn_end is not None:
             edge = wall[-1 if torn_end == "last" else 0]
@@ -181,6 +185,7 @@ class Tissue:
             else:
                 surface.places[self._inner] = vertices[skin.wall_size :][end]
             rim, behind = outer[end], outer[-2 if end else 1]
+            # The fringe goes on in the direction of the wall and hangs down towards its end.
             ahead = rim - behind
             ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
             fringe = surface.places[self._fringe]

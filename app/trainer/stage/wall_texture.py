@@ -124,6 +124,7 @@ def _vessels(look: Appearance, radius: float) -> tuple[Image, Image]:
     scale = _pixels_per_mm(radius), _ROWS / (2.0 * np.pi * radius)
     for points, widths in _paths(look, radius):
         pixels = points * scale
+        # Drawn nine times, so that the picture is periodic both ways.
         for shift in itertools.product((-_COLUMNS, 0, _COLUMNS), (-_ROWS, 0, _ROWS)):
             shifted = pixels + np.array(shift)
             _stroke(wide, shifted, 1.15 * widths * scale[0])
