@@ -99,6 +99,7 @@ def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
 
 def calibrated_threshold(pull: Pull, force: float) -> float:
     """Return the threshold, MPa, at which a pulled beam breaks under a known force, N."""
+    # A threshold belongs to its theory: two theories that see the same break read other stresses.
     positive(force, "force at the break", "N")
     stations = critical_stations(pull.beam, pull.grasp)
     return float(pull.to_force(force).sample(stations).total_stress.max())
@@ -106,6 +107,9 @@ def calibrated_threshold(pull: Pull, force: float) -> float:
 
 def break_of(pull: Pull, threshold: float) -> BreakEvent | None:
     """Pull a beam until it reaches its threshold, MPa; return where, None if it never does."""
+    # The stress grows with the deflection, so the root is bracketed by doubling and bisected down
+    # to neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
+    # None: the beam bears deflections of a thousand spans, or all that its theory can follow.
     positive(threshold, "threshold", "MPa")
     span, stations = pull.beam.span, critical_stations(pull.beam, pull.grasp)
 

@@ -104,6 +104,9 @@ def weak_length(height: float, depth: float) -> float:
 
 def torn_beam(beam: Beam, station: float, tension_side: int, depth: float) -> Beam:
     """Return a beam with a tear across part of its section."""
+    # The ligament is the section over `weak_length`, half of it to each side of the tear as far as
+    # there is beam; its `fibre_distances` are those of the front's edge. `tension_side` is 1 for a
+    # tear from the side of the pull, -1 from the side away from it; `depth` a part of the height.
     if not 0.0 <= station <= beam.span:
         raise ValueError(f"station must be from 0 to the span of {beam.span} mm, got {station} mm")
     if tension_side not in (1, -1):
@@ -144,6 +147,9 @@ def tear_under_force(
     steps: int = 60,
 ) -> TearPath | None:
     """Return how a beam tears under a force that does not give way."""
+    # `force` is the grasper's whole one, N, that at which the beam begins to tear when None, and
+    # `steps` the number of depths from `start` to `DEEPEST`. The path ends where the tear stands,
+    # is through, or the law finds no equilibrium; None if the beam does not tear. So for all three.
     tear = _tear(theory, beam, grasp, threshold, start, steps)
     if tear is None:
         return None

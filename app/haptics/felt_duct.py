@@ -47,6 +47,8 @@ class FeltModel(Protocol):
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
         """Advance by one period."""
+        # `hands` are (H, 3) places, mm, less those at which their hooks are at rest; `held` (H,)
+        # says which of them hold the duct.
         ...
 
 

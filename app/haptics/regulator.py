@@ -146,6 +146,9 @@ class Regulator:
         live: bool,
     ) -> None:
         """Find the forces for the next period."""
+        # `places` (H, 3) of the devices, m; `model` (H, 3) forces of the model on the hands, N;
+        # `modelled` the work of the hands on it since the last time and `energy` what it has stored
+        # and spent, N mm; no force is `live` while states are missing or a clutch is pressed.
         _regulate(
             places, model, modelled, energy, live,
             self._memory, self.given, self.books, self._figures,

@@ -255,6 +255,10 @@ class BeamOnBed:
         along: tuple[bool, bool, bool] = EVERYWHERE,
     ) -> int:
         """Take hold of the beam where it now is, by displacement."""
+        # An inner node moves to the station, along the axis as it lies and at rest: a hook inside
+        # an element would stiffen the beam, by 2.3 % in force at 40 elements. A finite `stiffness`,
+        # N/mm, is that of a spring between hand and beam; the beam slides along the axes not in
+        # `along`.
         node = self.node_at(station)
         if abs(self._stations[node] - station) > 1e-9 * self.beam.span:
             self._move_node(node, station)
@@ -315,6 +319,8 @@ class BeamOnBed:
 
     def advance(self, *, tolerance: float = 1e-9, books: float = 1e-5, deepest: int = 24) -> None:
         """Go to what the hands ask for, through equilibria, independent of any rate."""
+        # `tolerance`: largest force out of balance over the largest in the beam; `books`: part of
+        # the work that may stay unexplained; `deepest`: how often a step may be halved.
         s = self.state
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())

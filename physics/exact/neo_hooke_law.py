@@ -33,6 +33,11 @@ def fibre(
     lam: float, gam: float, j: float, g: float, ratio: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return j, p, p_lam, p_gam, q and q_gam of a neo-Hookean fibre of shear modulus g."""
+    # Its lateral faces are free: W = (G/2) ((lam^2 + gam^2)/j^2 + 2 j/lam - 3) + (K/2) (j^3 - 1)^2
+    # is stationary in j, the cube root of the volume ratio, which gives, with `ratio` = G/3K,
+    # j^8 - j^5 + (G/3K) (j^3/lam - lam^2 - gam^2) = 0. One step of Halley's method triples the
+    # digits of j, which need not be better than the rotations it goes with. p and q are the
+    # derivatives of W by lam and gam.
     square = ratio * lam * (lam * lam + gam * gam)
     j2 = j * j
     j3 = j2 * j
@@ -127,6 +132,13 @@ def section_law(
     far_fibre: Five,
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Return n, q, m and n_lam, n_gam, q_gam, n_k, q_k, m_k of a neo-Hookean section."""
+    # Energy per length: the area times the mean energy of the fibres at 0 and +-y, of which each
+    # outer one stands for the part `outer`, less what warping saves in shear,
+    # deficit (t/lam)^2 gam^2 / (2 (1 + gam^2)). Its small-strain part, deficit gam^2 / 2 with
+    # deficit = (1 - shear coefficient) G, falls with (t/lam)^2 in a stretched prism, because the
+    # volume ties warping to shear by that factor; it fades in large shear, where an estimate of
+    # second order would take more than there is and leave hollow sections without stiffness.
+    # A fibre is given by p, p_lam, p_gam, q and q_gam.
     p0, s0, g0, q0, c0 = middle_fibre
     p1, s1, g1, q1, c1 = near_fibre
     p2, s2, g2, q2, c2 = far_fibre

@@ -21,9 +21,12 @@ def _down(
     nodes: Array, elements: Array, points: Array, first: int, last: int, carry: Six
 ) -> tuple[Six, tuple[float, ...], int]:
     """Sum the equations of a part's elements, eliminating its rotations on the way."""
-    # An element's equations. psi is summed at its two Gauss points of weight w, half its length.
-    # Rotations there are a -+ GAUSS d + BULGE b and curvatures (d +- SLOPE b) / length, with a the
-    # mean of the end rotations, d their difference and b the bubble:
+    # `carry` is what the elements before have left in the row of the first node; returned are that
+    # of the last node, the sums of x, y and of the border (`s_hh` to `s_sr`: r residual, h and p
+    # the part's own forces, q the p of the part before, s that of the one before that), and the
+    # number of negative pivots. An element's equations. psi is summed at its two Gauss points of
+    # weight w, half its length. Rotations there are a -+ GAUSS d + BULGE b and curvatures (d +-
+    # SLOPE b) / length, with a the mean of the end rotations, d their difference and b the bubble:
     #
     #           a    d    b  |  h    p  |  1            r_   derivatives of the sum: T, MOMENT
     #     a  [ aa   ad   ab  | h_a  p_a | r_a ]         aa.. its second derivatives: TT, KT, KK
@@ -232,6 +235,9 @@ def _whole_step(
     target: float,
 ) -> tuple[float, float]:
     """One Newton step of a beam of two parts; return the updates of forces and rotations."""
+    # The parts share the rotation of node `grasp` and the force h; the forces across differ by the
+    # pull. Unknown forces: h and both p; under a given pull its row is added to the other one's.
+    # Returned are the relative sizes of the updates.
     count = elements.shape[1]
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
@@ -296,6 +302,8 @@ def _three_part_step(
     target: float,
 ) -> tuple[float, float]:
     """One Newton step of a beam with two grasps; see `_whole_step`."""
+    # The unknown forces are h and three p. Where a pull is given, the row of the p before it is
+    # added to that of the p after it; what is left is factored as L D L^T.
     count = elements.shape[1]
     none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     carry, sums, negative = _down(nodes, elements, points, int(0), grasp, none)
@@ -483,8 +491,9 @@ def climb(state: State, fibres: Array | None, grasp: int, control: int, target: 
     goal = abs(target)
     if goal == 0.0:
         return FOUND
-    # Deflections grow in steps that at most double: a force is bracketed between two of them and
-    # then solved for. A step that fails is tried again at a quarter of its length.
+    # By deflection, which stays well-posed where a force would lose its equilibrium, in steps that
+    # at most double. A force is solved for on the first step that reaches it, so that no other
+    # branch can be taken for it. A step that fails is tried again at a quarter of its length.
     sign = 1.0 if target > 0.0 else -1.0
     first = FIRST_STEP * line[SHORTER_PART]
     here, step = 0.0, first
@@ -521,6 +530,8 @@ def _copy(given: Array, into: Array) -> None:
 @njit(nogil=True, **KERNEL)
 def solve(state: State, fibres: Array | None, grasp: int, control: int, target: float) -> int:
     """Find the equilibrium at a force or deflection, from the last one if that is near."""
+    # The solution from the last one is rejected when it fails, when the move is long, or when force
+    # and deflection did not move the same way; then the beam is pulled again from rest.
     line = state.line
     force = line[FORCE]
     deflection = line[DEFLECTION] + line[COMPLIANCE] * force
@@ -528,7 +539,6 @@ def solve(state: State, fibres: Array | None, grasp: int, control: int, target: 
     move = target - here
     if here != 0.0 and abs(move) <= LONGEST_MOVE * abs(here):
         outcome = newton(state, fibres, grasp, None, control, target, WARM)
-        # Force and deflection grow together on the branch that pulling follows.
         moved = line[FORCE] - force
         if control == BY_FORCE:
             moved = line[DEFLECTION] + line[COMPLIANCE] * line[FORCE] - deflection
@@ -553,6 +563,7 @@ def solve_both(
         outcome = newton(state, fibres, grasp, second, control, target, WARM)
         if outcome == FOUND:
             return FOUND
+    # From rest both loads grow in proportion, in steps that shrink where they fail.
     rest(state, fibres)
     here, step = 0.0, 0.25
     while here < 1.0:

@@ -27,6 +27,7 @@ def _neo_hooke_strains(
     by_moment: bool,
 ) -> tuple[float, float, float]:
     """Return lam, gam and kappa of a section like that of point i under n and q."""
+    # The curvature is given, or found from the moment; started from the strains at the point.
     points, line = state.points, state.line
     count = points.shape[1]
     lam, gam = points[LAM, i], points[GAM, i]
