@@ -48,9 +48,8 @@ class UploadBounds:
     file_bytes: int = 64 * MIB  # Size of the file
     entries: int = 2000  # Files and folders in a zip
     unpacked_bytes: int = 256 * MIB  # Their size together, unpacked
-    # image_pixels, all_pixels: Pixels of one image, and of all.
-    image_pixels: int = 2**24
-    all_pixels: int = 300 * 10**6
+    image_pixels: int = 2**24  # Of one image
+    all_pixels: int = 300 * 10**6  # Of all images
     voxels: int = 2**26  # Voxels of a volume, which is read whole
     # What to do about more.
     otherwise: str = (

@@ -68,8 +68,8 @@ class OrganChoice:
     seed: tuple[int, int, int] | None = None
     # The part of the images in which it is, or None for all.
     region: tuple[int, int, int, int, int, int] | None = None
-    label: int | None = None  # Its label, where the images hold labels, or None
-    reslice: bool = True  # Whether images of a curved organ may be cut again across it
+    label: int | None = None  # Where the images hold labels
+    reslice: bool = True  # Whether images of a curved organ may be resliced
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +77,10 @@ class OpenedStack:
     """Images and the edges that were found in them."""
 
     source: Path  # Where the images are
-    whole: ImageStack  # All images, before a region is taken or they are cut again
-    labels: tuple[int, ...]  # The labels in them, where they look like labels
-    choice: OrganChoice  # Which organ is meant
-    # The images that are looked at: the region's, and cut again across a curved organ.
+    whole: ImageStack  # All images, before cropping and reslicing
+    labels: tuple[int, ...]
+    choice: OrganChoice
+    # The images that are traced: cropped to the region, and resliced across a curved organ.
     stack: ImageStack
     traced: TracedOrgan | None  # The edges; None where a label is to be chosen first
     # The pixel's side and the distance of the images that were given, mm, or None.
@@ -93,7 +93,7 @@ class OpenedStack:
 
     @property
     def shown(self) -> ImageStack:
-        """The images to show: all of them, or those that were cut again."""
+        """The images to show: all of them, or the resliced ones."""
         return self.stack if self.resliced else self.whole
 
     def picture(self, index: int) -> NDArray[np.uint8]:
@@ -141,16 +141,15 @@ class _TooSmall:
 
 
 class OrganWorkbench:
-    """One trainee's images, and the organ built of them. Nothing is done before it is asked for.
+    """One trainee's images, and the organ built of them.
 
-    Its methods may be called from any thread, but only one at a time makes something.
+    Its methods may be called from any thread, but only one at a time traces or builds.
     """
 
     def __init__(
         self, bounds: UploadBounds | None = None, process: BuildProcess | None = None
     ) -> None:
-        # bounds: the most that may be sent; process: where edges are found and organs are built;
-        # this process when None.
+        # Edges are found and organs built in `process`, or in this process when None.
         self._process = process
         self.opened: OpenedStack | None = None
         self.built: BuiltOrgan | None = None  # At the threshold asked for last

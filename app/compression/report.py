@@ -34,44 +34,36 @@ class Facts:
     file: str  # The organ file
     polarity: str  # "bright" or "dark": the organ in its images
     hollow: bool  # Whether it has a lumen
-    # length_mm, mean_radius_mm: The organ's size, mm.
     length_mm: float
     mean_radius_mm: float
-    # tolerance_mm, tolerance_px: RMS distance that was promised for every section.
+    # RMS distance promised for every section, and for all together or None.
     tolerance_mm: float
     tolerance_px: float
-    # overall_mm, overall_px: RMS distance that was promised for all sections together, or None.
     overall_mm: float | None
     overall_px: float | None
-    # sections_in, sections_found, sections_kept: Number of images, of those in which the organ was
-    # found, of key sections.
-    sections_in: int
-    sections_found: int
-    sections_kept: int
-    # fit_normal_rms_mm, fit_normal_rms_px: RMS distance of the edges to their own section's half-
-    # curves, along the curves' normals.
+    sections_in: int  # Images
+    sections_found: int  # Images in which the organ was found
+    sections_kept: int  # Key sections
+    # RMS distance of the edges to their own section's half-curves along the curves' normals, and in
+    # y, as the thesis's least squares measure it.
     fit_normal_rms_mm: float
     fit_normal_rms_px: float
-    # fit_algebraic_rms_mm, fit_algebraic_rms_px: The same in y, as the thesis's least squares
-    # measure it.
     fit_algebraic_rms_mm: float
     fit_algebraic_rms_px: float
-    # rms_error_mm, rms_error_px: RMS distance of the original edges to the decompressed organ.
+    # RMS and largest distance between the original edges and the decompressed organ.
     rms_error_mm: float
     rms_error_px: float
-    # max_error_mm, max_error_px: Largest distance between edge and organ.
     max_error_mm: float
     max_error_px: float
-    # bytes_in, bytes_out: Size of the image files and of the organ file.
-    bytes_in: int
-    bytes_out: int
+    bytes_in: int  # Of the image files
+    bytes_out: int  # Of the organ file
     ratio: float  # Bytes in, over bytes out
     seconds: float  # Time for reading the images and building the organ, s
-    warnings: tuple[str, ...]  # What the organ's user should know
+    warnings: tuple[str, ...]
     # Those of the warnings that make it probably another organ than the one wanted, or only a part
     # of it.
     doubts: tuple[str, ...]
-    notes: tuple[str, ...]  # How it was found
+    notes: tuple[str, ...]  # How the organ was found
     sections: tuple[SectionReport, ...]  # One report for each image
 
     def as_json(self) -> dict[str, object]:

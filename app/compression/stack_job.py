@@ -45,11 +45,10 @@ class StackJob:
     stack: Path  # Where the images are: a folder, a file or a zip
     output: Path  # The organ file to write
     figure: Path | None = None  # The picture to draw, or None
-    read: ReadOptions = field(default_factory=ReadOptions)  # Which of the images are taken
-    reslice: When = "auto"  # Whether images of a curved organ are cut again across its centreline
-    # Which organ is meant, and what its edge is.
+    read: ReadOptions = field(default_factory=ReadOptions)
+    reslice: When = "auto"
     trace: TraceOptions = field(default_factory=TraceOptions)
-    promise: Promise = field(default_factory=Promise)  # How far the organ may be from its edges
+    promise: Promise = field(default_factory=Promise)
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ class ToleranceNotMet(Exception):  # noqa: N818
         # Levels of the axis, levels of the candidates for key sections, and rotation.
         self.way = way
         self.section = section  # The worst one of the nearest encoding
-        # nearest_mm, overall_mm: Its RMS distance there, and that of all sections, mm.
+        # RMS distance of that section in it, and of all sections, mm.
         self.nearest_mm = nearest_mm
         self.overall_mm = overall_mm
 

@@ -18,7 +18,7 @@ Window = tuple[float, float]
 class GreyLevels:
     """Which value each grey level stands for: value = low + step * level."""
 
-    # low, high: Values at the lowest and highest level; what lies beyond is set to these.
+    # Values at the lowest and the highest level; values beyond are clipped to these.
     low: float
     high: float
     # Difference of value between neighbouring levels; 1 keeps whole numbers as they are.
