@@ -18,9 +18,9 @@ STIFFEST = 5.0
 
 def passive_coupling(damping: float, rate: int) -> float:
     """Return the stiffest coupling that a device can show at a rate without giving energy."""
-    # A spring K sampled with the period T is passive on a device with the friction b while b > K T
-    # / 2 (Colgate and Schenkel 1997, J. Robotic Systems 14:37). 2 b/T, from N s/m and Hz, is N/mm
-    # by the factor 1e-3.
+    # A spring K sampled with the period T is passive on a device with the friction b while
+    # b > K T / 2 (Colgate and Schenkel 1997, J. Robotic Systems 14:37). 2 b/T, from N s/m and Hz,
+    # is N/mm by the factor 1e-3.
     return min(2e-3 * damping * rate, STIFFEST)
 
 

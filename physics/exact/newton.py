@@ -24,9 +24,11 @@ def _down(
     # `carry` is what the elements before have left in the row of the first node; returned are that
     # of the last node, the sums of x, y and of the border (`s_hh` to `s_sr`: r residual, h and p
     # the part's own forces, q the p of the part before, s that of the one before that), and the
-    # number of negative pivots. An element's equations. psi is summed at its two Gauss points of
-    # weight w, half its length. Rotations there are a -+ GAUSS d + BULGE b and curvatures (d +-
-    # SLOPE b) / length, with a the mean of the end rotations, d their difference and b the bubble:
+    # number of negative pivots.
+    #
+    # An element's equations. psi is summed at its two Gauss points of weight w, half its length.
+    # Rotations there are a -+ GAUSS d + BULGE b and curvatures (d +- SLOPE b) / length, with a the
+    # mean of the end rotations, d their difference and b the bubble:
     #
     #           a    d    b  |  h    p  |  1            r_   derivatives of the sum: T, MOMENT
     #     a  [ aa   ad   ab  | h_a  p_a | r_a ]         aa.. its second derivatives: TT, KT, KK
