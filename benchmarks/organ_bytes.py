@@ -31,8 +31,7 @@ LOOSE_SHARES = (3.0, 4.0, 5.0)
 """Tolerances of each section, in target errors: the target is the error of all together, sought
 with each of these in turn, because the steps of integers are multiples of them."""
 
-# Organs built in a search, and the share of the target at which one is near enough: bytes go with
-# about the eighth root of an error, so that 1.5 % of it is less than a byte in some hundred.
+# Most organs built in a search, and the share of the target from which one is near enough.
 STEPS, NEAR_ENOUGH = 5, 0.985
 # An overall tolerance that is refused is raised by the one; none is below the other, in targets.
 RAISE, LEAST_SHARE = 1.15, 0.3

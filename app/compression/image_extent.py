@@ -6,8 +6,10 @@ from collections.abc import Iterator
 __all__ = ["UnknownImageError", "image_extents"]
 
 MOST_PAGES = 10_000
+# Tags of a TIFF directory, and their types with `struct`'s letters: SHORT, LONG, LONG8.
 _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 _TIFF_KINDS = {3: "H", 4: "I", 16: "Q"}
+# Start-of-frame markers, which hold the size; markers without a length of their own.
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_BARE = frozenset({0x01, *range(0xD0, 0xD8)})
 

@@ -25,11 +25,14 @@ __all__ = ["UploadBounds", "UploadRefusedError", "unpack_upload"]
 MIB = 2**20
 LONGEST_NAME = 255
 """Bytes of a file's name that file systems take."""
+# Bytes read at a time, so that a zip whose entry is larger than stated is stopped early.
 _PIECE = 2**16
+# First bytes: TIFF and BigTIFF of either byte order, and gzip.
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _GZIP_START = b"\x1f\x8b"
 # Where the header of a MetaImage or an NRRD names the file of its voxels.
 _VOXELS = re.compile(rb"(?:ElementDataFile\s*[=:]?|data ?file\s*:)[ \t]*([^\r\n]*)", re.I)
+# Where a DICOM file's "DICM" ends, and the size of a NIfTI-1 header.
 _DICOM_BYTES, _NIFTI_BYTES = 132, 348
 _WANTED = (
     "a zip of PNG, JPEG, TIFF or BMP images or of a DICOM series, a TIFF, or a DICOM, NIfTI, NRRD "
