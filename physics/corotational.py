@@ -8,10 +8,12 @@ after: (N, 3, 3, 3).
 
 Symbols. E A and E I axial and bending stiffness (`ea`, `ei`); L0 (`rest`) and l lengths of an
 element at rest and of its chord, from node to node; beta angle of the chord; t1 and t2 rotations of
-its nodes relative to the chord, theta - beta; N tension, V shear, M1 and M2 moments at the ends. N
-= E A (l - L0) / L0, M1 = E I / L0 (4 t1 + 2 t2), M2 = E I / L0 (2 t1 + 4 t2), and, as ANSYS's beam
-has it, V = (M1 + M2) / L0. That shear is the linear element's; what balances the moments of a
-stretched chord, and what the derivative of the energy
+its nodes relative to the chord, theta - beta; N tension, V shear, M1 and M2 moments at the ends:
+
+    N = E A (l - L0) / L0,  M1 = E I / L0 (4 t1 + 2 t2),  M2 = E I / L0 (2 t1 + 4 t2)
+
+and, as ANSYS's beam has it, V = (M1 + M2) / L0. That shear is the linear element's; what balances
+the moments of a stretched chord, and what the derivative of the energy
 
     U = E A (l - L0)^2 / (2 L0) + 2 E I (t1^2 + t1 t2 + t2^2) / L0
 
