@@ -99,7 +99,7 @@ class Beam:
 
     @property
     def is_constant(self) -> bool:
-        """Whether one section is all there is."""
+        """Whether the section is constant."""
         return True
 
     @property

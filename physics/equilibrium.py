@@ -1,4 +1,4 @@
-"""A pulled beam at rest: where its axis is and what it carries."""
+"""A beam in equilibrium under a pull: its axis, forces and stresses."""
 
 from dataclasses import dataclass, fields, replace
 

@@ -102,7 +102,7 @@ class VaryingBeam(Beam):
 
     @property
     def is_constant(self) -> bool:
-        """Whether one section is all there is."""
+        """Whether the section is constant."""
         return False
 
     @property

@@ -74,11 +74,11 @@ class Device(Protocol):
         ...
 
     def trouble(self) -> str | None:
-        """Return what has been wrong since this was last asked, in one line; None if nothing."""
+        """Return the errors since the last call, in one line; None if there were none."""
         ...
 
     def close(self) -> None:
-        """Take the force away and let go of the device, in whatever state it is."""
+        """Send no force and close the device, in whatever state it is."""
         ...
 
 

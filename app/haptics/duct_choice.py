@@ -1,4 +1,4 @@
-"""Which duct is felt: chosen by names, kept in a run, and made into what the servo steps."""
+"""The duct that is felt: chosen by names, recorded in a run, and built for the servo."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from physics import Beam, Theory
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
 
 STIFFEST = 5.0
-"""N/mm; nothing on a duct is as stiff."""
+"""N/mm: above the stiffness of any duct here."""
 
 
 def passive_coupling(damping: float, rate: int) -> float:
@@ -60,7 +60,7 @@ class DuctChoice:
         return cls(preset, beam, organ, theory, grasps, preset.threshold(theory, beam))
 
     def felt(self, coupling: float) -> FeltDuct:
-        """Return what is felt."""
+        """Return the duct at rest behind a coupling, N/mm."""
         return FeltDuct(
             self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
         )
@@ -74,7 +74,7 @@ class DuctChoice:
         coupling: float,
         assist: float,
     ) -> DeviceRun:
-        """Return what was recorded, as a file has it."""
+        """Return a recorded run for a file."""
         return DeviceRun(
             preset=self.preset.name,
             organ_sha256=None if self.organ is None else OrganIdentity.of(self.organ).sha256,
@@ -97,7 +97,7 @@ class DuctChoice:
 
 
 def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorder]:
-    """Make a run again, period by period."""
+    """Compute a recorded run again, period by period."""
     places, bits = run.unpacked()
     hands = places.shape[1]
     model = choice.felt(run.coupling_N_per_mm)

@@ -32,7 +32,7 @@ __all__ = ["FeltDuct", "FeltModel"]
 UP = 2
 """Axis of the pull among right, forward and up."""
 STRESS_STEPS = 10
-"""Steps between two looks at the stresses of a duct with two hooks."""
+"""Steps between two checks of the stresses of a duct with two hooks."""
 
 
 class FeltModel(Protocol):
@@ -146,7 +146,7 @@ class FeltDuct:
             self.hooks[:] = hands
 
     def _solve(self, heights: list[float]) -> bool:
-        """Solve, fill what is felt and return whether the duct breaks."""
+        """Solve, fill forces and hooks and return whether the duct breaks."""
         forces, hooks = self.forces[:, UP], self.hooks[:, UP]
         solver, give = self._solver, self._compliance
         if len(heights) == 2 and solver is not None:

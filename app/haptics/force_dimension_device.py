@@ -46,7 +46,7 @@ class ForceDimensionDevice:
         return line
 
     def close(self) -> None:
-        """Take the force away and close; see `Device`."""
+        """Send no force and close; see `Device`."""
         self._dhd.setForce([0.0, 0.0, 0.0])
         self._dhd.close()
 

@@ -1,4 +1,4 @@
-"""A scripted hand and the device it holds, as a file: what moves when there is no hardware."""
+"""A scripted hand and the device it holds, as a file: they replace the hardware."""
 
 import itertools
 from pathlib import Path

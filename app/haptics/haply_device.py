@@ -37,9 +37,9 @@ LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5)
 """An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed."""
 CONNECT_SECONDS = 3.0
 STALE_SECONDS = 0.02
-"""A state that answers a message sent longer ago than this is none."""
+"""Age, s, of a message beyond which the state that answers it is ignored."""
 SLACK = 5e-3
-"""Jump, m, that is taken for motion at any speed."""
+"""Jump, m, that counts as motion at any speed."""
 
 
 class HaplyDevice:
@@ -108,7 +108,7 @@ class HaplyDevice:
         return line
 
     def close(self) -> None:
-        """Take the force away, as a message of its own, and close; see `Device`."""
+        """Send no force, in a message of its own, and close; see `Device`."""
         try:
             self._socket.settimeout(0.2)
             self._send(0.0, 0.0, 0.0)
@@ -178,7 +178,7 @@ class HaplyDevice:
             raise self._gone(str(error)) from error
 
     def _read(self, content: bytes, state: DeviceState) -> bool:
-        """Take what has come; return whether a state in time was among it."""
+        """Read what has arrived; return whether a state in time was in it."""
         protocol = self._protocol
         if not content:
             raise self._gone("it closed the connection")

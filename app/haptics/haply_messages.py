@@ -121,7 +121,7 @@ class _Filters(Struct):
 
 
 class InverseConfig(Struct):
-    """What an Inverse3 says of itself in the inventory; version 3.1 ends with `torque_scaling`."""
+    """Configuration of an Inverse3 in the inventory; version 3.1 ends with `torque_scaling`."""
 
     type: str = "inverse3"
     port: str = ""
@@ -140,7 +140,7 @@ class InverseConfig(Struct):
 
     @classmethod
     def simulated(cls, device_id: str, version: Version, preset: str) -> "InverseConfig":
-        """Return the config of a device that is none of metal."""
+        """Return the configuration of a simulated device."""
         config = cls(port="simulated", extended_device_id=device_id)
         config.device_info.id = device_id
         if version == "3.1":
@@ -277,7 +277,7 @@ class ForceCommand(Struct):
 
 
 class PositionCommand(Struct):
-    """A place that the cursor shall go to, m; `values` is of version 3.1, `position` of 3.5."""
+    """A target of the cursor, m; `values` is of version 3.1, `position` of 3.5."""
 
     position: Vector | UnsetType = UNSET
     values: Vector | UnsetType = UNSET
@@ -289,7 +289,7 @@ class PositionCommand(Struct):
 
 
 class Commands(Struct):
-    """What an Inverse3 shall do until the next message."""
+    """Commands to an Inverse3, valid until the next message."""
 
     set_cursor_force: ForceCommand | UnsetType = UNSET
     set_cursor_position: PositionCommand | UnsetType = UNSET
@@ -313,7 +313,7 @@ class DeviceCommand(Struct):
 
     @property
     def preset(self) -> str | None:
-        """The workspace's preset that is asked for, if any."""
+        """The preset of the workspace that is requested, if any."""
         if self.configure is UNSET or self.configure.preset is UNSET:
             return None
         chosen = self.configure.preset
@@ -336,7 +336,7 @@ class SessionCommand(Struct):
 
 
 class ClientMessage(Struct):
-    """What a client sends; other keys are ignored, as the service does."""
+    """A client's message; other keys are ignored, as the service does."""
 
     session: SessionCommand | UnsetType = UNSET
     inverse3: list[DeviceCommand] | UnsetType = UNSET
@@ -375,7 +375,7 @@ def read_service_message(content: bytes | str) -> ServiceMessage:
 
 
 def read_client_message(content: bytes | str) -> ClientMessage:
-    """Return what a client wants."""
+    """Return a client's message, decoded."""
     try:
         message = _client.decode(content)
     except msgspec.MsgspecError as error:

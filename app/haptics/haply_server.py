@@ -40,11 +40,11 @@ from app.haptics.simulated_device import STEP, SimulatedDevice
 __all__ = ["HaplyServer", "VirtualService", "websocket_address"]
 
 MOST_SECONDS = 0.25
-"""Longest time that is made up for at once: what a client slept through has not been."""
+"""Longest time, s, simulated between two messages: the rest of a longer pause is skipped."""
 CENTRED = "arm_front_centered"
 """Preset of a workspace whose origin is in the middle of the device's reach."""
 PULL_TO_PLACE, DAMP_TO_PLACE = 500.0, 15.0
-"""N/m and N s/m with which a cursor is led to a place."""
+"""Stiffness, N/m, and damping, N s/m, that pull a cursor to its target."""
 VERSION = b'{"project_name":"bluntdissect virtual device","project_version":"3.5.0.0"}'
 SILENT = logging.Logger("bluntdissect.haptics", logging.CRITICAL + 1)
 
@@ -87,7 +87,7 @@ class VirtualService:
         return self._encoder.encode(self._message(session, introduced=True))
 
     def answer(self, content: bytes | str, session: int) -> bytes:
-        """Return the one state that answers a message, after having done what it says."""
+        """Carry out a message and return the one state that answers it."""
         try:
             message = read_client_message(content)
         except ProtocolError:
@@ -103,12 +103,12 @@ class VirtualService:
         return self._encoder.encode(self._message(session, introduced=False))
 
     def leave(self) -> None:
-        """Take the force away: the client has gone."""
+        """Set the force to zero: the client has gone."""
         self._bring_up()
         self._force, self._place = Vector(), None
 
     def _bring_up(self) -> None:
-        """Let the time since the last message pass."""
+        """Simulate the time since the last message."""
         now = self._clock()
         if not self._started:
             self._started, self._advanced, self._commanded = True, now, now
@@ -134,7 +134,7 @@ class VirtualService:
         return PULL_TO_PLACE * (goal - device.position) - DAMP_TO_PLACE * device.velocity
 
     def _obey(self, message: ClientMessage) -> bool:
-        """Do what a message says; return whether configs are wanted in the answer."""
+        """Carry out a message; return whether configs are requested in the answer."""
         force, place = Vector(), None
         for each in message.inverse3 or ():
             if each.device_id != self._script.device.device_id:

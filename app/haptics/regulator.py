@@ -33,9 +33,9 @@ period loses, what the damper and the bounds take; energy generated, now; the le
 between what hands put in and what they got; what a start under tension allows."""
 
 SOFT_SECONDS = 0.3
-"""Time in which the force comes, after a start or after states were missing."""
+"""Time in which the force rises, s, after a start or after states were missing."""
 TOLERANCE = 1e-3
-"""Energy, N mm, that is left alone: 1 uJ."""
+"""Surplus energy, N mm, below which nothing is damped: 1 uJ."""
 DRAIN_SECONDS = 0.02
 """tau, time over which generated energy is taken out, s. Within one period it would be a knock."""
 SLOWEST = 1e-4

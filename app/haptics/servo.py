@@ -77,7 +77,7 @@ class Servo:
         stopped: Callable[[], str | None],
         watched: Callable[[], None] | None = None,
     ) -> ServoReport:
-        """Run until the time is over or somebody stops it; then there is no force."""
+        """Run until the time is over or it is stopped, then send no force."""
         collected = gc.isenabled()
         gc.collect()
         gc.freeze()
@@ -168,7 +168,7 @@ class Servo:
 
     def _watch(self, before: "np.ndarray[tuple[int, int], np.dtype[np.float64]]", count: int,
                every: int) -> None:  # fmt: skip
-        """Keep the largest force, its largest change, and what is compared afterwards."""
+        """Record the largest force, its largest change, and forces to compare afterwards."""
         loop = self.loop
         for hand in range(len(self.devices)):
             given, old = loop.given[hand], before[hand]
@@ -183,7 +183,7 @@ class Servo:
                 self._checks.append((float(model.hooks[0, 2]), float(model.forces[0, 2])))
 
     def report(self, ended: str) -> ServoReport:
-        """Return what was done."""
+        """Return the report of the run."""
         loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
         scale = loop.settings.scale
         assist, held = loop.assist_work / scale, (model.stored + model.spent) / scale

@@ -44,7 +44,7 @@ def _lead(
     led_before: Array,
     held: NDArray[np.bool_],
 ) -> None:
-    """Lead a hook by its hand: the clutch, and what takes the duct and lets go."""
+    """Move a hook with its hand: the clutch, and taking and releasing the duct."""
     if bits & FRESH:
         for j in range(3):
             places[hand, j] = units[hand, j] * PLACE_UNIT
@@ -76,7 +76,7 @@ def _strides(before: Array, led: Array) -> int:
 
 @njit(cache=True, nogil=True)
 def _go(before: Array, led: Array, part: float, now: Array) -> None:
-    """Fill a place on the way; at its end the place that is led to, to the bit."""
+    """Fill an interpolated place; at the end the target itself, to the bit."""
     for h in range(led.shape[0]):
         for j in range(3):
             way = led[h, j] - before[h, j]
@@ -87,7 +87,7 @@ def _go(before: Array, led: Array, part: float, now: Array) -> None:
 def _work(
     pulled: Array, elastic: Array, before: Array, led: Array, strides: int, hands: int
 ) -> tuple[float, float]:
-    """Return the work of one stride: of the hands, and of the hooks without one."""
+    """Return the work of one step of the model: of the hands, and of hooks without one."""
     by_hands = by_assist = 0.0
     for h in range(led.shape[0]):
         for j in range(3):
@@ -131,7 +131,7 @@ class ServoLoop:
         self.feel(model)
 
     def feel(self, model: FeltModel) -> None:
-        """Begin anew, on a model at rest: where the hands are next is where their hooks rest."""
+        """Restart on a model at rest; the next places of the hands become their hooks' rest."""
         hands, hooks, limits = self.hands, len(model.forces), self._limits
         self.model = model
         self.regulator = Regulator(
@@ -156,12 +156,12 @@ class ServoLoop:
         self._begun = False
 
     def assist(self, hook: int, height: float) -> None:
-        """Lead a hook that no device leads."""
+        """Set the target of a hook without a device: mm along the pull; 0 lets go."""
         self.hooks_led[hook, 2] = height
         self._held[hook] = height > 0.0
 
     def step(self, units: NDArray[np.int64], inputs: list[int]) -> None:
-        """Go one period on."""
+        """Advance by one period: `units` (H, 3) in `PLACE_UNIT`, `inputs` (H,) bits."""
         places = self._places
         if not self._begun:
             places[:] = units * PLACE_UNIT
@@ -183,7 +183,7 @@ class ServoLoop:
         self.regulator.regulate(places, self._outward, modelled / scale, energy, live)
 
     def _walk(self) -> float:
-        """Let the model follow the hands; return their work on it, N mm of the model."""
+        """Step the model after the hands; return their work on it, N mm of the model."""
         model, before, led, now = self.model, self._led_before, self.hooks_led, self._led_now
         strides, work = _strides(before, led), 0.0
         for stride in range(1, strides + 1):

@@ -24,9 +24,9 @@ __all__ = ["FeltSetting", "HookSnapshot", "ServoProcess"]
 
 NUMBER, GENERATION, DEFLECTION, PEAK, FORCE, TORN, FRESH_PEAK = range(7)
 POLL_PERIODS = 8
-"""Periods between two looks into the pipe."""
+"""Periods between two reads of the pipe."""
 OPEN_SECONDS = 30.0
-"""Time in which a device must be open; what is compiled meanwhile takes most of it."""
+"""Time in which a device must be open, s; compilation takes most of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class ServoProcess:
         self.device = said[1]
 
     def feel(self, setting: FeltSetting | None) -> int:
-        """Have another duct felt, at rest; where the hand is then is where its hook rests."""
+        """Change to another duct, at rest; the hand's place then becomes its hook's rest."""
         self._generation, self.unfelt = self._generation + 1, None
         with suppress(OSError):
             self._pipe.send((self._generation, setting))
@@ -105,7 +105,7 @@ class ServoProcess:
 
     @property
     def ended(self) -> str | None:
-        """Why the servo has ended, or None while it runs; a duct that cannot be felt is no end."""
+        """Why the servo has ended, or None while it runs, even with a duct that cannot be felt."""
         if self._ended is None:
             with suppress(EOFError, OSError):
                 while self._pipe.poll():
@@ -119,7 +119,7 @@ class ServoProcess:
         return self._ended
 
     def stop(self) -> None:
-        """Take the force away and end the process."""
+        """Stop the force and end the process."""
         self._pipe.close()
         self._process.join(timeout=3.0)
         if self._process.is_alive():
@@ -139,7 +139,7 @@ class _Felt:
         self._state = DeviceState()
 
     def stopped(self) -> str | None:
-        """Look into the pipe now and then; why to end, or None."""
+        """Read the pipe every `POLL_PERIODS`; return why to end, or None."""
         self._periods += 1
         if self._periods % POLL_PERIODS:
             return None
@@ -151,7 +151,7 @@ class _Felt:
         return None
 
     def watch(self, loop: ServoLoop, device: Device) -> None:
-        """Write where the hook is; take what is to be felt."""
+        """Write the state of the hook; read the next setting."""
         wanted, self._wanted = self._wanted, None
         if wanted is not None:
             self._change(loop, device, *wanted)
@@ -199,7 +199,7 @@ def _serve(
     settings: LoopSettings,
     setting: FeltSetting,
 ) -> None:
-    """Open the device, feel what is asked for and say why it ended: the process."""
+    """Open the device, render the settings and report why it ended: the process."""
     for number in (signal.SIGINT, signal.SIGTERM):  # the trainer ends it by its pipe
         signal.signal(number, signal.SIG_IGN)
     try:

@@ -1,4 +1,4 @@
-"""What a servo has done: its times, its energies and how near its force is to the theory's."""
+"""A servo's report: times, energies and the difference of its force from the theory's."""
 
 import numpy as np
 from msgspec import Struct
@@ -20,7 +20,7 @@ class Percentiles(Struct, frozen=True):
 
 
 class TimeHistogram:
-    """Times counted in bins of 1 us, so that a day takes no more room than a second."""
+    """Times counted in bins of 1 us, so that memory does not grow with the run."""
 
     def __init__(self) -> None:
         self._counts: NDArray[np.int64] = np.zeros(BINS, np.int64)

@@ -30,7 +30,7 @@ BY_HAND, BY_MOTORS, BY_FRICTION = range(3)
 
 @njit(cache=True, nogil=True)
 def _plan(times: Array, places: Array, period: float, time: float, at: Array, speed: Array) -> int:
-    """Fill where the hand wants to be and how fast it goes there; return the last waypoint."""
+    """Fill the hand's target and its velocity; return the last waypoint."""
     count = times.size
     if period > 0.0 and time > period:
         time -= math.floor(time / period) * period

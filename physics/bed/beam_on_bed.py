@@ -199,7 +199,7 @@ class BeamOnBed:
         self._measure_rest()
 
     def _measure_rest(self) -> None:
-        """Write what follows from where the nodes are at rest: strains, stiffnesses, arms."""
+        """Write what follows from the nodes' places at rest: strains, stiffnesses, arms."""
         s = self.state
         s.h[:] = np.diff(self._stations)
         kernels.set_rest(self._rest_x, self._rest_q, s.h, s.strain)
@@ -280,11 +280,11 @@ class BeamOnBed:
         s.spring[node] = s.load[node] = s.load_to[node] = s.load_from[node] = 0.0
 
     def lead(self, node: int, place: Sequence[float] | Floats) -> None:
-        """Ask for a held node's place, mm."""
+        """Set the target of a held node, mm."""
         self.state.goal_to[node] = place
 
     def push(self, node: int, force: Sequence[float] | Floats) -> None:
-        """Ask for the dead force on a node, N."""
+        """Set the target of the dead force on a node, N."""
         self.state.load_to[node] = force
 
     def hand_force(self, node: int) -> Floats:
@@ -302,11 +302,11 @@ class BeamOnBed:
         self.state.side[rod] = 0
 
     def lead_rod(self, rod: int, tip: Sequence[float]) -> None:
-        """Ask for a place of a rod's tip, mm."""
+        """Set the target of a rod's tip, mm."""
         self.state.rods_to[rod, :3] = tip
 
     def withdraw_rod(self, rod: int) -> None:
-        """Take a rod out at once."""
+        """Remove a rod at once."""
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod, kernels.IN_USE] = 0.0
         self.state.side[rod] = 0
@@ -318,7 +318,7 @@ class BeamOnBed:
     # Steps
 
     def advance(self, *, tolerance: float = 1e-9, books: float = 1e-5, deepest: int = 24) -> None:
-        """Go to what the hands ask for, through equilibria, independent of any rate."""
+        """Advance to the hands' targets through equilibria, independent of any rate."""
         # `tolerance`: largest force out of balance over the largest in the beam; `books`: part of
         # the work that may stay unexplained; `deepest`: how often a step may be halved.
         s = self.state
@@ -383,14 +383,14 @@ class BeamOnBed:
                 size *= LONGER
 
     def _set_goals(self, part: float) -> None:
-        """Put goals, dead forces and rods a part of their way."""
+        """Interpolate goals, dead forces and rods towards their targets."""
         s = self.state
         s.goal[:] = s.goal_from + part * (s.goal_to - s.goal_from)
         s.load[:] = s.load_from + part * (s.load_to - s.load_from)
         s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
 
     def _settle(self, tolerance: float) -> float | None:
-        """Find the equilibrium at the goals, and damage with it; return what that dissipated."""
+        """Find equilibrium and damage at the goals; return the energy dissipated, None if it fails."""
         s = self.state
         floor = self._rounding()
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
@@ -407,7 +407,7 @@ class BeamOnBed:
         return None
 
     def _balance(self) -> "_Balance":
-        """Return forces, places and stored energy as they are, damage standing."""
+        """Return forces, places and stored energy at the present state, with damage fixed."""
         s = self.state
         kernels.assemble(s, kernels.STANDING, 0.0)
         stored = s.sums[kernels.BEAM] + s.sums[kernels.STRANDS] + s.sums[kernels.CONTACT]
@@ -437,7 +437,7 @@ class BeamOnBed:
         drag: float = 2e-6,
         newton: int = 1,
     ) -> None:
-        """Go on in real time towards what the hands ask for, at a fixed cost."""
+        """Advance in real time towards the hands' targets, at a fixed cost."""
         # `delay`, s, of the damage: pulls are 1.6 % too large at 5 mm/s in a firm bed. `drag` at
         # each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
         # slide.
@@ -505,7 +505,7 @@ class BeamOnBed:
 
     @property
     def books(self) -> Books:
-        """Where the hands' work went."""
+        """The energy balance."""
         sums = self.state.sums
         return Books(
             float(sums[kernels.WORK]),
@@ -516,7 +516,7 @@ class BeamOnBed:
         )
 
     def worst_stress(self) -> WorstStress:
-        """Return where the wall bears most."""
+        """Return the largest stress of the wall, over the nodes."""
         wall = self.beam.wall
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")

@@ -766,7 +766,7 @@ def node_pass(s: State) -> None:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def assemble(s: State, kind: int, mix: float) -> float:
-    """Write all energies, the gradient and the tangent; return the energy that is made least."""
+    """Write all energies, the gradient and the tangent; return the energy to minimise."""
     s.g[:] = 0.0
     s.diagonal[:] = 0.0
     s.upper[:] = 0.0
@@ -780,7 +780,7 @@ def assemble(s: State, kind: int, mix: float) -> float:
 
 @inner
 def hold_nodes(s: State, part: float) -> None:
-    """Hold what is held: `step` gets the negative of its way to the goal, times `part`."""
+    """Constrain held freedoms: `step` gets minus their distance to the goal, times `part`."""
     n = s.x.shape[0]
     for i in range(n):
         mask = s.held[i]
@@ -820,7 +820,7 @@ def hold_nodes(s: State, part: float) -> None:
 
 @inner
 def solve(s: State) -> bool:
-    """Turn `step` into -K^-1 step by block Cholesky; False where K is not definite."""
+    """Replace `step` by -K^-1 step, by block Cholesky; False if K is not positive definite."""
     # K = L L^T with K_ii in the lower triangles of `diagonal` and K_i,i+1 in the full blocks of
     # `upper`, both overwritten: L_ii L_ii^T = K_ii - Y^T Y with Y = L_i-1,i-1^-1 K_i-1,i. The
     # diagonal of L_ii keeps the inverse, so that there is one division for each freedom.
@@ -890,7 +890,7 @@ def solve(s: State) -> bool:
 
 @inner
 def move(s: State, part: float) -> None:
-    """Go from the kept places and rotations by a part of the step."""
+    """Move from the saved places and rotations by a part of the step."""
     for n in range(s.x.shape[0]):
         for r in range(3):
             s.x[n, r] = s.x_kept[n, r] + part * s.step[n, r]
@@ -908,7 +908,7 @@ def move(s: State, part: float) -> None:
 
 @inner
 def keep_shape(s: State) -> None:
-    """Keep places and rotations for `move`."""
+    """Save places and rotations for `move`."""
     for n in range(s.x.shape[0]):
         for r in range(3):
             s.x_kept[n, r] = s.x[n, r]
@@ -928,7 +928,7 @@ def shift_tangent(s: State, shift: float, length: float) -> None:
 
 @inner
 def way_to_goal(s: State) -> float:
-    """Return the longest way of a held place to its goal, mm."""
+    """Return the largest distance of a held freedom to its goal, mm."""
     most = 0.0
     for n in range(s.x.shape[0]):
         for r in range(3):
@@ -1110,7 +1110,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def yielded(s: State) -> float:
-    """Let damage follow the strands as they are; return what that dissipated, by their law."""
+    """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
     lost = 0.0
     rods = False
     for m in range(s.rods.shape[0]):
@@ -1154,7 +1154,7 @@ def yielded(s: State) -> float:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
-    """Go to `..._to` in so many real-time ticks; False where no tangent is definite."""
+    """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
     # A tick lets damage go the part `mix` = dt / (tau + dt) of its way to the law (implicit Euler),
     # then takes `newton` Newton steps with a drag (N/mm at each node: c / dt) against the motion: a
     # fixed cost. Work is summed by the trapezoidal rule from the forces before and after each tick.

@@ -1,4 +1,4 @@
-"""Hands and rods that follow paths, and what they felt: the history of a dissection."""
+"""Hands and rods that follow paths, and the history of their forces."""
 
 import csv
 import io
@@ -141,7 +141,7 @@ class History:
 
     @property
     def open_share(self) -> float:
-        """Part of all work that the books do not explain, either way."""
+        """Part of all work that the energy balance does not explain, in absolute value."""
         missing = self.work - self.stored - self.dissipated - self.snap
         most = float(np.abs(self.work).max(initial=0.0))
         return float(np.abs(missing).max(initial=0.0)) / most if most > 0.0 else 0.0
