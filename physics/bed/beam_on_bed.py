@@ -390,7 +390,7 @@ class BeamOnBed:
         s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
 
     def _settle(self, tolerance: float) -> float | None:
-        """Find equilibrium and damage at the goals; return the energy dissipated, None if it fails."""
+        """Find equilibrium and damage at the goals; return the energy dissipated, None if lost."""
         s = self.state
         floor = self._rounding()
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
