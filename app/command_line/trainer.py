@@ -21,8 +21,18 @@ __all__ = ["trainer"]
 
 
 def trainer(
-    host: Annotated[str, typer.Option(help="Address to serve.")] = "127.0.0.1",
+    host: Annotated[
+        str,
+        typer.Option(help="Address to serve; any but loopback asks for a token."),
+    ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            help="File with the token that the link must have.",
+            show_default="of BLUNTDISSECT_TOKEN; else made where --host needs one",
+        ),
+    ] = None,
     organ: Annotated[
         Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
     ] = None,
@@ -54,6 +64,8 @@ def trainer(
     """Serve the trainer; open the address that it prints in a browser.
 
     Example: bluntdissect trainer --port 0 --organ duct.organ
+
+    With --host 0.0.0.0 other machines get in too, by the link with a token that it prints.
     """
     if look not in ("auto", "full", "plain"):
         raise ValueError(f"--look must be auto, full or plain, not {look}")
@@ -61,6 +73,7 @@ def trainer(
         raise ValueError(f"--exercise-inputs must be hand or any, not {exercise_inputs}")
     if not 0 <= port <= 65535:
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
+    token = _given_token(token_file)
     # Within what is compiled on a first start Python could lose an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from app.simulation import chosen_preset
@@ -71,10 +84,12 @@ def trainer(
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
+    import segno
+
     from app.trainer.server.trainer import Trainer
 
     running = Trainer(
-        tissue, chosen, host=host, port=port, look=look,
+        tissue, chosen, host=host, token=token, port=port, look=look,
         exercise_inputs=exercise_inputs, haptics=servo,
     )  # fmt: skip
     # From here on both signals end the wait below, so that server and clock stop in order.
@@ -86,7 +101,11 @@ def trainer(
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
     try:
-        print(f"The trainer is ready: {running.address}", flush=True)
+        print(f"The trainer is ready: {running.link}", flush=True)
+        if running.link != running.address:
+            print("Who has this link gets in. Nothing is encrypted on its way.", flush=True)
+            if sys.stdout.isatty():
+                segno.make(running.link, micro=False).terminal(compact=True)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
         stop.wait()
     finally:
@@ -94,6 +113,15 @@ def trainer(
     # The warming may be at work yet, for seconds. Nobody waits for it, and where it is inside some
     # C++ code Python's own end would abort: threads that are left cannot be unwound from there.
     os._exit(0)
+
+
+def _given_token(file: Path | None) -> str | None:
+    """Return the token of a file or the environment: a command line can be seen by all."""
+    from app.trainer.server.guard import TOKEN_VARIABLE
+
+    if file is None:
+        return os.environ.get(TOKEN_VARIABLE) or None
+    return file.read_text(encoding="utf-8").strip()
 
 
 def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetting], ServoProcess]":

@@ -2,9 +2,10 @@
 
 import contextlib
 import io
+import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from unittest.mock import patch
 
 import pytest
@@ -52,3 +53,20 @@ def refused(arguments: Sequence[object]) -> str:
     assert len(lines) == 1, done.stderr
     assert lines[0].startswith("bluntdissect: ")
     return lines[0]
+
+
+@contextlib.contextmanager
+def started(*arguments: object, entry: str = ENTRY) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A trainer's process and the address that it prints."""
+    with subprocess.Popen(
+        command("trainer", *arguments, entry=entry),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            found = re.search(r"http://\S+", line)
+            assert found is not None, line
+            yield process, found.group()
+        finally:
+            process.kill()

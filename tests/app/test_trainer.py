@@ -7,8 +7,7 @@ import socket
 import subprocess
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 from browser import TrainerPage, trainer_page
 from playwright.sync_api import Browser, expect
-from program import ENTRY, command, refused
+from program import ENTRY, command, refused, started
 from simulated import phantom
 from viser import CameraHandle, ClientHandle
 
@@ -255,23 +254,6 @@ def _reached(plot: list[list[float]]) -> float:
 
 
 # The process.
-
-
-@contextmanager
-def started(*arguments: object, entry: str = ENTRY) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A trainer's process and the address that it prints."""
-    with subprocess.Popen(
-        command("trainer", *arguments, entry=entry),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
-        try:
-            assert process.stdout is not None
-            line = process.stdout.readline()
-            found = re.search(r"http://\S+", line)
-            assert found is not None, line
-            yield process, found.group()
-        finally:
-            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -2,23 +2,31 @@
 
 import asyncio
 import re
+import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import pytest
 import viser
+import websockets.asyncio.server
 from browser import newest, trainer_page
 from playwright.sync_api import Browser
 from viser import _messages
 from viser._icons import svg_from_icon
+from viser.infra import _infra
+from websockets.asyncio.server import ServerConnection
 
+from app.trainer.server.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
 from app.trainer.viser_bridge import (
     close_idle_connections,
     kept_by_tab,
     prepare_page,
+    private_api,
     recording_page,
     run_in_page,
     start_server,
@@ -68,6 +76,42 @@ def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
     assert _messages.ShareUrlDisconnect not in handlers
 
 
+def test_nothing_that_a_page_sends_is_kept_for_all_others(trainer: Trainer) -> None:
+    handlers = trainer._server._websock_server._incoming_handlers
+    assert _messages.GuiUpdateMessage in handlers
+    assert _messages.GuiFormDirtyMessage not in handlers
+    assert _messages.GuiFormSubmitMessage not in handlers
+
+
+def test_a_viser_that_opens_its_socket_elsewhere_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ports: list[int] = []
+
+    def serve(*arguments: Any, **options: Any) -> Any:
+        return genuine(*arguments, **options)
+
+    genuine = websockets.asyncio.server.serve
+    unguarded = SimpleNamespace(
+        server=SimpleNamespace(serve=serve, ServerConnection=ServerConnection)
+    )
+    monkeypatch.setattr(
+        _infra, "websockets", SimpleNamespace(**{**vars(websockets), "asyncio": unguarded})
+    )
+    stop = private_api.stop_server
+
+    def stopped(server: viser.ViserServer) -> None:
+        ports.append(server.get_port())
+        stop(server)
+
+    monkeypatch.setattr(private_api, "stop_server", stopped)
+    with pytest.raises(RuntimeError, match="no guard can stand"):
+        start_server("127.0.0.1", 0, Guard("127.0.0.1"))
+    with pytest.raises(ConnectionRefusedError), socket.create_connection(("127.0.0.1", *ports)):
+        pass
+    assert websockets.asyncio.server.serve is genuine
+
+
 def test_icons_are_read_where_viser_reads_them() -> None:
     assert all("<svg" in svg_from_icon(icon) for icon in ICONS)
 
@@ -110,7 +154,7 @@ def test_where_viser_says_that_it_draws_in_software_the_remedy_is_named(
 
 
 def test_viser_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    stop_server(start_server("127.0.0.1", 0))
+    stop_server(start_server("127.0.0.1", 0, Guard("127.0.0.1")))
     assert capfd.readouterr().out == ""
 
 

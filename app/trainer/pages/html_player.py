@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from http import HTTPStatus
 
 import numpy as np
 import viser
@@ -137,8 +138,10 @@ def player_page(
         )
     bound = skin.bound_to(dissection.driving)
     drawn = "" if pieces is None else f" {DRAWN_NOT_COMPUTED}"
-    # Only the scene is needed, but viser has no scene without a server.
-    server = start_server("127.0.0.1", 0)
+    # Only the scene is needed, but viser has no scene without a server: nobody gets in.
+    server = start_server(
+        "127.0.0.1", 0, lambda visitor, _: visitor.respond(HTTPStatus.FORBIDDEN, "No page here.\n")
+    )
     try:
         return _recorded(server, dissection, motion, bound, pieces, [*notes, f"{UNITS}{drawn}"])
     finally:

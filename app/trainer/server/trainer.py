@@ -17,6 +17,7 @@ from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.client_view import ClientView
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
+from app.trainer.server.guard import Guard
 from app.trainer.server.sessions import MOST_SESSIONS, Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.camera import viewpoint
@@ -63,6 +64,8 @@ class Trainer:
         The preset that they open on; `default_preset` when None.
     host
         Address to serve; loopback by default.
+    token
+        What the link must have; made when None, where the address is not loopback.
     port
         Port to serve; 0 takes a free one.
     look
@@ -85,6 +88,10 @@ class Trainer:
     ------
     AddressTakenError
         If the address is in use, or not one of this machine.
+    ValueError
+        If the token is too short or cannot stand in a link.
+    RuntimeError
+        If this viser opens its socket in another way than the guard can stand in.
     """
 
     def __init__(
@@ -93,12 +100,14 @@ class Trainer:
         preset: Preset | None = None,
         *,
         host: str = "127.0.0.1",
+        token: str | None = None,
         port: int,
         look: LookChoice = "full",
         most_clients: int = MOST_SESSIONS,
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
     ) -> None:
+        self._guard = Guard(host, token)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
         self._look: LookChoice = look
@@ -110,7 +119,7 @@ class Trainer:
         self._stopping = threading.Event()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
         warm_session(organ, preset)
-        self._server = _serve(host, port)
+        self._server = _serve(host, port, self._guard)
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
@@ -145,8 +154,14 @@ class Trainer:
     @property
     def address(self) -> str:
         """The address that answers."""
-        host = self._host if self._host not in ("0.0.0.0", "::") else "localhost"  # noqa: S104
+        host = _own_address(self._host)
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
+    def link(self) -> str:
+        """The address with the token that it asks for, if it asks for one."""
+        token = self._guard.token
+        return self.address if token is None else f"{self.address}/?token={token}"
 
     @property
     def sessions(self) -> dict[int, Session]:
@@ -286,7 +301,23 @@ def _seen(client: viser.ClientHandle) -> bool:
         return False
 
 
-def _serve(host: str, port: int) -> viser.ViserServer:
+def _own_address(host: str) -> str:
+    """Return where others find this machine, if it serves all of its addresses; else the host."""
+    if host not in ("", "0.0.0.0", "::"):  # noqa: S104
+        return host
+    # Nothing is sent: the addresses are documentation's, and only choose the network.
+    family, other = (
+        (socket.AF_INET6, "2001:db8::1") if host == "::" else (socket.AF_INET, "192.0.2.1")
+    )
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((other, 9))
+            return str(probe.getsockname()[0])
+    except OSError:
+        return "localhost"
+
+
+def _serve(host: str, port: int, guard: Guard) -> viser.ViserServer:
     """Return viser's server on exactly this address: viser itself would take another port."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
@@ -300,7 +331,7 @@ def _serve(host: str, port: int) -> viser.ViserServer:
                 f"cannot serve {host}: {reason}; give --host an address of this machine"
             ) from error
         raise _taken(host, port, reason) from error
-    server = start_server(host, port)
+    server = start_server(host, port, guard)
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")

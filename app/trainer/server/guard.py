@@ -1,0 +1,126 @@
+"""Who gets in: asked of each request, page or websocket, before viser sees it.
+
+Any site that a trainee has open can reach an address of this machine through the browser, by a
+websocket or under a name of its own that it has resolve here. It cannot choose the Origin and Host
+that the browser sends with it. So on loopback both must be this machine's. At any other address a
+request needs a token as well: a link has it, and swaps it for a cookie.
+"""
+
+import hmac
+import re
+import secrets
+from http import HTTPStatus
+from ipaddress import ip_address
+from urllib.parse import parse_qs
+
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+__all__ = ["TOKEN_VARIABLE", "Guard", "is_loopback"]
+
+TOKEN_VARIABLE = "BLUNTDISSECT_TOKEN"  # noqa: S105
+"""Environment variable that can give the token."""
+
+TOKEN_BYTES = 24
+_TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+_HOST = re.compile(r"(?:\[(?P<six>[^\[\]]*)\]|(?P<name>[^:\[\]]*))(?::[0-9]+)?")
+
+FOREIGN_HOST = "This trainer serves its own machine only: open it as localhost.\n"
+FOREIGN_ORIGIN = "This trainer takes nothing from pages of other sites.\n"
+NO_TOKEN = "Open this trainer by the link that it printed when it started.\n"  # noqa: S105
+ENTERED = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0;url=./">
+<title>Blunt dissection</title>
+<a href="./">Open the trainer</a>
+</html>
+"""
+"""Leads on to the trainer. A redirect by status would not do: after a link in a mail or a chat a
+browser holds a SameSite=Strict cookie back until a page of the site itself asks."""
+
+
+class Guard:
+    """Lets a request through, or answers it itself.
+
+    Parameters
+    ----------
+    host
+        The address that is served.
+    token
+        What the link must have. When None, one is made, on loopback none is needed.
+
+    Attributes
+    ----------
+    token
+        As given or made; None where none is needed.
+
+    Raises
+    ------
+    ValueError
+        If the token is too short to be secret, or cannot stand in a link.
+    """
+
+    def __init__(self, host: str, token: str | None = None) -> None:
+        if token is not None and not _TOKEN.fullmatch(token):
+            raise ValueError("a token must be 16 to 200 letters, digits, - or _")
+        self._loopback = is_loopback(host)
+        if token is None and not self._loopback:
+            token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.token = token
+        # The cookie does not give the token away, and is the same after a start with the same one.
+        self._cookie = hmac.digest((token or "").encode(), b"cookie", "sha256").hex()
+
+    def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return None for a request that gets in, else its answer."""
+        headers = request.headers
+        hosts = headers.get_all("Host")
+        if len(hosts) != 1 or (self._loopback and not _names_loopback(hosts[0])):
+            return connection.respond(HTTPStatus.FORBIDDEN, FOREIGN_HOST)
+        own = {f"{scheme}://{hosts[0].lower()}" for scheme in ("http", "https")}
+        if any(origin.lower() not in own for origin in headers.get_all("Origin")):
+            return connection.respond(HTTPStatus.FORBIDDEN, FOREIGN_ORIGIN)
+        if self.token is None:
+            return None
+        # Cookies know no ports: another trainer on this machine has one of its own.
+        name = f"bluntdissect-{connection.local_address[1]}"
+        given = parse_qs(request.path.partition("?")[2]).get("token", [])
+        if len(given) == 1 and _same(given[0], self.token):
+            return _entered(connection, f"{name}={self._cookie}")
+        cookies = (part.strip() for line in headers.get_all("Cookie") for part in line.split(";"))
+        if any(_same(cookie, f"{name}={self._cookie}") for cookie in cookies):
+            return None
+        return connection.respond(HTTPStatus.FORBIDDEN, NO_TOKEN)
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address is this machine's alone, as it stands: other names may change."""
+    try:
+        return host.lower() == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _names_loopback(host: str) -> bool:
+    """Return whether a Host header, on whatever port, is loopback's: a tunnel has its own port."""
+    parts = _HOST.fullmatch(host)
+    return parts is not None and is_loopback(parts["six"] or parts["name"] or "")
+
+
+def _same(given: str, wanted: str) -> bool:
+    """Compare in constant time; what is given may hold bytes that are no text."""
+    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
+
+
+def _entered(connection: ServerConnection, cookie: str) -> Response:
+    response = connection.respond(HTTPStatus.OK, ENTERED)
+    del response.headers["Content-Type"]
+    response.headers.update(
+        {
+            "Content-Type": "text/html; charset=utf-8",
+            "Set-Cookie": f"{cookie}; Path=/; HttpOnly; SameSite=Strict",
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+        }
+    )
+    return response
