@@ -84,8 +84,6 @@ def trainer(
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
-    import segno
-
     from app.trainer.server.trainer import Trainer
 
     running = Trainer(
@@ -104,8 +102,7 @@ def trainer(
         print(f"The trainer is ready: {running.link}", flush=True)
         if running.link != running.address:
             print("Who has this link gets in. Nothing is encrypted on its way.", flush=True)
-            if sys.stdout.isatty():
-                segno.make(running.link, micro=False).terminal(compact=True)
+            _draw(running.link)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
         stop.wait()
     finally:
@@ -121,7 +118,15 @@ def _given_token(file: Path | None) -> str | None:
 
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
-    return file.read_text(encoding="utf-8").strip()
+    return file.read_text(encoding="utf-8", errors="replace").strip()
+
+
+def _draw(link: str) -> None:
+    """Draw a link as a QR code for phones and tablets, in a terminal that has its characters."""
+    import segno
+
+    if sys.stdout.isatty() and sys.stdout.encoding.lower().startswith("utf"):
+        segno.make(link, micro=False).terminal(compact=True)
 
 
 def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetting], ServoProcess]":

@@ -1,17 +1,22 @@
 """Who gets into a trainer, asked of the running server by requests as a browser would send them."""
 
 import http.client
+import io
 import logging
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import viser
 from playwright.sync_api import Browser
 from program import refused, started
 from simulated import phantom
 
+from app.command_line.trainer import _draw
 from app.trainer.server import guard
 from app.trainer.server.guard import TOKEN_VARIABLE, Guard, is_loopback
 from app.trainer.server.trainer import Trainer
@@ -37,7 +42,8 @@ class Answer:
         self, port: int, headers: dict[str, str], path: str = "/", *more: tuple[str, str]
     ) -> None:
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
-        connection._encode_request = str.encode  # ASCII alone would attack less
+        # ASCII alone would attack less.
+        vars(connection)["_encode_request"] = str.encode
         connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
         for name, value in (*headers.items(), *more):
             connection.putheader(name, value.replace("PORT", str(port)).encode("utf-8"))
@@ -225,7 +231,9 @@ def test_the_token_of_a_file_is_asked_for_and_printed_once(
     file.write_text(f"{TOKEN}\n", encoding="utf-8")
     monkeypatch.setenv(TOKEN_VARIABLE, "the-token-of-the-environment")
     with started("--port", 0, "--look", "plain", "--token-file", file) as (process, link):
-        port = int(re.fullmatch(rf"http://127\.0\.0\.1:(\d+)/\?token={TOKEN}", link)[1])
+        address, _, token = link.partition("/?token=")
+        assert token == TOKEN
+        port = int(address.removeprefix("http://127.0.0.1:"))
         own = {"Host": "localhost:PORT"}
         assert Answer(port, own).status == 403
         assert Answer(port, own, f"/?token={TOKEN}").status == 200
@@ -239,9 +247,42 @@ def test_the_token_of_a_file_is_asked_for_and_printed_once(
 def test_a_token_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(tmp_path / "nowhere") in refused(("trainer", "--token-file", tmp_path / "nowhere"))
     file = tmp_path / "token"
-    for text in ("", "short", "with spaces and more of them", "a" * 201):
-        file.write_text(text, encoding="utf-8")
-        line = refused(("trainer", "--port", 0, "--token-file", file))
-        assert "a token must be 16 to 200 letters, digits, - or _" in line
+    words = "must be 16 to 200 letters, digits, - or _"
+    for token in (b"", b"short", b"with spaces and more of them", b"a" * 201, b"\xff" * 20):
+        file.write_bytes(token)
+        assert words in refused(("trainer", "--port", 0, "--token-file", file))
     monkeypatch.setenv(TOKEN_VARIABLE, "short")
-    assert "a token must be 16 to 200" in refused(("trainer", "--port", 0))
+    assert words in refused(("trainer", "--port", 0))
+
+
+class Terminal(io.StringIO):
+    """Keeps what is printed in a terminal."""
+
+    def __init__(self, encoding: str) -> None:
+        super().__init__()
+        self._encoding = encoding
+
+    @property
+    def encoding(self) -> str:
+        return self._encoding
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_link_is_drawn_as_a_code_that_a_camera_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = f"http://192.168.1.7:8080/?token={TOKEN}"
+    drawn: dict[str, str] = {}
+    for encoding in ("utf-8", "ascii"):
+        monkeypatch.setattr(sys, "stdout", terminal := Terminal(encoding))
+        _draw(link)
+        drawn[encoding] = terminal.getvalue()
+    monkeypatch.undo()
+    assert drawn["ascii"] == ""  # such a terminal has no blocks
+    halves = [
+        [255 * (block in blocks) for block in line]
+        for line in drawn["utf-8"].splitlines()
+        for blocks in ("█▀", "█▄")
+    ]
+    picture = np.kron(np.array(halves, np.uint8), np.ones((8, 8), np.uint8))
+    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == link

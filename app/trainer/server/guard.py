@@ -63,7 +63,10 @@ class Guard:
 
     def __init__(self, host: str, token: str | None = None) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
-            raise ValueError("a token must be 16 to 200 letters, digits, - or _")
+            raise ValueError(
+                f"the token of --token-file or {TOKEN_VARIABLE} must be 16 to 200 letters, digits, "
+                "- or _"
+            )
         self._loopback = is_loopback(host)
         if token is None and not self._loopback:
             token = secrets.token_urlsafe(TOKEN_BYTES)
