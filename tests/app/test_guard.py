@@ -255,16 +255,8 @@ def test_a_token_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     assert words in refused(("trainer", "--port", 0))
 
 
-class Terminal(io.StringIO):
+class Terminal(io.TextIOWrapper):
     """Keeps what is printed in a terminal."""
-
-    def __init__(self, encoding: str) -> None:
-        super().__init__()
-        self._encoding = encoding
-
-    @property
-    def encoding(self) -> str:
-        return self._encoding
 
     def isatty(self) -> bool:
         return True
@@ -274,9 +266,10 @@ def test_the_link_is_drawn_as_a_code_that_a_camera_reads(monkeypatch: pytest.Mon
     link = f"http://192.168.1.7:8080/?token={TOKEN}"
     drawn: dict[str, str] = {}
     for encoding in ("utf-8", "ascii"):
-        monkeypatch.setattr(sys, "stdout", terminal := Terminal(encoding))
+        monkeypatch.setattr(sys, "stdout", terminal := Terminal(io.BytesIO(), encoding))
         _draw(link)
-        drawn[encoding] = terminal.getvalue()
+        terminal.seek(0)
+        drawn[encoding] = terminal.read()
     monkeypatch.undo()
     assert drawn["ascii"] == ""  # such a terminal has no blocks
     halves = [
