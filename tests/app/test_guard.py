@@ -4,6 +4,7 @@ import http.client
 import io
 import logging
 import re
+import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from simulated import phantom
 from app.command_line.trainer import _draw
 from app.trainer.server import guard
 from app.trainer.server.guard import TOKEN_VARIABLE, Guard, is_loopback
-from app.trainer.server.trainer import Trainer
+from app.trainer.server.trainer import Trainer, _own_address
 from app.trainer.viser_bridge import start_server, stop_server
 
 TOKEN = "a-token-of-24-characters"
@@ -222,6 +223,19 @@ def test_at_another_address_the_link_has_the_token_and_any_name_does() -> None:
                 assert Answer(running.port, own | kind | {"Cookie": cookie}).status == let_in
     finally:
         running.stop()
+
+
+def test_a_link_names_an_address_that_others_can_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    for host in ("localhost", "192.168.1.7", "2001:db8::1"):
+        assert _own_address(host) == host
+    wildcards = ("0.0.0.0", "::", "")
+    assert not {*map(_own_address, wildcards)} & {*wildcards}
+
+    def unreachable(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(socket.socket, "connect", unreachable)
+    assert {*map(_own_address, wildcards)} == {"localhost"}
 
 
 def test_the_token_of_a_file_is_asked_for_and_printed_once(

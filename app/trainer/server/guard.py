@@ -48,7 +48,7 @@ class Guard:
     host
         The address that is served.
     token
-        What the link must have. When None, one is made, on loopback none is needed.
+        What the link must have. When None, one is made; on loopback none is then needed.
 
     Attributes
     ----------

@@ -51,7 +51,8 @@ def start_server(
     # No warning for a tab that closes while it is drawn: its session ends in a moment.
     warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
     # At DEBUG each request would be logged, with the token in it.
-    logging.getLogger("websockets.server").setLevel(logging.INFO)
+    log = logging.getLogger("websockets.server")
+    log.setLevel(max(logging.INFO, log.getEffectiveLevel()))
     # viser prints its own address whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()), _guarded(guard) as opened:
         server = viser.ViserServer(host=host, port=port, verbose=False)
