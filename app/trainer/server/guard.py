@@ -1,9 +1,9 @@
-"""Who gets in: asked of each request, page or websocket, before viser sees it.
+"""Access control of the trainer: each request, page or websocket, is checked before viser sees it.
 
-Any site that a trainee has open can reach an address of this machine through the browser, by a
-websocket or under a name of its own that it has resolve here. It cannot choose the Origin and Host
-that the browser sends with it. So on loopback both must be this machine's. At any other address a
-request needs a token as well: a link has it, and swaps it for a cookie.
+A page of any site can reach a loopback address through the browser, by a cross-site websocket or by
+DNS rebinding (a name of the site that resolves to 127.0.0.1). It cannot choose the headers Origin
+and Host that the browser sends, so on loopback both must name this machine. At any other address
+a request also needs a token: it stands in the printed link, which gives the browser a cookie.
 """
 
 import hmac
@@ -36,8 +36,8 @@ ENTERED = """<!doctype html>
 <a href="./">Open the trainer</a>
 </html>
 """
-"""Leads on to the trainer. A redirect by status would not do: after a link in a mail or a chat a
-browser holds a SameSite=Strict cookie back until a page of the site itself asks."""
+"""Redirects to the trainer. A redirect by status (303) fails after a click in a mail or a chat: the
+browser sends no SameSite=Strict cookie with a navigation that another site began."""
 
 
 class Guard:
