@@ -7,6 +7,9 @@ BLENDER := .venv-blender
 BLENDER_PYTHON ?= python3.11
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
+# Two, whatever the cores: each has a browser that draws in software. A file's fixtures are made once.
+WORKERS ?= -n 2 --dist loadfile
+
 .DEFAULT_GOAL := help
 .PHONY: help trainer test test-all check bench screenshots lint types layers format clean
 
@@ -17,10 +20,10 @@ trainer: $(VENV)/.runs  ## start the trainer and print its address (ARGS= is pas
 	@$(BIN)/bluntdissect trainer $(ARGS)
 
 test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
-	@$(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m pytest $(WORKERS) $(ARGS)
 
 test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests too (Blender: 370 MB)
-	@BLENDER_PYTHON=$(BLENDER)/bin/python $(BIN)/python -m pytest -m "long or not long" $(ARGS)
+	@BLENDER_PYTHON=$(BLENDER)/bin/python $(BIN)/python -m pytest $(WORKERS) -m "long or not long" $(ARGS)
 
 check: lint types layers  ## lint, types and import layers
 
