@@ -12,6 +12,7 @@ which the beam is sampled. Well behind a clamp there is none.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,8 +81,21 @@ class DrawnDuct:
         for surface, bound in zip(self.surfaces, self._bound, strict=True):
             bound.deform(self.transforms, surface.vertices)
         if tear is not None:
-            for surface, piece in zip(self.surfaces, self._pieces, strict=True):
-                piece.open(tear.front, surface.vertices)
+            self.open_tear(tear.front)
+
+    def draw_moved(self, move: Callable[[NDArray[np.float64], int | None], object]) -> None:
+        """Write the surfaces' vertices, moved by the transforms that `move` writes.
+
+        `move` is given the number of a torn duct's piece, None for a whole one.
+        """
+        for number, (surface, bound) in enumerate(zip(self.surfaces, self._bound, strict=True)):
+            move(self.transforms, number if self._pieces else None)
+            bound.deform(self.transforms, surface.vertices)
+
+    def open_tear(self, front: float) -> None:
+        """Open the drawn pieces' rims as far as a tear has run (`tear_front`)."""
+        for surface, piece in zip(self.surfaces, self._pieces, strict=True):
+            piece.open(front, surface.vertices)
 
     def write_stress(
         self,

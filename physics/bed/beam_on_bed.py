@@ -469,6 +469,16 @@ class BeamOnBed:
         return self.state.q
 
     @property
+    def rest_places(self) -> Floats:
+        """(N, 3) where the nodes are at rest, mm; not to be written to."""
+        return self._rest_x
+
+    @property
+    def rest_rotations(self) -> Floats:
+        """(N, 4) the nodes' rotations at rest; not to be written to."""
+        return self._rest_q
+
+    @property
     def damage(self) -> Floats:
         """(S,) from 0, whole, to 1, parted, in the order of `strands`."""
         out = np.empty(self.strands.count)

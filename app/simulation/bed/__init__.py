@@ -1,6 +1,28 @@
-"""A duct in its bed of tissue: beds and their sources, scenes of a beam on one (docs/peel.md)."""
+"""A duct in its bed of tissue: beds, their sources, and a duct dissected from one by two hands.
 
+Scenes of any beam on a bed are here too (docs/peel.md).
+"""
+
+from app.simulation.bed.bedded_duct import BED_THEORY, HANDS, BeddedDuct, BedReading
+from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
 from app.simulation.bed.scene import PeelScene, read_scene
+from app.simulation.bed.session import BedSession
 
-__all__ = ["BedPreset", "PeelScene", "beam_in_space", "bed_named", "bed_presets", "read_scene"]
+__all__ = [
+    "BED_THEORY",
+    "HANDS",
+    "HOLDING",
+    "INSTRUMENTS",
+    "BedPreset",
+    "BedReading",
+    "BedSession",
+    "BeddedDuct",
+    "Hand",
+    "Instrument",
+    "PeelScene",
+    "beam_in_space",
+    "bed_named",
+    "bed_presets",
+    "read_scene",
+]

@@ -1,0 +1,111 @@
+"""A duct in its bed under two hands: what the trainer's dissection steps."""
+
+import numpy as np
+import pytest
+
+from app.simulation.bed import BedSession
+from assets import BILE_DUCT
+from organ_geometry import read_organ
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture
+def session() -> BedSession:
+    """A session on the shipped duct in a normal bed."""
+    return BedSession(read_organ(BILE_DUCT))
+
+
+def lift(session: BedSession, height: float, *, hand: int = 0, seconds: float = 1.0) -> None:
+    """Lift a hand that holds the duct, mm, at an even speed, and wait."""
+    start, ticks = session.duct.hands[hand].place.copy(), round(30 * seconds)
+    for tick in range(1, ticks + 1):
+        session.move_hand(hand, start + height * tick / ticks * UP)
+        session.advance()
+    for _ in range(30):
+        session.advance()
+
+
+def test_at_rest_the_skin_is_where_it_was_drawn(session: BedSession) -> None:
+    """To the bit: the transforms of a beam at rest are zero."""
+    session.grab(0, 20.0)
+    session.release(0)
+    session.advance()
+    assert np.array_equal(session.drawn.surfaces[0].vertices, session.drawn.skin.vertices)
+
+
+def test_a_lift_parts_strands_about_the_hook_and_the_skin_follows(session: BedSession) -> None:
+    """The skin at the hook is lifted as the hook is, and the clamps stay."""
+    session.grab(0, 25.4)
+    lift(session, 10.0)
+    reading, drawn, dissection = session.reading(), session.drawn, session.duct.dissection
+    assert reading.forces[0][2] == pytest.approx(2.2, abs=0.5)
+    assert 200 < reading.parted < 500
+    assert 0.5 < reading.stress_share < 1.0
+    assert reading.freed == pytest.approx(50.8 * reading.parted / reading.strands, rel=0.05)
+    assert session.duct.freed_at(np.array([25.4]))[0] > 0.9
+    assert session.duct.freed_at(np.array([1.0]))[0] < 0.1
+    moved = (drawn.surfaces[0].vertices - drawn.skin.vertices) @ dissection.frame
+    places = drawn.skin.stations - dissection.clamps[0]
+    middle = np.abs(places - 25.4) < 0.5
+    assert moved[middle].mean(axis=0) == pytest.approx([0.0, 0.0, 10.0], abs=0.3)
+    assert np.abs(moved[places <= 0.0]).max() < 1e-6
+    assert np.abs(moved[places >= 50.8]).max() < 1e-6
+
+
+def test_the_same_inputs_give_the_same_bits(session: BedSession) -> None:
+    """Whatever was done to the session before its reset."""
+    runs: list[bytes] = []
+    for _ in range(2):
+        session.grab(0, 20.0)
+        lift(session, 6.0)
+        session.grab(1, 35.0)
+        lift(session, 4.0, hand=1)
+        runs.append(session.duct.beam.places.tobytes())
+        session.reset()
+    assert runs[0] == runs[1]
+
+
+def test_a_grasper_stays_where_it_is_left_and_holds(session: BedSession) -> None:
+    """The second hand's force goes on while the first works; the books balance."""
+    session.grab(1, 32.0)
+    lift(session, 3.0, hand=1)
+    session.grab(0, 20.0)
+    lift(session, 3.0)
+    reading = session.reading()
+    assert reading.held == (True, True)
+    assert session.duct.hands[1].place[2] == pytest.approx(3.0)
+    assert min(reading.forces[:, 2]) > 0.1
+
+
+def test_a_dissector_behind_the_duct_frees_it_at_a_small_part_of_its_strength(
+    session: BedSession,
+) -> None:
+    """Closed jaws pass under the duct and part nothing; opening them frees as much as they open."""
+    session.choose_instrument(1, "dissector")
+    jaws = session.duct.hands[1]
+    session.move_hand(1, jaws.place * (1.0, 0.0, 1.0) + (0.0, 9.0, 0.0))
+    for _ in range(60):
+        session.advance()
+    assert session.reading().parted == 0
+    for tick in range(90):
+        session.open_jaws(1, 20.0 * tick / 89)
+        session.advance()
+    reading = session.reading()
+    assert reading.freed == pytest.approx(12.0, abs=4.0)
+    assert reading.peak_share < 0.1
+
+
+def test_inputs_that_make_no_sense_change_nothing(session: BedSession) -> None:
+    """Numbers from a browser: not finite, behind a clamp, with an instrument that cannot hold."""
+    assert session.grab(0, float("nan")) is None
+    assert session.grab(0, 0.0) is None
+    session.move_hand(0, np.array([np.nan, 0.0, 0.0]))
+    session.open_jaws(1, float("inf"))
+    session.choose_instrument(1, "swab")
+    assert session.grab(1, 20.0) is None
+    assert session.grab(0, 20.0) is not None
+    session.choose_instrument(1, "grasper")
+    assert session.grab(1, 20.0) is None
+    session.move_hand(0, np.full(3, 1e9))
+    assert np.abs(session.duct.hands[0].target).max() <= 120.0
