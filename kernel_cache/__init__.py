@@ -4,8 +4,12 @@ Numba compiles a kernel anew when its own file has changed, but the machine code
 kernels it calls as well, and the constants that it reads. Here the stamp of a kernel is a hash of
 its file and of all files of ours that it imports, directly or through others. All kernels take
 `njit` from here, so that none is compiled before numba knows of it.
+
+While a kernel is compiled, Python collects no cycles: the compiler makes objects by the million,
+and looking through them again and again was a sixth of its time.
 """
 
+import gc
 import hashlib
 import re
 from functools import cache
@@ -13,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
-from numba.core import caching, config
+from numba.core import caching, config, event
 
 __all__ = ["njit", "sources"]
 
@@ -86,3 +90,25 @@ _OTHERS = (
 )
 _given: str = getattr(config, "CACHE_LOCATOR_CLASSES", "")
 config.CACHE_LOCATOR_CLASSES = f"{_OWN},{_given or _OTHERS}"  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class _NoCollection(event.Listener):
+    """Switches the collection of cycles off until the kernel and all that it calls are compiled."""
+
+    # Numba's compiler lock is held while these are called.
+    _depth = 0
+    _was_on = False
+
+    def on_start(self, event: object) -> None:
+        if not self._depth:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: object) -> None:
+        self._depth -= 1
+        if not self._depth and self._was_on:
+            gc.enable()
+
+
+event.register("numba:compile", _NoCollection())  # pyright: ignore[reportUnknownMemberType]

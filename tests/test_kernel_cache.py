@@ -1,10 +1,14 @@
 """Machine code that is kept: it follows every file that it comes from, and is used again."""
 
+import gc
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+from numba.core.errors import TypingError
 
 import kernel_cache
 from organ_geometry.encoder import jacobian
@@ -69,3 +73,32 @@ def test_every_kernel_s_machine_code_is_kept_so() -> None:
             assert not re.search(r"^(import|from) numba\b", file.read_text(), re.MULTILINE), file
     locator = newton.newton._cache._impl.locator  # pyright: ignore[reportAttributeAccessIssue]
     assert type(locator).__module__ == kernel_cache.__name__
+
+
+@kernel_cache.njit
+def _inner(x: float) -> float:
+    return x + 1.0
+
+
+@kernel_cache.njit
+def _outer(x: float) -> float:
+    return _inner(x)
+
+
+@kernel_cache.njit
+def _no_kernel(x: float) -> float:
+    return x + "one"  # pyright: ignore
+
+
+def test_cycles_are_not_collected_while_a_kernel_is_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And are again after it, also after one that cannot be compiled."""
+    calls: list[str] = []
+    for name in ("disable", "enable"):
+        monkeypatch.setattr(gc, name, lambda name=name: calls.append(name))
+    assert _outer(1.0) == 2.0
+    assert calls == ["disable", "enable"]
+    with pytest.raises(TypingError):
+        _no_kernel(1.0)
+    assert calls == ["disable", "enable"] * 2
