@@ -525,28 +525,32 @@ class BeamOnBed:
             float(sums[kernels.OPEN]),
         )
 
-    def worst_stress(self) -> WorstStress:
-        """Return the largest stress of the wall, over the nodes."""
-        wall = self.beam.wall
+    def stresses(self) -> Floats:
+        """Return stresses of the wall at both ends of each element, MPa.
+
+        (N - 1, 2, 3): the normal stress, and those of bending at the outermost fibres up and across
+        the beam: above zero, bending stretches the side up and the one away from y.
+        """
+        wall, section = self.beam.wall, self.state.section
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
-        section = self.state.section
-        best = WorstStress(0.0, 0.0, 0.0, 0.0)
-        for ends, moments, normal in (
-            (slice(0, -1), section[:, 4:6], section[:, 9]),
-            (slice(1, None), section[:, 7:9], section[:, 10]),
-        ):
-            up, across = moments[:, 0] / wall[ends, 1], moments[:, 1] / wall[ends, 2]
-            total = normal / wall[ends, 0] + np.sqrt(up * up + across * across)
-            i = int(np.argmax(total))
-            if total[i] > best.total:
-                best = WorstStress(
-                    float(self._stations[ends][i]),
-                    float(normal[i] / wall[ends, 0][i]),
-                    float(np.hypot(up[i], across[i])),
-                    math.atan2(-across[i], up[i]),
-                )
-        return best
+        loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
+        return loads / np.stack([wall[:-1], wall[1:]], axis=1)
+
+    def worst_stress(self) -> WorstStress:
+        """Return the largest stress of the wall, over the nodes."""
+        stresses = self.stresses()
+        total = stresses[..., 0] + np.sqrt((stresses[..., 1:] ** 2).sum(axis=-1))
+        element, end = divmod(int(np.argmax(total)), 2)
+        if not total[element, end] > 0.0:
+            return WorstStress(0.0, 0.0, 0.0, 0.0)
+        normal, up, across = stresses[element, end].tolist()
+        return WorstStress(
+            float(self._stations[element + end]),
+            normal,
+            float(np.hypot(up, across)),
+            math.atan2(-across, up),
+        )
 
     def _move_node(self, node: int, station: float) -> None:
         """Move an inner node to a station, along the axis as it lies and at rest."""

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -218,6 +218,7 @@ def pull(
     rods: Sequence[Rod] = (),
     plane: bool = False,
     floor: Floats | None = None,
+    watch: Callable[[BeamOnBed], None] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
 
@@ -236,6 +237,8 @@ def pull(
         Whether nothing leaves the plane of x and z.
     floor
         (N,) stiffness of the floor at the nodes, N/mm, beside the beds' own.
+    watch
+        Called with the beam at rest, once hands have taken hold, and after each step.
 
     Returns
     -------
@@ -299,6 +302,8 @@ def pull(
                 held.set_rod(m, rod.path[0], rod.shaft, rod.radius)
             if t >= rod.from_step:
                 held.lead_rod(m, sweeps[m][min(t - rod.from_step, len(sweeps[m]) - 1)])
+        if watch is not None and t == 0:
+            watch(held)
         try:
             held.advance()
         except NoEquilibrium as lost:
@@ -314,6 +319,8 @@ def pull(
         books[t] = now.work, now.stored, now.dissipated, now.snap, now.open
         if stress is not None:
             stress[t] = held.worst_stress().total
+        if watch is not None:
+            watch(held)
     return History(
         at,
         force,

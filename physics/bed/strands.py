@@ -101,6 +101,12 @@ class Strands:
         after = 0.5 * np.concatenate([gaps, gaps[-1:]])
         return ((halves + after) / count)[which]
 
+    def forces(self, ends: Floats, damage: Floats) -> Floats:
+        """(S,) forces with their ends on the beam at (S, 3), mm, and (S,) damage, N."""
+        elongation = np.sqrt(((ends - self.feet) ** 2).sum(axis=1)) - self.length
+        taut = (elongation > 0.0) | (self.pushes > 0.0)
+        return np.where(taut, (1.0 - damage) * self.stiffness * elongation, 0.0)
+
     @classmethod
     def none(cls) -> "Strands":
         """Return no strands at all."""

@@ -218,6 +218,31 @@ def test_a_strand_that_is_alone_follows_its_law() -> None:
     balanced(found)
 
 
+def test_a_pull_is_watched_step_by_step() -> None:
+    """From rest on; the strands' forces and the hand's then balance, and the worst stress is one."""
+    beam = made(40.0, 40, [1e6, 1e6, 1e6], ends=("free", "free"), wall=[2.0, 3.0, 4.0])
+    bed = Bed(stiffness=0.09, toughness=0.27, strands=100, around=1.2, fan=0.2, slack=0.5, seed=3)
+    places: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
+
+    def watch(held: BeamOnBed) -> None:
+        places.append(held.places.copy())
+        way = held.strand_ends() - held.strands.feet
+        size = np.sqrt((way**2).sum(axis=1))
+        force = held.strands.forces(held.strand_ends(), held.damage)
+        forces.append((force / size) @ way)
+        stresses, worst = held.stresses(), held.worst_stress()
+        bending = np.hypot(stresses[..., 1], stresses[..., 2])
+        assert (stresses[..., 0] + bending).max() == pytest.approx(worst.total, rel=1e-12)
+
+    history = pull(beam, bed, [Hand(at=20.0, path=((0, 1, 4),), steps=6)], watch=watch)
+    assert np.array_equal(places[0], beam.places)
+    assert len(places) == 7
+    assert np.array_equal(places[-1], history.shape)
+    assert forces[1:] == pytest.approx(history.forces[:, 0], rel=1e-6, abs=1e-7)
+    assert history.parted[-1] > 10
+
+
 def test_a_bed_pulls_only_or_pushes_too() -> None:
     beam = made(50.0, 50, [8.0, 50.0, 1.5], nodes_at=[25.0])
     down = Hand(at=25.0, path=((0, 0, -0.5),), steps=2)
