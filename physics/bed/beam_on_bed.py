@@ -45,13 +45,19 @@ EVERYWHERE = (True, True, True)
 
 @dataclass(frozen=True, slots=True)
 class Books:
-    """The energy balance of the hands' work, mJ: work = stored + dissipated + snap + open."""
+    """The energy balance, mJ: work = stored + dissipated + snap + drag + open.
+
+    In real time it stands at the beginning of the last tick.
+    """
 
     work: float  # of all hands on the beam and on rods
-    stored: float  # in beam, strands, floor and contact
+    stored: float  # in beam, strands, floor, contact and hands' springs
     dissipated: float  # in strands that yielded and parted, by their law
-    snap: float  # released in jumps while the hands stand still
+    snap: float  # released in jumps while the hands stand still, by letting go and by tearing
+    drag: float  # taken by the drag in real time
     open: float  # what the trapezoidal rule leaves unexplained
+    rod_work: float  # the part of the work that was done on rods
+    rod_dissipated: float  # the part dissipated in strands that lay against a rod
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +199,13 @@ class BeamOnBed:
             rods_to=blank((rods, kernels.ROD_ROWS)),
             hold=blank(six),
             react=blank(three),
+            press=blank((rods, 3)),
+            shed=blank(six),
+            rods_shed=blank((rods, 3)),
+            moved=blank(six),
+            g_before=blank(six),
+            load_before=blank(three),
+            pull_before=blank((rods, 3)),
             sums=blank(kernels.SUM_ROWS),
         )
         self._gross = 0.0
@@ -208,9 +221,11 @@ class BeamOnBed:
         # One shear strain an element leaves bending out, h^2/(12 E I), which is added to its shear
         # flexibility [MacNeal 1978]: under forces at the nodes a straight element is then exact at
         # small loads.
+        whole = self._elastic[:, 0] > 0.0
         for shear, bending in ((1, 5), (2, 4)):
-            s.stiff[:, shear] = 1.0 / (
-                1.0 / self._elastic[:, shear] + s.h**2 / (12.0 * self._elastic[:, bending])
+            s.stiff[whole, shear] = 1.0 / (
+                1.0 / self._elastic[whole, shear]
+                + s.h[whole] ** 2 / (12.0 * self._elastic[whole, bending])
             )
         ends = self.strands.ends[self._order] - self._rest_x[self._node]
         w, x, y, z = self._rest_q[self._node].T
@@ -260,6 +275,7 @@ class BeamOnBed:
         # N/mm, is that of a spring between hand and beam; the beam slides along the axes not in
         # `along`.
         node = self.node_at(station)
+        self._account()
         if abs(self._stations[node] - station) > 1e-9 * self.beam.span:
             self._move_node(node, station)
         s = self.state
@@ -274,10 +290,12 @@ class BeamOnBed:
         return node
 
     def let_go(self, node: int) -> None:
-        """Let go of a node that is held or pushed."""
+        """Let go of a node that is held or pushed; a hand's spring loses its energy."""
         s = self.state
+        self._account()
         s.held[node] = self._ends[node]
         s.spring[node] = s.load[node] = s.load_to[node] = s.load_from[node] = 0.0
+        self.state.sums[kernels.SNAP] -= self._changed()
 
     def lead(self, node: int, place: Sequence[float] | Floats) -> None:
         """Set the target of a held node, mm."""
@@ -294,12 +312,17 @@ class BeamOnBed:
     def set_rod(
         self, rod: int, tip: Sequence[float], shaft: Sequence[float], radius: float
     ) -> None:
-        """Place a rod that touches nothing: its tip, mm, way back along the shaft, radius, mm."""
+        """Place a rod: its tip, mm, way back along the shaft, radius, mm."""
+        self._account()
         way = np.asarray(shaft, dtype=np.float64)
         row = np.array([*tip, *(way / np.sqrt(way @ way)), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
         self.state.side[rod] = 0
+        # Should it touch anything already, that is the hand's work.
+        work = self._changed()
+        self.state.sums[kernels.WORK] += work
+        self.state.sums[kernels.ROD_WORK] += work
 
     def lead_rod(self, rod: int, tip: Sequence[float]) -> None:
         """Set the target of a rod's tip, mm."""
@@ -307,13 +330,58 @@ class BeamOnBed:
 
     def withdraw_rod(self, rod: int) -> None:
         """Remove a rod at once."""
+        self._account()
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod, kernels.IN_USE] = 0.0
         self.state.side[rod] = 0
+        self.state.sums[kernels.SNAP] -= self._changed()
 
     def rod_force(self, rod: int) -> Floats:
         """(3,) force of the hand on a rod, N."""
         return self.state.pull[rod].copy()
+
+    def rod_contact(self, rod: int) -> Floats:
+        """(3,) the part of that force that presses the rod against the beam itself, N."""
+        return self.state.press[rod].copy()
+
+    def tear(self, station: float) -> tuple[float, float]:
+        """Take all stiffness from the element at a station; return where it begins and ends, mm."""
+        # At a node, of the two elements the one under the larger stress there. Both pieces go on
+        # hanging on their strands and hooks; the element's energy is booked as released.
+        s = finite(station, "the place of a tear", "mm")
+        if not 0.0 <= s <= self.beam.span:
+            raise ValueError(
+                f"a tear at {s:g} mm is not on the beam, which runs from 0 to {self.beam.span:g} mm"
+            )
+        self._account()
+        x = self._stations
+        element = min(int(np.searchsorted(x, s, side="right")) - 1, x.size - 2)
+        if element > 0 and s == x[element]:
+            moment = np.sqrt((self.state.section[:, [4, 5, 7, 8]] ** 2).sum(axis=1))
+            if moment[element - 1] > moment[element]:
+                element -= 1
+        self._elastic[element] = 0.0
+        self._measure_rest()
+        self.state.sums[kernels.SNAP] -= self._changed()
+        return float(x[element]), float(x[element + 1])
+
+    @property
+    def torn(self) -> list[tuple[float, float]]:
+        """Where torn elements begin and end, mm along the axis at rest."""
+        x = self._stations
+        return [(float(x[e]), float(x[e + 1])) for e in np.flatnonzero(self._elastic[:, 0] == 0.0)]
+
+    def _account(self) -> None:
+        """Bring the energy balance up to now, before hands or the beam change."""
+        kernels.assemble(self.state, kernels.STANDING, 0.0)
+        kernels.account(self.state)
+
+    def _changed(self) -> float:
+        """Account for a change without motion; return the energy that it has added, mJ."""
+        sums = self.state.sums
+        before = float(sums[kernels.STORED])
+        self._account()
+        return float(sums[kernels.STORED]) - before
 
     # Steps
 
@@ -322,6 +390,7 @@ class BeamOnBed:
         # `tolerance`: largest force out of balance over the largest in the beam; `books`: part of
         # the work that may stay unexplained; `deepest`: how often a step may be halved.
         s = self.state
+        self._account()
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())
         # Forces are known only to the tolerance of the equilibrium.
@@ -372,15 +441,23 @@ class BeamOnBed:
             done += size
             self._gross = total
             s.sums[kernels.WORK] += work
+            s.sums[kernels.ROD_WORK] += float(each[2].sum())
             s.sums[kernels.STORED] = after.stored
             s.sums[kernels.DISSIPATED] += lost
-            s.sums[kernels.OPEN if close or missing < 0.0 else kernels.SNAP] += missing
+            if not close and missing > 0.0:
+                s.sums[kernels.SNAP] += missing
+            elif not close and s.rods[:, kernels.IN_USE].any():
+                # A rod's tip has come upon a strand, which nothing along its shaft resists.
+                s.sums[kernels.WORK] -= missing
+                s.sums[kernels.ROD_WORK] -= missing
             before = after
             s.react[:] = after.holds
             if np.abs(s.x).max() > far:
                 raise NoEquilibrium("the forces carry the beam away: nothing holds it any more")
             if abs(missing) <= 0.125 * books * gross + least:
                 size *= LONGER
+        s.moved[:] = 0.0
+        s.goal_from[:], s.rods_from[:], s.pull_before[:] = s.goal, s.rods, s.pull
 
     def _set_goals(self, part: float) -> None:
         """Interpolate goals, dead forces and rods towards their targets."""
@@ -441,10 +518,8 @@ class BeamOnBed:
         # `delay`, s, of the damage: pulls are 1.6 % too large at 5 mm/s in a firm bed. `drag` at
         # each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
         # slide.
-        s = self.state
-        s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         step = seconds / ticks
-        if not kernels.tick(s, ticks, step / (delay + step), drag / step, newton):
+        if not kernels.tick(self.state, ticks, step / (delay + step), drag / step, newton):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     # What there is to read
@@ -491,6 +566,11 @@ class BeamOnBed:
         return int((self.state.damage >= 1.0).sum())
 
     @property
+    def parted_by_rods(self) -> int:
+        """How many of them lay against a rod when they parted."""
+        return int(self.state.sums[kernels.ROD_PARTED])
+
+    @property
     def freed(self) -> float:
         """Length of beam whose strands have parted, mm: the sum of their shares."""
         if not hasattr(self, "_shares"):
@@ -517,12 +597,22 @@ class BeamOnBed:
     def books(self) -> Books:
         """The energy balance."""
         sums = self.state.sums
+        work, *spent = (
+            float(sums[row])
+            for row in (
+                kernels.WORK,
+                kernels.STORED,
+                kernels.DISSIPATED,
+                kernels.SNAP,
+                kernels.DRAG,
+            )
+        )
         return Books(
-            float(sums[kernels.WORK]),
-            float(sums[kernels.STORED]),
-            float(sums[kernels.DISSIPATED]),
-            float(sums[kernels.SNAP]),
-            float(sums[kernels.OPEN]),
+            work,
+            *spent,
+            open=work - sum(spent),
+            rod_work=float(sums[kernels.ROD_WORK]),
+            rod_dissipated=float(sums[kernels.ROD_DISSIPATED]),
         )
 
     def stresses(self) -> Floats:
@@ -559,7 +649,6 @@ class BeamOnBed:
             return
         neighbour = node + 1 if station > old[node] else node - 1
         part = (station - old[node]) / (old[neighbour] - old[node])
-        before = kernels.assemble(self.state, kernels.STANDING, 0.0)
         for x, q in ((self.state.x, self.state.q), (self._rest_x, self._rest_q)):
             x[node] = _between(x, q, old, node, neighbour, part)
             turned = q[neighbour] if q[neighbour] @ q[node] >= 0.0 else -q[neighbour]
@@ -567,9 +656,8 @@ class BeamOnBed:
             q[node] /= np.sqrt(q[node] @ q[node])
         self._stations[node] = station
         self._measure_rest()
-        # The discrete energy changes slightly with the nodes: booked as `open`, no hand's work.
-        after = kernels.assemble(self.state, kernels.STANDING, 0.0)
-        self.state.sums[kernels.OPEN] -= after - before
+        # The discrete energy changes slightly with the nodes: it stays `open`, no hand's work.
+        self._changed()
 
 
 def _between(

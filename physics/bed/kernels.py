@@ -80,10 +80,13 @@ STRAND_ROWS = 11
 
 # Entries of `sums`. Of the last assembly: energies of beam, strands, contacts and dead loads, mJ;
 # energy dissipated now, mJ; strands not parted; largest strand force and force scale, N. Since the
-# beginning: the energy balance of `Books`, mJ.
+# beginning: the energy balance of `Books`, mJ; and how many strands parted that lay on a
+# rod. Since the last assembly: the drag's share, and the
+# energy of strands that a rod's tip has come upon, or that have slipped off one, mJ.
 BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
-WORK, STORED, DISSIPATED, SNAP, OPEN = range(8, 13)
-SUM_ROWS = 13
+WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_PARTED, DRAG_NOW = range(8, 17)
+BENT_NOW, SLIPPED_NOW = range(17, 19)
+SUM_ROWS = 19
 
 # Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
 TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
@@ -120,6 +123,7 @@ class State(NamedTuple):
     rods: Floats  # (M, ROD_ROWS) mm
     side: Ints  # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch
     pull: Floats  # (M, 3) forces of hands on rods, N
+    press: Floats  # (M, 3) their part against the beam itself, N
     section: Floats  # (N - 1, 11)
     g: Floats  # (N, 6) gradient, N and N mm
     step: Floats  # (N, 6) mm and rad
@@ -137,6 +141,12 @@ class State(NamedTuple):
     rods_to: Floats
     hold: Floats
     react: Floats  # (N, 3) forces of hands that hold, N
+    shed: Floats  # (N, 6) what damage has taken off the gradient in the last assembly
+    rods_shed: Floats  # (M, 3) and off the hands' forces on rods, N
+    moved: Floats  # (N, 6) displacements since the assembly before, mm and rad
+    g_before: Floats  # (N, 6) its gradient
+    load_before: Floats  # (N, 3) its dead forces, N
+    pull_before: Floats  # (M, 3) its forces on rods, N
     sums: Floats
 
 
@@ -481,6 +491,7 @@ def angle(across: float, along: float) -> float:
 @inner
 def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, Three, Three, float]:
     """Return side (0: none), length, its derivatives by a and b, and the straight part at a."""
+    # The length is that round the rod also where the strand has just slipped off it, else 0.
     none = (0.0, 0.0, 0.0)
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
     r = rod[RADIUS]
@@ -493,8 +504,9 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
     square = dot(way, way)
     nearest = -dot(a, way) / square if square > 0.0 else 0.0
     nearest = min(1.0, max(0.0, nearest))
-    if a0 + nearest * (b0 - a0) < 0.0:
-        return 0, 0.0, none, none, 0.0  # past the tip
+    slipped = a0 + nearest * (b0 - a0) < 0.0  # past the tip
+    if slipped and side == 0:
+        return 0, 0.0, none, none, 0.0
     turn = dot(u, cross(a, b))
     if side == 0:
         foot = added(a, scaled(way, nearest))
@@ -509,12 +521,14 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
     if arc < 0.0:
         arc += 2.0 * math.pi
     arc -= angle(la, r) + angle(lb, r)
-    if arc <= 0.0 or arc > 3.0:
-        return 0, 0.0, none, none, 0.0  # straight again, or slipped off past 3 rad
+    if arc <= 0.0:
+        return 0, 0.0, none, none, 0.0  # straight again
     # `arc` is the angle wrapped: phi less the angles from both ends to their points of tangency.
     plane = la + lb + r * arc
     axial = b0 - a0
     length = math.sqrt(plane * plane + axial * axial)
+    if slipped or arc > 3.0:
+        return 0, length, none, none, 0.0
     f = plane / length
     c = 1.0 - r * r / da
     s = side * r * la / da
@@ -554,6 +568,7 @@ def rods_near(s: State, n: int) -> bool:
             for r in range(3):
                 s.g[n, r] -= push * deep * d[r]
                 s.pull[m, r] += push * deep * d[r]
+                s.press[m, r] += push * deep * d[r]
                 for col in range(r + 1):
                     b[r, col] += push * d[r] * d[col]
             s.sums[CONTACT] += 0.5 * push * deep * deep
@@ -580,6 +595,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
         x0, x1, x2 = s.x[n, 0], s.x[n, 1], s.x[n, 2]
+        shed = s.shed[n]
         fx = fy = fz = gx = gy = gz = 0.0
         h00 = h11 = h22 = h01 = h02 = h12 = 0.0
         p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
@@ -606,6 +622,19 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                     touch, way, by_a, by_b, straight = way_round(
                         (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], side[m, i]
                     )
+                    if (side[m, i] != 0) != (touch != 0) and way > 0.0:
+                        # Nothing along the shaft resists a tip that comes upon a strand, or that a
+                        # strand slips off: the energy by which it jumps is booked.
+                        straight_u = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
+                        stiff = 0.5 * (1.0 - damage[i]) * strand[STIFF, i]
+                        bent_u = way - strand[LENGTH, i]
+                        if strand[PUSHES, i] == 0.0:
+                            straight_u, bent_u = max(straight_u, 0.0), max(bent_u, 0.0)
+                        jump = stiff * (bent_u * bent_u - straight_u * straight_u)
+                        if touch != 0:
+                            s.sums[BENT_NOW] += jump
+                        else:
+                            s.sums[SLIPPED_NOW] += jump
                     side[m, i] = touch
                     if touch != 0:
                         rod = m
@@ -638,10 +667,25 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         new = d + mix * (goal - d)
                         if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
                             new = 1.0
-                        lost += 0.5 * k * u * u * (new - d)
+                        gone = 0.5 * k * u * u * (new - d)
+                        lost += gone
                         damage[i] = new
+                        fall = k * u * (new - d)
+                        shed[0] += fall * tx
+                        shed[1] += fall * ty
+                        shed[2] += fall * tz
+                        shed[3] += fall * (ry * tz - rz * ty)
+                        shed[4] += fall * (rz * tx - rx * tz)
+                        shed[5] += fall * (rx * ty - ry * tx)
+                        if rod >= 0:
+                            s.sums[ROD_DISSIPATED] += gone
+                            s.rods_shed[rod, 0] -= fall * pull[0]
+                            s.rods_shed[rod, 1] -= fall * pull[1]
+                            s.rods_shed[rod, 2] -= fall * pull[2]
                         if new >= 1.0:
                             whole -= 1
+                            if rod >= 0:
+                                s.sums[ROD_PARTED] += 1.0
                             continue
                         slope = (1.0 - new) * k
                         f = slope * u
@@ -771,7 +815,10 @@ def assemble(s: State, kind: int, mix: float) -> float:
     s.diagonal[:] = 0.0
     s.upper[:] = 0.0
     s.pull[:] = 0.0
-    s.sums[CONTACT] = 0.0
+    s.press[:] = 0.0
+    s.shed[:] = 0.0
+    s.rods_shed[:] = 0.0
+    s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
     beam_pass(s)
     strand_pass(s, kind, mix)
     node_pass(s)
@@ -1132,12 +1179,13 @@ def yielded(s: State) -> float:
             foot = (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
             way = added(end, scaled(foot, -1.0))
             length = math.sqrt(dot(way, way))
+            on_rod = False
             if rods:
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] != 0.0 and s.side[m, i] != 0:
                         touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i])
                         if touch != 0:
-                            length = bent
+                            length, on_rod = bent, True
                             break
             u = length - s.strand[LENGTH, i]
             u0, uf = s.strand[YIELD, i], s.strand[PART, i]
@@ -1147,9 +1195,72 @@ def yielded(s: State) -> float:
             if goal > d:
                 full = 0.5 * s.strand[STIFF, i] * u0 * uf / (uf - u0)
                 before = u0 * uf / (uf - d * (uf - u0))
-                lost += full * (min(u, uf) - before)
+                gone = full * (min(u, uf) - before)
+                lost += gone
                 s.damage[i] = goal
+                if on_rod:
+                    s.sums[ROD_DISSIPATED] += gone
+                    s.sums[ROD_PARTED] += goal >= 1.0
     return lost
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def account(s: State) -> None:
+    """Account for the motion from the assembly before to the last one."""
+    # Trapezoidal rule in all that moved: nodes, springs' goals, rods. Held freedoms, springs, dead
+    # forces and rods take the hands' work; what free nodes lose goes to the drag and the rest is
+    # released (`SNAP`). Damage comes after the motion, so its end counts with what damage has taken
+    # off since (`shed`).
+    sums = s.sums
+    work = lost = swept = 0.0
+    for n in range(s.x.shape[0]):
+        mask = s.held[n]
+        for r in range(6):
+            f = s.g[n, r]
+            part = 0.5 * (s.g_before[n, r] + f + s.shed[n, r]) * s.moved[n, r]
+            s.g_before[n, r] = f
+            if (mask >> r) & 1:
+                work += part
+            else:
+                lost -= part
+            if r < 3:
+                work += 0.5 * (s.load_before[n, r] + s.load[n, r]) * s.moved[n, r]
+                s.load_before[n, r] = s.load[n, r]
+                if not (mask >> r) & 1:
+                    f = s.spring[n, r] * (s.goal[n, r] - s.x[n, r])
+                    work += 0.5 * (s.react[n, r] + f) * (s.goal[n, r] - s.goal_from[n, r])
+                s.react[n, r] = f
+                s.goal_from[n, r] = s.goal[n, r]
+            s.moved[n, r] = 0.0
+    for m in range(s.rods.shape[0]):
+        for r in range(3):
+            way = s.rods[m, r] - s.rods_from[m, r]
+            swept += 0.5 * (s.pull_before[m, r] + s.pull[m, r] + s.rods_shed[m, r]) * way
+            s.pull_before[m, r] = s.pull[m, r]
+            s.rods_from[m, r] = s.rods[m, r]
+    swept += sums[BENT_NOW]
+    drag, lost = sums[DRAG_NOW], lost + sums[SLIPPED_NOW]
+    stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
+    if lost - drag > 1e-4 * (stored + sums[STORED] + sums[DISSIPATED]):
+        # A jump, in which forces are anything but linear: it takes all that is missing.
+        lost = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    sums[WORK] += work + swept
+    sums[ROD_WORK] += swept
+    sums[DRAG] += drag
+    sums[SNAP] += lost - drag
+    sums[DISSIPATED] += sums[LOST_NOW]
+    sums[STORED] = stored
+    sums[DRAG_NOW] = 0.0
+
+
+@inner
+def add_drag(s: State, drag: float) -> None:
+    """Add a drag, N/mm of a node's displacement, as of a bar that turns as well."""
+    for n in range(s.x.shape[0]):
+        turning = drag * s.thick[n, 0] * s.thick[n, 0]
+        for r in range(3):
+            s.diagonal[n, r, r] += drag
+            s.diagonal[n, 3 + r, 3 + r] += turning
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -1157,55 +1268,43 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
     """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
     # A tick lets damage go the part `mix` = dt / (tau + dt) of its way to the law (implicit Euler),
     # then takes `newton` Newton steps with a drag (N/mm at each node: c / dt) against the motion: a
-    # fixed cost. Work is summed by the trapezoidal rule from the forces before and after each tick.
-    sums = s.sums
+    # fixed cost. Energy is accounted for up to the last assembly.
     for now in range(ticks):
-        part = (now + 1.0) / ticks
+        part = 1.0 / (ticks - now)
         for n in range(s.x.shape[0]):
             for r in range(3):
-                a = s.goal_from[n, r]
-                s.goal[n, r] = a + part * (s.goal_to[n, r] - a)
-                a = s.load_from[n, r]
-                s.load[n, r] = a + part * (s.load_to[n, r] - a)
+                s.goal[n, r] += part * (s.goal_to[n, r] - s.goal[n, r])
+                s.load[n, r] += part * (s.load_to[n, r] - s.load[n, r])
         for m in range(s.rods.shape[0]):
             for r in range(ROD_ROWS):
-                a = s.rods_from[m, r]
-                s.rods[m, r] = a + part * (s.rods_to[m, r] - a)
+                s.rods[m, r] += part * (s.rods_to[m, r] - s.rods[m, r])
         for round_ in range(newton):
-            kind = DELAYED if round_ == 0 else STANDING
-            assemble(s, kind, mix)
-            if round_ == 0:
-                sums[DISSIPATED] += sums[LOST_NOW]
-            share = 1.0 / ticks
-            for n in range(s.x.shape[0]):
-                for r in range(3):
-                    f = s.spring[n, r] * (s.goal[n, r] - s.x[n, r])
-                    if (s.held[n] >> r) & 1:
-                        f = s.g[n, r]
-                    if round_ == 0:
-                        way = share * (s.goal_to[n, r] - s.goal_from[n, r])
-                        sums[WORK] += 0.5 * (f + s.react[n, r]) * way
-                    s.react[n, r] = f
-                    s.diagonal[n, r, r] += drag
-            if round_ == 0:
-                for m in range(s.rods.shape[0]):
-                    for r in range(3):
-                        way = share * (s.rods_to[m, r] - s.rods_from[m, r])
-                        sums[WORK] += s.pull[m, r] * way
+            assemble(s, DELAYED if round_ == 0 else STANDING, mix)
+            account(s)
+            used = drag
+            add_drag(s, used)
             s.step[:] = s.g
             hold_nodes(s, 1.0)
             # Not definite, which is rare: more and more drag, until it is.
-            extra = 100.0 * drag + 1e-3
             while not solve(s):
-                if extra > 1e9:
+                used = 16.0 * used + 1e-3
+                if used > 1e9:
                     return False
                 assemble(s, STANDING, 0.0)
-                shift_tangent(s, extra, 1.0)
+                add_drag(s, used)
                 s.step[:] = s.g
                 hold_nodes(s, 1.0)
-                extra *= 16.0
             keep_shape(s)
             turn = largest_turn(s)
-            move(s, 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn)
-            sums[STORED] = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
+            part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
+            move(s, part_)
+            dragged = 0.0
+            for n in range(s.x.shape[0]):
+                size = s.thick[n, 0] * s.thick[n, 0]
+                for r in range(6):
+                    way = part_ * s.step[n, r]
+                    s.moved[n, r] = way
+                    if not (s.held[n] >> r) & 1:
+                        dragged += used * way * way * (1.0 if r < 3 else size)
+            s.sums[DRAG_NOW] = dragged
     return True
