@@ -14,7 +14,8 @@ from app.export.motion import RECOIL_STEP, Motion
 from app.export.order import Order
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
-from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR, TORN_ENDS
+from app.trainer.scene.duct_on_stage import TORN_ENDS
+from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR
 from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.contact import Contact, HookPlace, sink

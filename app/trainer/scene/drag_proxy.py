@@ -1,19 +1,18 @@
-"""Drag proxies: invisible meshes by which a mouse picks and drags the duct or the hook.
+"""Drag proxies: invisible meshes by which a mouse picks and drags the duct or an instrument.
 
 The duct itself is sent again at every frame, so viser cannot pick it. A coarse, transparent tube
-inside it follows it instead, and another is inside the hook. Places are in the organ's coordinates.
+inside it follows it instead, and others are about the instruments.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.stage.hook import grip_solid
-from app.trainer.stage.solids import grid_faces
+from app.trainer.stage.solids import Solid, grid_faces
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
@@ -28,12 +27,13 @@ page also accepts a press some pixels beside it (`viser_bridge`)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hold:
-    """What a hand holds, and where it is."""
+    """What a mouse holds, and where it is, in the coordinates of the organ or of a scene."""
 
-    station: float | None  # arc length of the organ's axis at the grab, mm; None for the hook
+    station: float | None  # arc length along the duct at the grab, mm; None for an instrument
     start: NDArray[np.float64]  # (3,) where it was grabbed, mm
-    # (3,) the hand now, mm: under the mouse, in the plane of the pull through `start`
+    # (3,) the mouse now, mm, in a plane through `start`: that of the pull, or the screen's
     place: NDArray[np.float64]
+    hand: int | None = None  # number of the instrument; None for the duct
 
     @property
     def moved(self) -> NDArray[np.float64]:
@@ -81,21 +81,23 @@ class DragProxy:
 
     `grabbed` is called with the hold when a drag starts, `moved` whenever the hand has moved,
     `released` when the hand lets go or the duct cannot be held any more. They run in order on the
-    server's event loop, some twenty times a second, so they must only write inputs.
+    server's event loop, some twenty times a second, so they must only write inputs. `in_screen`
+    tells whether what is held moves in the screen's plane or in that of the pull.
     """
 
     def __init__(
         self,
         client: viser.ClientHandle,
         *,
+        in_screen: bool = False,
         grabbed: Callable[[Hold], None],
         moved: Callable[[Hold], None],
         released: Callable[[], None],
     ) -> None:
-        self._client = client
+        self._client, self._in_screen = client, in_screen
         self._grabbed, self._moved, self._released = grabbed, moved, released
         self._tubes: list[_Tube] = []
-        self._hook: viser.MeshHandle | None = None
+        self._instruments: dict[str, viser.MeshHandle] = {}
         self._hold: Hold | None = None
         self._frame, self._origin = np.eye(3), np.zeros(3)
 
@@ -111,16 +113,22 @@ class DragProxy:
             self._tubes.append(tube)
             self._listen(tube.mesh, tube.hold)
 
-    def set_hook(self, radius: float) -> None:
-        """Let the hook be dragged."""
-        solid = grip_solid(radius)
-        self._hook = self._client.scene.add_mesh_simple(
-            "/stage/hook/grip",
+    def set_instrument(self, hand: int, node: str, solid: Solid) -> None:
+        """Let a hand's instrument, a scene node, be dragged by a solid in the node's frame."""
+        mesh = self._client.scene.add_mesh_simple(
+            f"{node}/grip",
             solid.vertices.astype(np.float32),
             solid.faces.astype(np.uint32),
             **_UNSEEN,
         )
-        self._listen(self._hook, self._grab_hook)
+        self._instruments[node] = mesh
+        self._listen(mesh, lambda grip, place: Hold(None, grip, place, hand))
+
+    def forget_instrument(self, node: str) -> None:
+        """Let an instrument be dragged no more."""
+        mesh = self._instruments.pop(node, None)
+        if mesh is not None:
+            mesh.remove()
 
     def follow(self, surfaces: Sequence[NDArray[np.float32]]) -> None:
         """Move the tubes with the duct."""
@@ -130,9 +138,8 @@ class DragProxy:
     def let_go(self) -> None:
         """Let nothing be dragged until something is set again; an ongoing drag is released."""
         self._remove_tubes()
-        if self._hook is not None:
-            self._hook.remove()
-            self._hook = None
+        for node in list(self._instruments):
+            self.forget_instrument(node)
         if self._hold is not None:
             self._hold = None
             self._released()
@@ -154,28 +161,27 @@ class DragProxy:
                 return
             if event.phase == "start":
                 grip = self._organ_place(np.asarray(event.start_position, np.float64))
-                self._hold = start(grip, self._in_pull_plane(hand, grip))
+                self._hold = start(grip, self._place_of(hand, grip))
                 self._grabbed(self._hold)
             elif self._hold is not None:
                 held = self._hold
-                place = self._in_pull_plane(hand, held.start)
-                self._hold = Hold(held.station, held.start, place)
+                place = self._place_of(hand, held.start)
+                self._hold = replace(held, place=place)
                 if event.phase == "end":
                     self._hold = None
                     self._released()
                 else:
                     self._moved(self._hold)
 
-    def _grab_hook(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
-        return Hold(None, grip, place)
-
     def _organ_place(self, stage_place: NDArray[np.float64]) -> NDArray[np.float64]:
         return self._origin + self._frame @ stage_place
 
-    def _in_pull_plane(
+    def _place_of(
         self, hand: NDArray[np.float64], grip: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the organ's place under the mouse in the plane of the pull."""
+        """Return the organ's place under the mouse, in the screen's plane or that of the pull."""
+        if self._in_screen:
+            return self._organ_place(hand)
         # viser gives the hand's place on a plane that faces the camera. The line of sight through
         # it intersects the plane of the pull at the place that the user points at.
         eye = self._organ_place(np.asarray(self._client.camera.position, np.float64))

@@ -10,8 +10,9 @@ from app.trainer.stage.clamps import JAW_LENGTH
 FIELD_OF_VIEW = 0.62
 """Vertical, rad."""
 
-_VIEW_DIRECTION = np.array([0.0, 0.80, -0.60])
-TOWARDS_VIEWER = -_VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+ELEVATION = 0.6435011
+"""Of the camera over the duct, rad."""
+TOWARDS_VIEWER = np.array([0.0, -np.cos(ELEVATION), np.sin(ELEVATION)])
 """(3,) from the stage towards the camera when it is framed."""
 _MARGIN = 0.93  # part of the picture's half height and half width that may be filled
 _NARROW = 0.8  # width by height below which it is a phone held upright
@@ -44,7 +45,14 @@ class Viewpoint:
         return np.stack([relative @ right / (scale * aspect), relative @ above / scale], axis=-1)
 
 
-def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None = None) -> Viewpoint:
+def viewpoint(
+    span: float,
+    radius: float,
+    aspect: float,
+    *,
+    lift: float | None = None,
+    elevation: float = ELEVATION,
+) -> Viewpoint:
     """Return the viewpoint that shows the whole duct, both clamps and the room it is lifted into.
 
     Parameters
@@ -56,6 +64,8 @@ def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None =
         lower part: the duct then appears in the upper part.
     lift
         Largest height that the duct's middle is lifted to, mm; three tenths of the span when None.
+    elevation
+        Of the camera over the duct, rad.
 
     Returns
     -------
@@ -71,7 +81,7 @@ def viewpoint(span: float, radius: float, aspect: float, *, lift: float | None =
         raise ValueError(
             f"span, radius and aspect must be positive, got {span} mm, {radius} mm, {aspect}"
         )
-    forward = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+    forward = np.array([0.0, np.cos(elevation), -np.sin(elevation)])
     right = np.array([1.0, 0.0, 0.0])
     above = np.cross(right, forward)
     target = np.array([0.5 * span, 0.0, 0.08 * span])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from app.trainer.stage.appearance import Appearance, Surroundings
 from app.trainer.stage.bench import bench_glb
-from app.trainer.stage.camera import Viewpoint, viewpoint
+from app.trainer.stage.camera import ELEVATION, Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.dressed_surface import light_surfaces
 from app.trainer.stage.hook import hook_glb, hook_wxyz
@@ -82,6 +82,8 @@ class Stage:
         sRGB colour of the tissue pinched in the clamps, 0 to 255.
     surroundings
         What the duct lies in.
+    elevation
+        Of the camera when it is framed, rad.
 
     Raises
     ------
@@ -99,12 +101,13 @@ class Stage:
         bite: float = 0.8,
         tissue: tuple[int, int, int] = (205, 140, 92),
         surroundings: Surroundings = "liver",
+        elevation: float = ELEVATION,
     ) -> None:
         if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
         self.span, self.radius, self.look = float(span), float(radius), look
         self.surroundings: Surroundings = surroundings
-        self._scene = scene
+        self._scene, self._elevation = scene, elevation
         self._removed = False
         self._framed_aspect = 0.0
         self._lift: float | None = None
@@ -246,7 +249,7 @@ class Stage:
 
     def _frame(self, client: viser.ClientHandle, aspect: float, *, settles: bool = True) -> None:
         """Set the camera and the fog once."""
-        view = viewpoint(self.span, self.radius, aspect, lift=self._lift)
+        view = self._viewpoint(aspect)
         self._framed_aspect = aspect
         if settles:
             self._arrived, self._framed_at = False, time.monotonic()
@@ -261,6 +264,9 @@ class Stage:
             camera.max_orbit_distance = 2.0 * view.distance
             fill_air(self._scene, distance=view.distance)
             self._keep_in_sight(client, view)
+
+    def _viewpoint(self, aspect: float) -> Viewpoint:
+        return viewpoint(self.span, self.radius, aspect, lift=self._lift, elevation=self._elevation)
 
     def _keep_in_sight(self, client: viser.ClientHandle, view: Viewpoint) -> None:
         """Limit the camera to looking at the duct, from above the bed."""
@@ -279,7 +285,7 @@ class Stage:
 
     def _is_framed(self, camera: viser.CameraHandle) -> bool:
         """Return whether the camera is where it was put."""
-        view = viewpoint(self.span, self.radius, self._framed_aspect, lift=self._lift)
+        view = self._viewpoint(self._framed_aspect)
         near = _POSE_TOLERANCE * view.distance
         return bool(
             np.linalg.norm(camera.position - view.position) < near
