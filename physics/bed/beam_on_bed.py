@@ -310,7 +310,7 @@ class BeamOnBed:
         return self.state.react[node] + self.state.load[node]
 
     def set_rod(
-        self, rod: int, tip: Sequence[float], shaft: Sequence[float], radius: float
+        self, rod: int, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
     ) -> None:
         """Place a rod: its tip, mm, way back along the shaft, radius, mm."""
         self._account()
@@ -324,7 +324,7 @@ class BeamOnBed:
         self.state.sums[kernels.WORK] += work
         self.state.sums[kernels.ROD_WORK] += work
 
-    def lead_rod(self, rod: int, tip: Sequence[float]) -> None:
+    def lead_rod(self, rod: int, tip: Sequence[float] | Floats) -> None:
         """Set the target of a rod's tip, mm."""
         self.state.rods_to[rod, :3] = tip
 
@@ -344,8 +344,8 @@ class BeamOnBed:
         """(3,) the part of that force that presses the rod against the beam itself, N."""
         return self.state.press[rod].copy()
 
-    def tear(self, station: float) -> tuple[float, float]:
-        """Take all stiffness from the element at a station; return where it begins and ends, mm."""
+    def tear(self, station: float) -> int:
+        """Take all stiffness from the element at a station; return its number, from 0."""
         # At a node, of the two elements the one under the larger stress there. Both pieces go on
         # hanging on their strands and hooks; the element's energy is booked as released.
         s = finite(station, "the place of a tear", "mm")
@@ -363,13 +363,7 @@ class BeamOnBed:
         self._elastic[element] = 0.0
         self._measure_rest()
         self.state.sums[kernels.SNAP] -= self._changed()
-        return float(x[element]), float(x[element + 1])
-
-    @property
-    def torn(self) -> list[tuple[float, float]]:
-        """Where torn elements begin and end, mm along the axis at rest."""
-        x = self._stations
-        return [(float(x[e]), float(x[e + 1])) for e in np.flatnonzero(self._elastic[:, 0] == 0.0)]
+        return element
 
     def _account(self) -> None:
         """Bring the energy balance up to now, before hands or the beam change."""
@@ -616,11 +610,9 @@ class BeamOnBed:
         )
 
     def stresses(self) -> Floats:
-        """Return stresses of the wall at both ends of each element, MPa.
-
-        (N - 1, 2, 3): the normal stress, and those of bending at the outermost fibres up and across
-        the beam: above zero, bending stretches the side up and the one away from y.
-        """
+        """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
+        # Normal, and of bending at the outermost fibres up and across the beam: above zero, bending
+        # stretches the side up and the one away from y.
         wall, section = self.beam.wall, self.state.section
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
