@@ -96,6 +96,33 @@ def test_a_dissector_behind_the_duct_frees_it_at_a_small_part_of_its_strength(
     assert reading.peak_share < 0.1
 
 
+def test_a_pull_too_far_tears_the_duct_into_two_pieces_that_hang_on_their_strands(
+    session: BedSession,
+) -> None:
+    """Each follows its side of the tear and falls back; energy balances; a reset makes it whole."""
+    session.grab(0, 25.4)
+    lift(session, 18.0, seconds=2.0)
+    reading, duct = session.reading(), session.duct
+    assert reading.torn_at is not None
+    assert reading.peak_share > 1.0
+    assert reading.stress_share < 0.2
+    assert reading.held == (False, False)
+    assert session.grab(1, 10.0) is None
+    first, second = (
+        (each.vertices - each.skin.vertices) @ duct.dissection.frame
+        for each in session.drawn.surfaces
+    )
+    assert np.isfinite(first).all()
+    assert np.isfinite(second).all()
+    assert max(first[:, 2].max(), second[:, 2].max()) < 6.0  # from 14 mm
+    books = reading.books
+    explained = books.stored + books.dissipated + books.snap + books.drag + books.open
+    assert books.work == pytest.approx(explained, rel=1e-6)
+    session.reset()
+    assert session.reading().torn_at is None
+    assert np.array_equal(session.drawn.surfaces[0].vertices, session.drawn.skin.vertices)
+
+
 def test_inputs_that_make_no_sense_change_nothing(session: BedSession) -> None:
     """Numbers from a browser: not finite, behind a clamp, with an instrument that cannot hold."""
     assert session.grab(0, float("nan")) is None

@@ -212,7 +212,10 @@ class BeddedDuct:
                 bending_stress=worst.bending,
                 threshold=self.threshold,
             )
-            self._torn_element = beam.tear(worst.station)
+            begin, _ = beam.tear(worst.station)
+            self._torn_element = int(np.searchsorted(beam.stations, begin))
+            for number in range(HANDS):  # a duct in two slips off what holds it
+                self.release(number)
         return True
 
     def reading(self) -> BedReading:
