@@ -136,3 +136,18 @@ def test_inputs_that_make_no_sense_change_nothing(session: BedSession) -> None:
     assert session.grab(1, 20.0) is None
     session.move_hand(0, np.full(3, 1e9))
     assert np.abs(session.duct.hands[0].target).max() <= 120.0
+
+
+def test_strands_are_drawn_from_the_surface_with_their_own_lengths(session: BedSession) -> None:
+    """On a round bar through a curved organ, whose axis the beam's is not."""
+    duct = session.duct
+    organ, frame = duct.dissection.organ, duct.dissection.frame
+    stations, ends, feet = duct.surface.strands_at_rest()
+    strands = duct.beam.strands
+    assert feet - ends == pytest.approx((strands.feet - strands.ends) @ frame.T, abs=1e-9)
+    out = ends - organ.axis_at(stations)
+    assert np.sqrt((out**2).sum(axis=1)) == pytest.approx(organ.mean_radius, rel=0.1)
+    wanted = strands.ends - np.stack([strands.stations, *np.zeros((2, strands.count))], axis=1)
+    drawn = (out @ frame) / np.sqrt((out**2).sum(axis=1))[:, None]
+    wanted /= np.sqrt((wanted**2).sum(axis=1))[:, None]
+    assert (drawn * wanted).sum(axis=1).min() > np.cos(np.radians(15.0))

@@ -4,6 +4,7 @@ Scenes of any beam on a bed are here too (docs/peel.md).
 """
 
 from app.simulation.bed.bedded_duct import BED_THEORY, HANDS, BeddedDuct, BedReading
+from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
 from app.simulation.bed.scene import PeelScene, read_scene
@@ -18,6 +19,7 @@ __all__ = [
     "BedReading",
     "BedSession",
     "BeddedDuct",
+    "BeddedSurface",
     "Hand",
     "Instrument",
     "PeelScene",

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.hand import HOLDING, Hand, Instrument
 from app.simulation.bed.preset import BedPreset, beam_in_space
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
-from kernel_cache import njit
 from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, Books
 
@@ -93,9 +93,8 @@ class BeddedDuct:
         self._layer = bed.bed(self._rest, seed=seed)
         self._strands = self._layer.strands_under(self._rest)
         self._radius = float(self._rest.radius.mean())
-        # The beam's axis, a curve through the organ's, may be longer by a trifle.
-        self._scale = self._rest.span / dissection.beam.span
-        self._driven = self._scale * dissection.beam_stations
+        self.surface = BeddedSurface(dissection, self._rest, self._strands)
+        self._scale = self.surface.scale
         self.reset()
 
     def reset(self) -> None:
@@ -242,143 +241,10 @@ class BeddedDuct:
 
     def freed_at(self, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
-        # Over the strands within one of the beam's elements to either side.
-        reach = self._rest.span / ELEMENTS
-        placed = np.sort(self._strands.stations)
-        order = np.argsort(self._strands.stations, kind="stable")
-        parted = np.concatenate([[0.0], np.cumsum(self.beam.damage[order] >= 1.0)])
-        low = np.searchsorted(placed, self._scale * stations - reach)
-        high = np.searchsorted(placed, self._scale * stations + reach)
-        return (parted[high] - parted[low]) / np.maximum(high - low, 1)
-
-    # The surface
+        return self.surface.freed_at(self.beam.damage, stations)
 
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""
-        first, last = 0, self.beam.stations.size - 1
-        if piece == 0:
-            last = self._torn_element
-        elif piece == 1:
-            first = self._torn_element + 1
-        _follow(
-            self._driven,
-            self.dissection.driving.positions,
-            self.dissection.axis_point(0.0),
-            self.dissection.frame,
-            self.beam.stations,
-            self.beam.places,
-            self.beam.rotations,
-            self.beam.rest_places,
-            self.beam.rest_rotations,
-            first,
-            last,
-            out,
-        )
-        return out
-
-
-@njit(cache=True)
-def _follow(
-    driven: Floats,
-    positions: Floats,
-    origin: Floats,
-    frame: Floats,
-    stations: Floats,
-    x: Floats,
-    q: Floats,
-    rest_x: Floats,
-    rest_q: Floats,
-    first: int,
-    last: int,
-    out: Floats,
-) -> None:
-    """Write [R - I | t] of each driving point from the nodes `first` to `last`.
-
-    Between two nodes the displacement is a cubic through both nodes' displacements, with the slopes
-    that their rotations give a tangent; the rotation is the normalised mean of both quaternions.
-    Beyond the first and last node a point follows that node rigidly.
-    """
-    u, r = np.zeros(3), np.zeros((3, 3))
-    ends = np.zeros((2, 4))
-    slope = np.zeros((2, 3))
-    i = first
-    for k in range(driven.shape[0]):
-        s = driven[k]
-        while i < last - 1 and stations[i + 1] < s:
-            i += 1
-        j = min(i + 1, last)
-        h = stations[j] - stations[i]
-        w = 0.0 if h == 0.0 else min(max((s - stations[i]) / h, 0.0), 1.0)
-        for e in range(2):
-            n = i if e == 0 else j
-            a, b, c, d = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
-            # Turn since rest, q conj(q at rest), and how the tangent at rest has moved.
-            ra, rb, rc, rd = rest_q[n, 0], -rest_q[n, 1], -rest_q[n, 2], -rest_q[n, 3]
-            ends[e, 0] = a * ra - b * rb - c * rc - d * rd
-            ends[e, 1] = a * rb + b * ra + c * rd - d * rc
-            ends[e, 2] = a * rc - b * rd + c * ra + d * rb
-            ends[e, 3] = a * rd + b * rc - c * rb + d * ra
-            slope[e, 0] = h * 2.0 * ((rc * rc + rd * rd) - (c * c + d * d))
-            slope[e, 1] = h * 2.0 * ((b * c + a * d) - (rb * rc + -ra * rd))
-            slope[e, 2] = h * 2.0 * ((b * d - a * c) - (rb * rd + ra * rc))
-        if (
-            ends[0, 0] * ends[1, 0]
-            + ends[0, 1] * ends[1, 1]
-            + (ends[0, 2] * ends[1, 2] + ends[0, 3] * ends[1, 3])
-            < 0.0
-        ):
-            for m in range(4):
-                ends[1, m] = -ends[1, m]
-        a = (1.0 - w) * ends[0, 0] + w * ends[1, 0]
-        b = (1.0 - w) * ends[0, 1] + w * ends[1, 1]
-        c = (1.0 - w) * ends[0, 2] + w * ends[1, 2]
-        d = (1.0 - w) * ends[0, 3] + w * ends[1, 3]
-        norm = np.sqrt(a * a + b * b + c * c + d * d)
-        a, b, c, d = a / norm, b / norm, c / norm, d / norm
-        # R - I, without the cancellation of 1 - 1.
-        r[0, 0], r[0, 1], r[0, 2] = (
-            -2.0 * (c * c + d * d),
-            2.0 * (b * c - a * d),
-            2.0 * (b * d + a * c),
-        )
-        r[1, 0], r[1, 1], r[1, 2] = (
-            2.0 * (b * c + a * d),
-            -2.0 * (b * b + d * d),
-            2.0 * (c * d - a * b),
-        )
-        r[2, 0], r[2, 1], r[2, 2] = (
-            2.0 * (b * d - a * c),
-            2.0 * (c * d + a * b),
-            -2.0 * (b * b + c * c),
-        )
-        h00, h01 = (1.0 + 2.0 * w) * (1.0 - w) ** 2, w * w * (3.0 - 2.0 * w)
-        h10, h11 = w * (1.0 - w) ** 2, -w * w * (1.0 - w)
-        for m in range(3):
-            u[m] = (
-                h00 * (x[i, m] - rest_x[i, m])
-                + h01 * (x[j, m] - rest_x[j, m])
-                + h10 * slope[0, m]
-                + h11 * slope[1, m]
-            )
-        if s < stations[first] or s > stations[last]:  # beyond a torn end: rigidly with its node
-            n = first if s < stations[first] else last
-            for m in range(3):
-                u[m] = x[n, m] - rest_x[n, m]
-                for e in range(3):
-                    for g in range(3):
-                        arm = frame[g, e] * (positions[k, g] - origin[g])
-                        u[m] += r[m, e] * arm
-                    u[m] -= r[m, e] * rest_x[n, e]
-        # Into the organ's coordinates: F (R - I) F^T, and t that moves the point itself by F u.
-        for g in range(3):
-            moved = 0.0
-            for m in range(3):
-                moved += frame[g, m] * u[m]
-            for o in range(3):
-                turn = 0.0
-                for m in range(3):
-                    for e in range(3):
-                        turn += frame[g, m] * r[m, e] * frame[o, e]
-                out[k, g, o] = turn
-                moved -= turn * positions[k, o]
-            out[k, g, 3] = moved
+        first = self._torn_element + 1 if piece == 1 else 0
+        last = self._torn_element if piece == 0 else None
+        return self.surface.move(self.beam, out, first, last)
