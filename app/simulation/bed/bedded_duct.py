@@ -211,8 +211,7 @@ class BeddedDuct:
                 bending_stress=worst.bending,
                 threshold=self.threshold,
             )
-            begin, _ = beam.tear(worst.station)
-            self._torn_element = int(np.searchsorted(beam.stations, begin))
+            self._torn_element = beam.tear(worst.station)
             for number in range(HANDS):  # a duct in two slips off what holds it
                 self.release(number)
         return True

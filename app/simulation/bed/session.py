@@ -18,7 +18,7 @@ from app.simulation.dissection import Dissection, default_preset
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.preset import Preset
 from app.simulation.session import VERTICES
-from app.simulation.tear import SETTLED_SECONDS, tear_front
+from app.simulation.tear import SETTLED_SECONDS, tear_front, tear_swing
 from organ_geometry import Organ
 
 __all__ = ["BedSession"]
@@ -50,7 +50,7 @@ class BedSession:
         self._lock = RLock()
         self.drawn = DrawnDuct(organ, vertices, seed)
         self._organ = organ
-        self._torn_ticks = 0
+        self._torn_ticks, self._when_torn = 0, np.empty((0, 3, 4))
         self._start(preset or default_preset(organ), bed or bed_named("normal"), bed_seed)
 
     # What the trainee does.
@@ -120,6 +120,7 @@ class BedSession:
                 changed |= duct.advance()
                 if duct.torn is not None:
                     if whole:
+                        self._when_torn = self.drawn.transforms.copy()
                         self.drawn.show_pieces(duct.torn)
                     if self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS:
                         self._torn_ticks += 1
@@ -148,6 +149,16 @@ class BedSession:
         self.drawn.follow(self.duct.dissection)
 
     def _draw(self) -> None:
-        self.drawn.draw_moved(self.duct.move)
-        if self.duct.torn is not None:
-            self.drawn.open_tear(tear_front(self._torn_ticks * TICK_SECONDS))
+        if self.duct.torn is None:
+            self.drawn.draw_moved(self.duct.move)
+            return
+        # The beam is in its new equilibrium at once; the pieces are drawn swinging to it.
+        elapsed = self._torn_ticks * TICK_SECONDS
+        swing = tear_swing(elapsed)
+
+        def move(out: NDArray[np.float64], piece: int | None) -> None:
+            self.duct.move(out, piece)
+            out += swing * (self._when_torn - out)
+
+        self.drawn.draw_moved(move)
+        self.drawn.open_tear(tear_front(elapsed))
