@@ -30,7 +30,7 @@ COLD_SOLVES = 1000
 def walk(
     state: State,
     fibres: NDArray[np.float64] | None,
-    grasp: int,
+    grasp: int | None,
     control: int,
     loads: NDArray[np.float64],
 ) -> int:
@@ -44,13 +44,12 @@ def walk(
 def compiled(theory: Exact, grasp: float, control: int) -> float:
     """Return the time of a warm solve inside compiled code, us."""
     pull = theory.pull(DUCT, grasp).to_force(FORCE)
-    state, fibres, part = pull._state, pull._fibres, pull._part
-    loads = walk_about(
-        float(state.line[symbols.FORCE if control == BY_FORCE else symbols.DEFLECTION]), SOLVES
-    )
-    if walk(state, fibres, part, control, loads):
+    state, fibres, grasp_node = pull._state, pull._fibres, pull._grasp
+    here = pull._line[symbols.FORCE if control == BY_FORCE else symbols.DEFLECTION]
+    loads = walk_about(float(here), SOLVES)
+    if walk(state, fibres, grasp_node, control, loads):
         raise RuntimeError("a load of the walk was not found")
-    return microseconds(lambda: walk(state, fibres, part, control, loads), SOLVES)
+    return microseconds(lambda: walk(state, fibres, grasp_node, control, loads), SOLVES)
 
 
 def called(theory: Exact, grasp: float) -> float:

@@ -14,6 +14,7 @@ from physics.exact import symbols as at
 from physics.exact.linear_law import Linear
 from physics.exact.mesh import element_bounds
 from physics.exact.neo_hooke_law import NeoHooke
+from physics.exact.points import fill_points
 from physics.exact.state import new_state
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
@@ -155,8 +156,11 @@ class ExactPull(Pull):
         count = lengths.size
         law = theory.law
         self._state, self._fibres = new_state(count, law.point_rows, law.fibre_rows)
-        self._state.elements[at.LENGTH] = lengths
-        line = self._line = self._state.line
+        # Half a symmetric beam has no grasp inside it.
+        self._grasp = None if self._half else self._part
+        _, elements, _, self._line, _, _ = self._state
+        elements[at.LENGTH] = lengths
+        line = self._line
         line[at.SECOND] = count if self._second is None else 2 * self._part
         parts = lengths[: self._part], lengths[self._part :]
         # One after the other, as each part is as long as its elements to the last digit.
@@ -180,7 +184,7 @@ class ExactPull(Pull):
             return self.hold(Hold("force", force), Hold("force", 0.0))
         self._line[at.COMPLIANCE] = 0.0
         load = force / self._force_unit
-        outcome = newton.solve(self._state, self._fibres, self._part, at.BY_FORCE, load)
+        outcome = newton.solve(self._state, self._fibres, self._grasp, at.BY_FORCE, load)
         self._read()
         if outcome != at.FOUND:
             raise self._no_equilibrium(outcome, f"force of {force:g} N")
@@ -193,7 +197,7 @@ class ExactPull(Pull):
             return self.hold(Hold("deflection", deflection), Hold("force", 0.0))
         self._line[at.COMPLIANCE] = 0.0
         load = deflection / self._span
-        outcome = newton.solve(self._state, self._fibres, self._part, at.BY_DEFLECTION, load)
+        outcome = newton.solve(self._state, self._fibres, self._grasp, at.BY_DEFLECTION, load)
         self._read()
         if outcome != at.FOUND:
             raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
@@ -205,7 +209,7 @@ class ExactPull(Pull):
             raise ValueError("give one hold for each grasp")
         load, control = self._set(first, at.COMPLIANCE)
         if second is None:
-            outcome = newton.solve(self._state, self._fibres, self._part, control, load)
+            outcome = newton.solve(self._state, self._fibres, self._grasp, control, load)
             words = _words(first)
         else:
             line = self._line
@@ -239,8 +243,12 @@ class ExactPull(Pull):
     @property
     def strain_energy(self) -> float:
         """Strain energy of the beam, N mm."""
+        self._fill_points()
         energy = sampling.strain_energy(self._state, self._fibres, self._part)
         return energy * self._force_unit * self._span * (2.0 if self._half else 1.0)
+
+    def _fill_points(self) -> None:
+        fill_points(self._state, self._fibres, self._part, 4)
 
     def _no_equilibrium(self, outcome: int, load: str) -> BeyondLaw:
         reason, words = REASONS[outcome]
@@ -284,8 +292,10 @@ class ExactPull(Pull):
         far = parts > 0.5 if self._half else np.zeros(places.shape, dtype=np.bool_)
         folded = np.where(far, 1.0 - parts, parts)
         samples = np.zeros((sampling.SAMPLE_ROWS, places.size))
+        self._fill_points()
+        ends = np.zeros((2, self._bounds.size))
         if not sampling.sample(
-            self._state, self._fibres, self._part, self._bounds, folded, samples
+            self._state, self._fibres, self._part, self._bounds, folded, ends, samples
         ):
             raise self._no_equilibrium(at.GIVES_WAY, f"deflection of {self.deflection:g} mm")
         along: NDArray[np.float64] = samples[sampling.ALONG]

@@ -46,10 +46,11 @@ class Linear:
 
     def fill(self, state: State, beam: Beam, bounds: NDArray[np.float64]) -> None:
         """Write the sections at the Gauss points into the state."""
-        points, area = state.points, beam.mean_section[0]
+        _, _, points, line, _, _ = state
+        area = beam.mean_section[0]
         sections = beam.sections_at(gauss_points(bounds) * beam.span)
         points[OFFSET] = sections.offsets / beam.span
-        state.line[ECCENTRIC] = float(np.any(points[OFFSET] != 0.0))
+        line[ECCENTRIC] = float(np.any(points[OFFSET] != 0.0))
         points[BENDING] = sections.second_moments / (area * beam.span**2)
         points[KK] = points[BENDING]
         points[STRETCHING] = area / sections.areas

@@ -293,7 +293,8 @@ class NeoHooke:
 
     def fill(self, state: State, beam: Beam, bounds: NDArray[np.float64]) -> None:
         """Write the material and the sections at the Gauss points into the state."""
-        points, line, span, nu = state.points, state.line, beam.span, beam.poisson_ratio
+        _, _, points, line, _, _ = state
+        span, nu = beam.span, beam.poisson_ratio
         shear_modulus = 0.5 / (1.0 + nu)
         line[SHEAR_MODULUS] = shear_modulus
         line[RATIO] = (1.0 - 2.0 * nu) * shear_modulus  # G/(3 K)

@@ -404,7 +404,7 @@ def _turn(largest: float, size: float) -> float:
 def newton(
     state: State,
     fibres: Array | None,
-    grasp: int,
+    grasp: int | None,
     second: int | None,
     control: int,
     target: float,
@@ -414,13 +414,13 @@ def newton(
     # Halley's steps on the fibres' volumes: one near the last solution, four where it is farther.
     nodes, elements, points, line, _, _ = state
     rounds = 1 if accuracy == WARM else 4
+    part = elements.shape[1] if grasp is None else grasp
     for _ in range(MOST_STEPS):
-        fill_points(state, fibres, grasp, rounds)
-        if second is None:
-            if grasp == elements.shape[1]:
-                forces, turns = _half_step(nodes, elements, points, line, control, target)
-            else:
-                forces, turns = _whole_step(nodes, elements, points, line, grasp, control, target)
+        fill_points(state, fibres, part, rounds)
+        if grasp is None:
+            forces, turns = _half_step(nodes, elements, points, line, control, target)
+        elif second is None:
+            forces, turns = _whole_step(nodes, elements, points, line, grasp, control, target)
         else:
             forces, turns = _three_part_step(
                 nodes, elements, points, line, grasp, second, control, target
@@ -428,7 +428,7 @@ def newton(
         if not (forces + turns < 1e6):
             return LOST
         if forces < accuracy and turns < accuracy:
-            return _verdict(points, fibres, line, grasp)
+            return _verdict(points, fibres, line, part)
     return LOST
 
 
@@ -485,8 +485,10 @@ def rest(state: State, fibres: Array | None) -> None:
             fibres[VOLUME, i] = 1.0
 
 
-@njit(**KERNEL)
-def climb(state: State, fibres: Array | None, grasp: int, control: int, target: float) -> int:
+@njit(**KERNEL, inline="always")
+def climb(
+    state: State, fibres: Array | None, grasp: int | None, control: int, target: float
+) -> int:
     """Pull the beam from rest until it meets the target; return the outcome."""
     _, _, _, line, memory, kept = state
     rest(state, fibres)
@@ -530,11 +532,13 @@ def _copy(given: Array, into: Array) -> None:
 
 
 @njit(nogil=True, **KERNEL)
-def solve(state: State, fibres: Array | None, grasp: int, control: int, target: float) -> int:
+def solve(
+    state: State, fibres: Array | None, grasp: int | None, control: int, target: float
+) -> int:
     """Find the equilibrium at a force or deflection, from the last one if that is near."""
     # The solution from the last one is rejected when it fails, when the move is long, or when force
     # and deflection did not move the same way; then the beam is pulled again from rest.
-    line = state.line
+    _, _, _, line, _, _ = state
     force = line[FORCE]
     deflection = line[DEFLECTION] + line[COMPLIANCE] * force
     here = force if control == BY_FORCE else deflection

@@ -71,25 +71,34 @@ def fill_points(state: State, fibres: Array | None, grasp: int, rounds: int) -> 
         points[KAPPA, 2 * e] = (turn + SLOPE * bubble) * over
         points[KAPPA, 2 * e + 1] = (turn - SLOPE * bubble) * over
     fill_sines(points)
-    half, rest, count = 2 * grasp, 2 * int(line[SECOND]), points.shape[1]
-    h, p1, p2, p3 = line[H], line[P1], line[P2], line[P3]
+    count = points.shape[1]
+    h, shrink, poisson = line[H], line[SHRINK], line[POISSON]
+    eccentric = line[ECCENTRIC] != 0.0
     if fibres is None:
-        fill_linear(points, int(0), half, h, p1)
-        fill_linear(points, half, rest, h, p2)
-        fill_linear(points, rest, count, h, p3)
-        if line[ECCENTRIC] != 0.0:
+        if eccentric:
             for i in range(count):
                 points[KT, i] = points[KH, i] = points[KP, i] = 0.0
     else:
-        shrink, poisson = line[SHRINK], line[POISSON]
-        fill_strains(points, fibres, int(0), half, h, p1, shrink, poisson)
-        fill_strains(points, fibres, half, rest, h, p2, shrink, poisson)
-        fill_strains(points, fibres, rest, count, h, p3, shrink, poisson)
+        last = int(0)
+        for part in range(3):
+            first, last = last, _end(line, grasp, count, part)
+            fill_strains(points, fibres, first, last, h, line[P1 + part], shrink, poisson)
         fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
-        fill_neo_hooke(points, fibres, int(0), half, h, p1, shrink, poisson)
-        fill_neo_hooke(points, fibres, half, rest, h, p2, shrink, poisson)
-        fill_neo_hooke(points, fibres, rest, count, h, p3, shrink, poisson)
-    if line[ECCENTRIC] != 0.0:
-        add_offsets(points, int(0), half, h, p1)
-        add_offsets(points, half, rest, h, p2)
-        add_offsets(points, rest, count, h, p3)
+    last = int(0)
+    for part in range(3):
+        first, last = last, _end(line, grasp, count, part)
+        p = line[P1 + part]
+        if fibres is None:
+            fill_linear(points, first, last, h, p)
+        else:
+            fill_neo_hooke(points, fibres, first, last, h, p, shrink, poisson)
+        if eccentric:
+            add_offsets(points, first, last, h, p)
+
+
+@njit(**KERNEL, inline="always")
+def _end(line: Array, grasp: int, count: int, part: int) -> int:
+    """Return the first point behind a part of the beam."""
+    if part == 0:
+        return 2 * grasp
+    return 2 * int(line[SECOND]) if part == 1 else count

@@ -2,11 +2,8 @@
 
 import math
 
-import numpy as np
-
 from kernel_cache import njit
 from physics.exact.neo_hooke_law import fibre, fibre_energy, section_law, shrinkage
-from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State
 from physics.exact.symbols import *
 
@@ -17,8 +14,9 @@ SAMPLE_ROWS = 9
 
 @njit(**KERNEL)
 def _neo_hooke_strains(
-    state: State,
+    points: Array,
     fibres: Array,
+    line: Array,
     i: int,
     n: float,
     q: float,
@@ -28,7 +26,6 @@ def _neo_hooke_strains(
 ) -> tuple[float, float, float]:
     """Return lam, gam and kappa of a section like that of point i under n and q."""
     # The curvature is given, or found from the moment; started from the strains at the point.
-    points, line = state.points, state.line
     count = points.shape[1]
     lam, gam = points[LAM, i], points[GAM, i]
     g, ratio, shrink, poisson = line[SHEAR_MODULUS], line[RATIO], line[SHRINK], line[POISSON]
@@ -76,49 +73,6 @@ def _neo_hooke_strains(
 
 
 @njit(**KERNEL, inline="always")
-def _offset(points: Array, e: int, f: float) -> float:
-    """Return the centroid's distance from the axis at the part f of element e."""
-    b = min(max((f - 0.5 + GAUSS) / (2.0 * GAUSS), 0.0), 1.0)
-    return (1.0 - b) * points[OFFSET, 2 * e] + b * points[OFFSET, 2 * e + 1]
-
-
-@njit(**KERNEL)
-def _strains(
-    state: State,
-    fibres: Array | None,
-    e: int,
-    f: float,
-    n: float,
-    q: float,
-    kappa: float,
-    moment: float,
-    by_moment: bool,
-) -> tuple[float, float, float]:
-    """Return the centroid's lam and gam and kappa at the part f of element e."""
-    points = state.points
-    i, j = 2 * e, 2 * e + 1
-    if by_moment:
-        moment += _offset(points, e, f) * n
-    if fibres is not None:
-        nearer = i if f < 0.5 else j
-        return _neo_hooke_strains(state, fibres, nearer, n, q, kappa, moment, by_moment)
-    b = min(max((f - 0.5 + GAUSS) / (2.0 * GAUSS), 0.0), 1.0)
-    a = 1.0 - b
-    if by_moment:
-        kappa = moment / (a * points[BENDING, i] + b * points[BENDING, j])
-    lam = 1.0 + (a * points[STRETCHING, i] + b * points[STRETCHING, j]) * n
-    return lam, (a * points[SHEARING, i] + b * points[SHEARING, j]) * q, kappa
-
-
-@njit(**KERNEL, inline="always")
-def _bend(nodes: Array, elements: Array, e: int, f: float) -> tuple[float, float]:
-    """Return rotation and curvature at the part f of element e."""
-    left, right, bubble = nodes[ROTATION, e], nodes[ROTATION, e + 1], elements[BUBBLE, e]
-    theta = left + f * (right - left) + 4.0 * f * (1.0 - f) * bubble
-    return theta, (right - left + 4.0 * (1.0 - 2.0 * f) * bubble) / elements[LENGTH, e]
-
-
-@njit(**KERNEL, inline="always")
 def _across(line: Array, grasp: int, e: int) -> float:
     """Return the force across of the part that element e is of."""
     if e < grasp:
@@ -133,30 +87,32 @@ def sample(
     grasp: int,
     bounds: Array,
     stations: Array,
+    ends: Array,
     samples: Array,
 ) -> bool:
     """Sample at stations, parts of the span in any order; return whether sections bear it."""
+    # `points` are filled, and `ends`, (2, nodes), zeros: room for where the nodes are.
     # Positions are summed by the elements' own rule, so that they end where the equations say. The
     # moment is that at the first clamp, which is the residual of its row, plus what the forces turn
     # on the way, h y - p x: exact along the beam, where m = E I kappa jumps between elements. At
     # the grasp the part under the larger tension is taken. Between the points that the solution is
     # found at, a section may bear no more strain.
     nodes, elements, points, line, _, _ = state
-    fill_points(state, fibres, grasp, int(4))
     count = elements.shape[1]
     w = 0.5 * elements[LENGTH, 0]
     clamp = w * GAUSS * (points[T, 1] - points[T, 0]) + 0.5 * (
         points[MOMENT, 0] + points[MOMENT, 1]
     )
     clamp -= 0.5 * w * (points[T, 0] + points[T, 1])
-    xs, ys = np.zeros(count + 1), np.zeros(count + 1)
+    xs, ys = ends[0], ends[1]
     for e in range(count):
         w = 0.5 * elements[LENGTH, e]
         xs[e + 1] = xs[e] + w * (points[X, 2 * e] + points[X, 2 * e + 1])
         ys[e + 1] = ys[e] + w * (points[Y, 2 * e] + points[Y, 2 * e + 1])
     second = int(line[SECOND])
-    at_grasp = clamp + line[H] * ys[grasp] - line[P1] * xs[grasp]
-    at_second = at_grasp + line[H] * (ys[second] - ys[grasp]) - line[P2] * (xs[second] - xs[grasp])
+    h = line[H]
+    at_grasp = clamp + h * ys[grasp] - line[P1] * xs[grasp]
+    at_second = at_grasp + h * (ys[second] - ys[grasp]) - line[P2] * (xs[second] - xs[grasp])
     more = (line[P2] - line[P1]) * math.sin(nodes[ROTATION, grasp]) > 0.0
     more_2 = (line[P3] - line[P2]) * math.sin(nodes[ROTATION, second]) > 0.0
     sound = True
@@ -170,44 +126,65 @@ def sample(
         ):
             e -= 1
         f = (s - bounds[e]) / (bounds[e + 1] - bounds[e])
-        h, p = line[H], _across(line, grasp, e)
-        # From both ends of the element, so that a mirrored beam is sampled alike.
+        i, j, p = 2 * e, 2 * e + 1, _across(line, grasp, e)
+        left, right, bubble = nodes[ROTATION, e], nodes[ROTATION, e + 1], elements[BUBBLE, e]
+        # From both ends of the element, so that a mirrored beam is sampled alike: two points
+        # between each end and the station, then the station itself.
         x, y = 0.5 * (xs[e] + xs[e + 1]), 0.5 * (ys[e] + ys[e + 1])
-        for end in range(2):
+        moment = 0.0
+        for place in range(5):
+            end, side = place // 2, 2 * (place % 2) - 1
+            here = place == 4
             reach = f - end
-            w = 0.25 * reach * elements[LENGTH, e]
-            for side in range(-1, 2, 2):
-                part = end + reach * (0.5 + side * GAUSS)
-                theta, kappa = _bend(nodes, elements, e, part)
-                sin, cos = math.sin(theta), math.cos(theta)
-                n, q = h * cos + p * sin, p * cos - h * sin
-                lam, gam, _ = _strains(state, fibres, e, part, n, q, kappa, 0.0, bool(False))
-                lam += _offset(points, e, part) * kappa
+            part = f if here else end + reach * (0.5 + side * GAUSS)
+            theta = left + part * (right - left) + 4.0 * part * (1.0 - part) * bubble
+            kappa = (right - left + 4.0 * (1.0 - 2.0 * part) * bubble) / elements[LENGTH, e]
+            sin, cos = math.sin(theta), math.cos(theta)
+            n, q = h * cos + p * sin, p * cos - h * sin
+            b = (part - 0.5 + GAUSS) / (2.0 * GAUSS)
+            if b < 0.0:
+                b = 0.0
+            elif b > 1.0:
+                b = 1.0
+            a = 1.0 - b
+            offset = a * points[OFFSET, i] + b * points[OFFSET, j]
+            if here:
+                if f == 0.0 or f == 1.0:
+                    x, y = xs[e + int(f)], ys[e + int(f)]
+                moment = clamp + h * y - p * x
+                if e >= second:
+                    moment = at_second + h * (y - ys[second]) - p * (x - xs[second])
+                elif e >= grasp:
+                    moment = at_grasp + h * (y - ys[grasp]) - p * (x - xs[grasp])
+            if fibres is None:
+                lam = 1.0 + (a * points[STRETCHING, i] + b * points[STRETCHING, j]) * n
+                gam = (a * points[SHEARING, i] + b * points[SHEARING, j]) * q
+                if here:
+                    bending = a * points[BENDING, i] + b * points[BENDING, j]
+                    kappa = (moment + offset * n) / bending
+            else:
+                nearer = i if part < 0.5 else j
+                lam, gam, kappa = _neo_hooke_strains(
+                    points, fibres, line, nearer, n, q, kappa, moment + offset * n, here
+                )
+            if here:
+                samples[ALONG, k], samples[ACROSS, k], samples[TURN, k] = x, y, theta
+                samples[TENSION, k], samples[TRANSVERSE, k], samples[BENT, k] = n, q, moment
+                samples[SAMPLE_LAM, k], samples[SAMPLE_GAM, k] = lam, gam
+                samples[SAMPLE_KAPPA, k] = kappa
+                sound = sound and math.isfinite(x) and math.isfinite(lam)
+            else:
+                lam += offset * kappa
+                w = 0.25 * reach * elements[LENGTH, e]
                 x += w * (lam * cos - gam * sin)
                 y += w * (lam * sin + gam * cos)
-        if f == 0.0 or f == 1.0:
-            x, y = xs[e + int(f)], ys[e + int(f)]
-        theta, kappa = _bend(nodes, elements, e, f)
-        sin, cos = math.sin(theta), math.cos(theta)
-        n, q = h * cos + p * sin, p * cos - h * sin
-        moment = clamp + h * y - p * x
-        if e >= second:
-            moment = at_second + h * (y - ys[second]) - p * (x - xs[second])
-        elif e >= grasp:
-            moment = at_grasp + h * (y - ys[grasp]) - p * (x - xs[grasp])
-        lam, gam, kappa = _strains(state, fibres, e, f, n, q, kappa, moment, bool(True))
-        samples[ALONG, k], samples[ACROSS, k], samples[TURN, k] = x, y, theta
-        samples[TENSION, k], samples[TRANSVERSE, k], samples[BENT, k] = n, q, moment
-        samples[SAMPLE_LAM, k], samples[SAMPLE_GAM, k], samples[SAMPLE_KAPPA, k] = lam, gam, kappa
-        sound = sound and math.isfinite(x) and math.isfinite(lam)
     return sound
 
 
 @njit(**KERNEL)
 def strain_energy(state: State, fibres: Array | None, grasp: int) -> float:
-    """Return the strain energy, in E A S: that whose derivatives the equations are."""
+    """Return the strain energy, in E A S, of filled points: its derivatives are the equations."""
     _, elements, points, line, _, _ = state
-    fill_points(state, fibres, grasp, int(4))
     energy = 0.0
     count = points.shape[1]
     for i in range(count):

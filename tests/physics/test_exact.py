@@ -13,9 +13,8 @@ from benchmarks.exact_sweep import random_case, sweep
 from physics import Beam, BeyondLaw, Exact, Linear, NeoHooke, TautString, VaryingBeam, theory_named
 from physics.exact import neo_hooke_law, newton
 from physics.exact.linear_law import fill_linear
-from physics.exact.points import fill_sines
+from physics.exact.points import fill_points, fill_sines
 from physics.exact.sampling import SAMPLE_ROWS, sample, strain_energy
-from physics.exact.state import State
 from physics.exact.symbols import BY_DEFLECTION, BY_FORCE, TIGHT
 from physics.section import Ring
 
@@ -381,8 +380,8 @@ def test_rest_is_rest() -> None:
 def copied(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.copy()
-    if isinstance(value, State):
-        return State(*(copied(item) for item in value))
+    if isinstance(value, tuple):
+        return tuple(copied(item) for item in value)
     return value
 
 
@@ -401,22 +400,23 @@ def numbers(*values: Any) -> list[np.ndarray]:
 def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
     solver = replace(theory, intervals=8).pull(DUCT, grasp)
     solver.to_force(2.0)
-    state, fibres, part = solver._state, solver._fibres, solver._part
-    points, bounds, x = state.points, solver._bounds, np.linspace(0.0, float(solver._bounds[-1]), 5)
+    state, fibres, part, inside = solver._state, solver._fibres, solver._part, solver._grasp
+    points, bounds, x = state[2], solver._bounds, np.linspace(0.0, float(solver._bounds[-1]), 5)
     five = (0.2, 0.9, -0.1, 0.05, 0.3)
     law_of = (1.2, 0.3, 2.0, 1.0, 0.1, 0.25, 0.04, 0.3, 0.3)
-    samples = np.zeros((SAMPLE_ROWS, 5))
+    ends, samples = np.zeros((2, bounds.size)), np.zeros((SAMPLE_ROWS, 5))
     calls: list[tuple[Any, ...]] = [
         (fill_sines, points),
         (neo_hooke_law.shrinkage, 1.4, 0.3, 0.3),
         (neo_hooke_law.fibre, 1.3, 0.4, 1.1, 0.38, 0.15),
         (neo_hooke_law.fibre_pull, 1.3, 0.4, 0.38, 0.15),
         (neo_hooke_law.section_law, *law_of, five, five, five),
-        (newton.newton, state, fibres, part, None, BY_FORCE, 0.11, TIGHT),
-        (newton.climb, state, fibres, part, BY_DEFLECTION, 0.2),
-        (newton.solve, state, fibres, part, BY_DEFLECTION, 0.15),
+        (newton.newton, state, fibres, inside, None, BY_FORCE, 0.11, TIGHT),
+        (newton.climb, state, fibres, inside, BY_DEFLECTION, 0.2),
+        (newton.solve, state, fibres, inside, BY_DEFLECTION, 0.15),
         (newton.rest, state, fibres),
-        (sample, state, fibres, part, bounds, x, samples),
+        (fill_points, state, fibres, part, 2),
+        (sample, state, fibres, part, bounds, x, ends, samples),
         (strain_energy, state, fibres, part),
     ]
     if fibres is None:
