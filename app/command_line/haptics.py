@@ -38,7 +38,13 @@ def haptics(
     organ: Annotated[
         Path | None, typer.Option(help="An .organ file, for presets with the organ's own sections.")
     ] = None,
-    theory: Annotated[str, typer.Option(help="cubic or exact.")] = "cubic",
+    bed: Annotated[
+        str | None, typer.Option(help="The tissue that the duct lies in: normal, loose, firm, ...")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the bed's scatter.")] = 1,
+    theory: Annotated[
+        str | None, typer.Option(help="cubic or exact.", show_default="cubic; exact in a bed")
+    ] = None,
     shear: Annotated[bool, typer.Option("--shear", help="exact: sections shear.")] = False,
     law: Annotated[str | None, typer.Option(help="exact: linear or neo-hooke.")] = None,
     grasp: Annotated[
@@ -113,13 +119,21 @@ def haptics(
     from app.haptics.servo import real_time
     from app.haptics.servo_loop import LoopSettings
     from app.simulation import chosen_preset
+    from app.simulation.bed import bed_named
 
+    if bed is not None and (theory is not None or shear or law is not None):
+        raise ValueError(
+            "a duct in a bed is solved by the exact beam in space, linear and with shear: leave "
+            "out --theory, --shear and --law"
+        )
     choice = DuctChoice.of(
         chosen_preset(preset),
         None if organ is None else organ_from(organ),
-        chosen_theory(theory, q=None, shear=shear, law=law),
+        chosen_theory(theory or "cubic", q=None, shear=shear, law=law),
         grasp,
         second,
+        bed=None if bed is None else bed_named(bed),
+        bed_seed=seed,
     )
     settings = LoopSettings(rate, scale, hold)
     script = HandScript() if hand is None else read_hand(hand)
@@ -169,6 +183,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     from app.haptics.device_run import read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
     from app.simulation import chosen_preset
+    from app.simulation.bed import bed_named
 
     try:
         content = file.read_bytes()
@@ -176,7 +191,14 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         raise ValueError(f"cannot read {file}: {(error.strerror or str(error)).lower()}") from error
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
-    choice = DuctChoice.of(chosen_preset(run.preset), tissue, run.theory.theory(), *run.grasps_mm)
+    choice = DuctChoice.of(
+        chosen_preset(run.preset),
+        tissue,
+        run.theory.theory(),
+        *run.grasps_mm,
+        bed=None if run.bed is None else bed_named(run.bed),
+        bed_seed=run.bed_seed,
+    )
     loop, again = played_again(run, choice)
     same = again.forces_sha256 == run.forces_sha256
     facts = {

@@ -43,6 +43,8 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
     periods: int
     inputs: str  # places and bits of the hands: second differences, packed by zlib, in base64
     forces_sha256: str  # of the forces given
+    bed: str | None = None  # that ships; None for a duct that nothing holds
+    bed_seed: int = 1
     format: str = FORMAT
     version: int = VERSION
 

@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 from app.haptics.device import DeviceLimits
 from app.haptics.device_run import DeviceRun, Recorder
-from app.haptics.felt_duct import FeltDuct
+from app.haptics.felt_bed import FeltBed
+from app.haptics.felt_duct import FeltDuct, FeltModel
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.simulation import Dissection, OrganIdentity, Preset, RoundBeam, TheoryChoice
+from app.simulation.bed import BED_THEORY, ELEMENTS, BedPreset, beam_in_space
 from organ_geometry import Organ
 from physics import Beam, Theory
+from physics.bed import SpaceBeam
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
 
@@ -34,6 +37,8 @@ class DuctChoice:
     theory: Theory
     grasps: tuple[float, ...]  # one hook or two, mm from the first clamp
     threshold: float  # stress at which it tears, MPa
+    bed: BedPreset | None = None  # the tissue that holds it, if any
+    bed_seed: int = 1  # of the bed's scatter
 
     @classmethod
     def of(
@@ -43,8 +48,11 @@ class DuctChoice:
         theory: Theory,
         grasp: float | None = None,
         second: float | None = None,
+        *,
+        bed: BedPreset | None = None,
+        bed_seed: int = 1,
     ) -> "DuctChoice":
-        """Return a choice."""
+        """Return a choice; in a bed the theory is `BED_THEORY`."""
         if isinstance(preset.beam, RoundBeam):
             if organ is not None:
                 raise ValueError(f"preset {preset.name} brings its own beam; leave out --organ")
@@ -57,12 +65,28 @@ class DuctChoice:
         grasps = (first,) if second is None else tuple(sorted((first, second)))
         for each in grasps:
             beam.grasped_at(each)
-        return cls(preset, beam, organ, theory, grasps, preset.threshold(theory, beam))
+        solved = theory if bed is None else BED_THEORY
+        threshold = preset.threshold(solved, beam)
+        return cls(preset, beam, organ, solved, grasps, threshold, bed, bed_seed)
 
-    def felt(self, coupling: float) -> FeltDuct:
-        """Return the duct at rest behind a coupling, N/mm."""
-        return FeltDuct(
-            self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
+    def felt(self, coupling: float, period: float = 1e-3) -> FeltModel:
+        """Return the duct at rest behind a coupling, N/mm, for a servo's period, s."""
+        if self.bed is None:
+            return FeltDuct(
+                self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
+            )
+        if self.organ is None:
+            beam = SpaceBeam.of(self.beam, elements=ELEMENTS, nodes_at=self.grasps)
+        else:
+            dissection = Dissection.of(self.organ, self.preset)
+            beam = beam_in_space(dissection, elements=ELEMENTS, nodes_at=self.grasps)
+        return FeltBed(
+            beam,
+            self.bed.bed(beam, seed=self.bed_seed),
+            self.grasps,
+            threshold=self.threshold,
+            coupling=coupling,
+            period=period,
         )
 
     def run(
@@ -93,6 +117,8 @@ class DuctChoice:
             periods=recorder.periods,
             inputs=recorder.packed(),
             forces_sha256=recorder.forces_sha256,
+            bed=None if self.bed is None else self.bed.name,
+            bed_seed=self.bed_seed,
         )
 
 
@@ -100,7 +126,7 @@ def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorde
     """Compute a recorded run again, period by period."""
     places, bits = run.unpacked()
     hands = places.shape[1]
-    model = choice.felt(run.coupling_N_per_mm)
+    model = choice.felt(run.coupling_N_per_mm, run.settings.period)
     loop = ServoLoop(model, run.settings, run.limits, hands)
     recorder = Recorder(hands)
     if run.assist_mm:

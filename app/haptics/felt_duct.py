@@ -42,8 +42,15 @@ class FeltModel(Protocol):
     elastic_forces: NDArray[np.float64]  # (H, 3) the same before what tore in this step
     hooks: NDArray[np.float64]  # (H, 3) places of the hooks relative to rest, mm
     stored: float  # energy of the duct and of the couplings
-    spent: float  # energy that tears have taken
+    spent: float  # energy that tears and parted strands have taken
     torn: bool
+    grasps: tuple[float, ...]  # of the hooks, mm from the first clamp
+    coupling: float  # stiffness of the virtual coupling, N/mm
+
+    @property
+    def solved_by(self) -> str:
+        """What solves it, in words."""
+        ...
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
         """Advance by one period."""
@@ -106,6 +113,11 @@ class FeltDuct:
             self._critical = np.union1d(self._critical, [grasps[1]])
         self.step(np.full((hooks, 3), 1.0), np.ones(hooks, np.bool_))  # compiled before it is felt
         self.rest()
+
+    @property
+    def solved_by(self) -> str:
+        """The theory's name."""
+        return self.theory.name
 
     def rest(self) -> None:
         """Make the duct whole and let go of it."""

@@ -45,7 +45,7 @@ def felt_run(
         stiffness = coupling
         if stiffness is None:
             stiffness = passive_coupling(limits.damping, settings.rate)
-        loop = ServoLoop(choice.felt(stiffness), settings, limits, len(devices))
+        loop = ServoLoop(choice.felt(stiffness, settings.period), settings, limits, len(devices))
     except BaseException:
         for device in devices:
             with suppress(DeviceError):

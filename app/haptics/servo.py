@@ -195,12 +195,11 @@ class Servo:
             float(books[ALLOWED]),
         )  # fmt: skip
         periods, seconds = self._periods, max(self._seconds, 1e-9)
-        duct = model if isinstance(model, FeltDuct) else None
         return ServoReport(
             device=", ".join(device.name for device in self.devices),
-            theory="" if duct is None else duct.theory.name,
-            grasps_mm=() if duct is None else duct.grasps,
-            coupling_N_per_mm=0.0 if duct is None else duct.coupling,
+            theory=model.solved_by,
+            grasps_mm=model.grasps,
+            coupling_N_per_mm=model.coupling,
             scheduling=self._scheduling,
             wanted_rate_Hz=loop.settings.rate,
             rate_Hz=periods / seconds,
@@ -225,6 +224,7 @@ class Servo:
 
     def _force_check(self) -> ForceCheck | None:
         model = self.loop.model
+        # Forces in a bed depend on the whole way to them: there is no force to solve from rest.
         if not isinstance(model, FeltDuct) or len(model.grasps) > 1 or not self._checks:
             return None
         worst = 0.0

@@ -12,6 +12,7 @@ import pytest
 from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
 from app.haptics.device_run import read_device_run
 from app.haptics.duct_choice import DuctChoice, passive_coupling, played_again
+from app.haptics.felt_bed import FeltBed
 from app.haptics.felt_duct import FeltDuct
 from app.haptics.felt_run import felt_run
 from app.haptics.hand import HandScript, SimulatedHand, SimulatedHardware, Waypoint
@@ -20,6 +21,7 @@ from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
 from app.haptics.virtual_device import VirtualDevice
 from app.simulation import preset_named
+from app.simulation.bed import bed_named
 from physics import Cubic, Exact, NeoHooke, Theory
 
 DUCT = preset_named("thesis-bile-duct")
@@ -263,6 +265,65 @@ def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
     assert model.torn
 
 
+def in_bed(bed: str = "firm", second: float | None = None) -> DuctChoice:
+    return DuctChoice.of(DUCT, None, Cubic(), None, second, bed=bed_named(bed))
+
+
+UP_AND_DOWN = (
+    Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(2.1, (0.0, 0.0, 13.0)),
+    Waypoint(2.4, (0.0, 0.0, 13.0)), Waypoint(3.6, (0.0, 0.0, 0.0)),
+)  # fmt: skip
+
+
+def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
+    """The hand's work is what the law has dissipated; the force changes in small steps."""
+    run = felt(hand(UP_AND_DOWN, tremor_mm=0.1), in_bed(), seconds=3.9)
+    model = run.loop.model
+    assert isinstance(model, FeltBed)
+    assert model.parted > 200
+    assert not model.torn
+    assert model.stored < 0.01
+    # With less than a hundredth of its work left to what one Newton step a period cannot balance.
+    peak = run.books[:, WORK].max()
+    assert run.books[-1, MODELLED] == pytest.approx(model.spent, abs=0.01 * peak)
+    assert model.spent > 0.3 * peak
+    assert run.books[:, MADE].max() < 0.02
+    assert run.books[:, LEAST].min() > -0.02
+    changes = np.linalg.norm(np.diff(run.given, axis=0), axis=1)
+    assert changes.max() < 0.05
+
+
+def test_a_duct_that_is_freed_is_softer_than_in_its_bed() -> None:
+    """Down and up again along a duct whose strands have parted: a hand feels what it has done."""
+    run = felt(hand(UP_AND_DOWN), in_bed(), seconds=3.9)
+    high = int(np.argmax(run.hooks))
+    on_the_way = float(run.hooks[high]) * 0.5
+    up = run.forces[int(np.flatnonzero(run.hooks >= on_the_way)[0])]
+    down = run.forces[high + int(np.flatnonzero(run.hooks[high:] <= on_the_way)[0])]
+    assert down < 0.8 * up
+
+
+def test_too_firm_a_pull_tears_a_duct_in_its_bed_and_ends_the_force() -> None:
+    run = felt(hand(TO_THE_TEAR), in_bed("inflamed"), seconds=2.6)
+    assert run.loop.model.torn
+    assert np.abs(run.given[-1]).max() < 0.02
+    changes = np.linalg.norm(np.diff(run.given, axis=0), axis=1)
+    assert changes.max() <= 0.2 * (1.0 + 1e-9)
+
+
+def test_a_run_in_a_bed_is_made_again_to_the_bit() -> None:
+    periods = iter(range(1200))
+    chosen = in_bed("loose", 34.0)
+    _, run = felt_run(
+        chosen, options(hand(UP_AND_DOWN)), LoopSettings(),
+        lambda: None if next(periods, None) is not None else "enough", assist=2.0,
+    )  # fmt: skip
+    again = read_device_run(msgspec.json.encode(run))
+    assert (again.bed, again.bed_seed) == ("loose", 1)
+    assert played_again(again, chosen)[1].forces_sha256 == run.forces_sha256
+    assert played_again(again, in_bed("normal", 34.0))[1].forces_sha256 != run.forces_sha256
+
+
 def options(script: HandScript) -> list[tuple[str, DeviceOptions]]:
     return [("virtual", DeviceOptions("", 0.001, script))]
 
@@ -352,4 +413,6 @@ def test_what_cannot_be_felt_is_refused() -> None:
         DuctChoice.of(preset_named("porcine-bile-duct"), None, Cubic())
     with pytest.raises(ValueError, match="grasp"):
         choice(grasp=90.0)
-    assert math.isfinite(choice().felt(1.0).breaks_at)
+    whole = choice().felt(1.0)
+    assert isinstance(whole, FeltDuct)
+    assert math.isfinite(whole.breaks_at)

@@ -3,7 +3,7 @@
 Scenes of any beam on a bed are here too (docs/peel.md).
 """
 
-from app.simulation.bed.bedded_duct import BED_THEORY, HANDS, BeddedDuct, BedReading
+from app.simulation.bed.bedded_duct import BED_THEORY, ELEMENTS, HANDS, BeddedDuct, BedReading
 from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
@@ -12,6 +12,7 @@ from app.simulation.bed.session import BedSession
 
 __all__ = [
     "BED_THEORY",
+    "ELEMENTS",
     "HANDS",
     "HOLDING",
     "INSTRUMENTS",

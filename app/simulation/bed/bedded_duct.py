@@ -19,7 +19,7 @@ from app.simulation.dissection import Dissection
 from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, Books
 
-__all__ = ["BED_THEORY", "HANDS", "BedReading", "BeddedDuct"]
+__all__ = ["BED_THEORY", "ELEMENTS", "HANDS", "BedReading", "BeddedDuct"]
 
 Floats = NDArray[np.float64]
 
