@@ -10,6 +10,7 @@ from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
     from app.simulation import Measures, Replay
+    from app.simulation.bed import DissectionMeasures
 
 __all__ = ["replay"]
 
@@ -49,14 +50,15 @@ def replay(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Make a run again from its inputs and print its measures.
+    """Make a run again from its inputs, of a pull or of a dissection, and print its measures.
 
     Says whether they are those of the original, to the digit. With -o the run can be seen in other
     programs. Examples: bluntdissect replay run.json; bluntdissect replay run.json -o run.glb
     """
     import msgspec
 
-    from app.simulation import MOST_BYTES, Replay, read_run, series_csv, versions
+    from app.simulation import MOST_BYTES, Replay, series_csv, versions
+    from app.simulation.bed import DissectionFile, DissectionReplay, dissection_csv, read_any_run
 
     if output is not None:
         _check_output(output)
@@ -67,34 +69,47 @@ def replay(
             content = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise ValueError(f"cannot read {run}: {(error.strerror or str(error)).lower()}") from error
-    original = read_run(content)
+    original = read_any_run(content)
+    if output is not None and isinstance(original, DissectionFile):
+        raise ValueError(f"cannot write {output}: only a pull can be written so, no dissection")
     if csv is not None and not csv.parent.is_dir():
         raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
-    again = Replay(original.log, organ_from(organ), vertices=300)
-    found = again.run_file()
-    same = original.agrees_with(found)
+    shape = organ_from(organ)
+    played: dict[str, object] = {}
+    if isinstance(original, DissectionFile):
+        free = DissectionReplay(original.log, shape, vertices=300)
+        found = free.run_file()
+        same = original.agrees_with(found)
+        rows = None if csv is None else dissection_csv(free.series())
+        lines = _dissection_lines(found.measures)
+        facts: dict[str, object] = {}
+    else:
+        again = Replay(original.log, shape, vertices=300)
+        found = again.run_file()
+        same = original.agrees_with(found)
+        if output is not None:
+            played = _write_played(again, output, frames, edge_length)
+        rows = None if csv is None else series_csv(again.series())
+        lines = _lines(found.measures)
+        exercise_inputs = found.log.exercise_inputs
+        facts = {} if found.log.exercise is None else {"exercise_inputs": exercise_inputs}
     others = {name: made for name, made in original.log.versions.items() if name in versions()}
     others = {name: made for name, made in others.items() if versions()[name] != made}
-    played: dict[str, object] = {}
-    if output is not None:
-        played = _write_played(again, output, frames, edge_length)
-    if csv is not None:
-        csv.write_text(series_csv(again.series()))
+    if csv is not None and rows is not None:
+        csv.write_text(rows)
     if as_json:
         outcome = None if found.outcome is None else msgspec.to_builtins(found.outcome)
         measures = msgspec.to_builtins(found.measures)
-        facts = {"measures": measures, "outcome": outcome, "as_recorded": same, **played}
-        if found.log.exercise is not None:
-            facts["exercise_inputs"] = found.log.exercise_inputs
-        print(json.dumps(facts))
+        result = {"measures": measures, "outcome": outcome, "as_recorded": same}
+        print(json.dumps(result | played | facts))
         return
-    for name, value in _lines(found.measures):
+    for name, value in lines:
         print(f"{name:<28} {value}")
     if found.outcome is not None:
         print(f"{'exercise':<28} {'passed' if found.outcome.passed else 'not passed'}: ", end="")
         print(found.outcome.reason)
-    if found.log.exercise is not None:
-        by_hand = found.log.exercise_inputs == "hand"
+    if "exercise_inputs" in facts:
+        by_hand = facts["exercise_inputs"] == "hand"
         print(f"{'done with':<28} {'the hand alone' if by_hand else 'sliders and keys allowed'}")
     made = ", ".join(f"{name} {version}" for name, version in others.items())
     note = f"; it was made with {made}" if others else ""
@@ -135,32 +150,71 @@ def _write_played(
     return {"file": str(path), "bytes": len(content), "keys": len(run.motion.times)}
 
 
-def _lines(measures: "Measures") -> list[tuple[str, str]]:
-    def figure(value: float | None, unit: str) -> str:
-        return "none" if value is None else f"{value!r} {unit}".rstrip()
+def _figure(value: float | None, unit: str = "") -> str:
+    return "none" if value is None else f"{value!r} {unit}".rstrip()
 
+
+def _dissection_lines(measures: "DissectionMeasures") -> list[tuple[str, str]]:
+    def both(values: tuple[float, float], unit: str) -> str:
+        return f"{values[0]!r} and {values[1]!r} {unit}".rstrip()
+
+    found, torn = measures, measures.tear
+    return [
+        ("time", _figure(found.time_s, "s")),
+        ("freed length", _figure(found.freed_mm, "mm")),
+        ("longest freed stretch", _figure(found.longest_freed_stretch_mm, "mm")),
+        ("strands parted", f"{found.strands_parted} of {found.strands}"),
+        ("by each hand", both(found.strands_parted_by_hand, "")),
+        ("against an instrument", str(found.strands_parted_by_instrument)),
+        ("out of sight", str(found.strands_parted_out_of_sight)),
+        (
+            "peak stress share",
+            f"{found.peak_stress_share!r} of the break, {found.peak_stress_station_mm:.6g} mm from "
+            f"the first clamp",
+        ),
+        ("smallest distance to break", _figure(found.smallest_distance_to_break)),
+        ("time above half of the break", _figure(found.time_above_half_s, "s")),
+        ("maximum rate of stress share", _figure(found.maximum_stress_rate_per_s, "1/s")),
+        ("work of each hand", both(found.work_mJ, "mJ")),
+        ("energy parted", _figure(found.parted_energy_mJ, "mJ")),
+        ("most energy in the duct", _figure(found.duct_energy_mJ, "mJ")),
+        ("economy of work", _figure(found.economy_of_work)),
+        ("maximum force of each hand", both(found.maximum_force_N, "N")),
+        ("force-time product of each", both(found.force_time_product_N_s, "N s")),
+        ("maximum instrument force", _figure(found.maximum_instrument_force_N, "N")),
+        ("direction of traction", _figure(found.traction_angle_deg, "degrees off straight up")),
+        (
+            "tear",
+            "none"
+            if torn is None
+            else f"at {torn.time_s!r} s, {torn.station_mm:.6g} mm from the first clamp",
+        ),
+    ]
+
+
+def _lines(measures: "Measures") -> list[tuple[str, str]]:
     torn = measures.tear
     lines = [
-        ("time", figure(measures.time_s, "s")),
-        ("maximum force", figure(measures.maximum_force_N, "N")),
-        ("mean absolute non-zero force", figure(measures.mean_absolute_nonzero_force_N, "N")),
-        ("standard deviation of it", figure(measures.force_sd_N, "N")),
-        ("force-time product", figure(measures.force_time_product_N_s, "N s")),
+        ("time", _figure(measures.time_s, "s")),
+        ("maximum force", _figure(measures.maximum_force_N, "N")),
+        ("mean absolute non-zero force", _figure(measures.mean_absolute_nonzero_force_N, "N")),
+        ("standard deviation of it", _figure(measures.force_sd_N, "N")),
+        ("force-time product", _figure(measures.force_time_product_N_s, "N s")),
         (
             "time over threshold",
             f"{measures.time_over_threshold_s!r} s over {measures.task_threshold_N!r} N",
         ),
-        ("maximum rate of loading", figure(measures.maximum_loading_rate_N_per_s, "N/s")),
-        ("overshoot", figure(measures.overshoot, "of the goal")),
-        ("path length", figure(measures.path_length_mm, "mm")),
-        ("economy of motion", figure(measures.economy_of_motion, "")),
+        ("maximum rate of loading", _figure(measures.maximum_loading_rate_N_per_s, "N/s")),
+        ("overshoot", _figure(measures.overshoot, "of the goal")),
+        ("path length", _figure(measures.path_length_mm, "mm")),
+        ("economy of motion", _figure(measures.economy_of_motion, "")),
         (
             "smoothness",
             "too short"
             if measures.smoothness is None and measures.path_length_mm > 0.0
-            else figure(measures.smoothness, "(log dimensionless jerk)"),
+            else _figure(measures.smoothness, "(log dimensionless jerk)"),
         ),
-        ("smallest distance to break", figure(measures.smallest_distance_to_break, "")),
+        ("smallest distance to break", _figure(measures.smallest_distance_to_break, "")),
     ]
     if torn is None:
         return [*lines, ("tear", "none")]

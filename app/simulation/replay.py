@@ -1,8 +1,10 @@
 """Replays: a logged run computed again from its inputs, with the same readings to the bit."""
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,15 @@ from app.simulation.session import VERTICES, Session
 from app.simulation.tear import SETTLED_SECONDS, Phase
 from organ_geometry import Organ
 
-__all__ = ["AFTER_TEAR", "Replay", "Series", "loading_rates", "series_csv"]
+__all__ = [
+    "AFTER_TEAR",
+    "BaseReplay",
+    "Replay",
+    "Series",
+    "check_organ",
+    "loading_rates",
+    "series_csv",
+]
 
 AFTER_TEAR = math.ceil(SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks after a tear in which the pieces come to rest: replayed, but not part of the run."""
@@ -48,34 +58,42 @@ class Series:
     )
 
 
-class Replay:
-    """A logged run in a session of its own, on the organ that it was made on.
+class Advancing(Protocol):
+    """A session that a replay takes through a run."""
 
-    The session's skin has about `vertices` vertices. A `RunFileError` says that the run was made on
-    another organ, or that its preset or theory is not available.
-    """
+    def advance(self, ticks: int = 1) -> bool:
+        """Advance by some ticks."""
+        ...
 
-    def __init__(self, log: RunLog, organ: Organ, *, vertices: int = VERTICES) -> None:
-        identity = OrganIdentity.of(organ)
-        if identity.sha256 != log.organ.sha256:
-            raise RunFileError(
-                f"this run was made on another organ, {_named(log.organ)}; "
-                f"this one is {_named(identity)}"
-            )
-        preset = log.start.preset
-        try:
-            if isinstance(preset, str):
-                preset = preset_named(preset)
-            self._session = Session(organ, preset, vertices=vertices, seed=log.seed)
-        except ValueError as error:
-            raise RunFileError(f"the run's preset: {error}") from None
-        self.log = log
+    def finish(self) -> None:
+        """End the run."""
+        ...
+
+
+class TimedInput(Protocol):
+    """An input at a tick."""
+
+    @property
+    def tick(self) -> int:
+        """Number of ticks done before it."""
+        ...
+
+
+SessionT = TypeVar("SessionT", bound=Advancing)
+InputT = TypeVar("InputT", bound=TimedInput)
+
+
+class BaseReplay(ABC, Generic[SessionT, InputT]):
+    """A session that is taken through the inputs of a logged run, of a pull or a dissection."""
+
+    def __init__(self, session: SessionT, run_ticks: int, inputs: Sequence[InputT]) -> None:
+        self._session, self._run_ticks, self._inputs = session, run_ticks, inputs
         self._at = self._next = 0
         self._tore: bool | None = None
         self._restart()
 
     @property
-    def session(self) -> Session:
+    def session(self) -> SessionT:
         """The session that is taken through the run; to be read only."""
         return self._session
 
@@ -94,9 +112,9 @@ class Replay:
         """The same in ticks."""
         if self._tore is None:
             at = self._at
-            self.seek_tick(self.log.ticks)
+            self.seek_tick(self._run_ticks)
             self.seek_tick(at)
-        return self.log.ticks + (AFTER_TEAR if self._tore else 0)
+        return self._run_ticks + (AFTER_TEAR if self._tore else 0)
 
     def seek(self, seconds: float) -> None:
         """Go to a time, s; an earlier one is reached by starting again."""
@@ -106,20 +124,67 @@ class Replay:
         """Go to a tick."""
         if tick < self._at:
             self._restart()
-        while self._at < min(tick, self.log.ticks):
+            self._at = self._next = 0
+        while self._at < min(tick, self._run_ticks):
             self._take_inputs()
-            due = min(tick, self.log.ticks, self._next_tick())
+            due = min(tick, self._run_ticks, self._next_tick())
             self._session.advance(due - self._at)
             self._at = due
-        if self._at >= self.log.ticks:
+        if self._at >= self._run_ticks:
             self._take_inputs()
             self._session.finish()
             if self._tore is None:
-                self._tore = self._session.reading().phase is not Phase.INTACT
+                self._tore = self._torn()
             rest = min(tick, self.ticks) - self._at
             if rest > 0:
                 self._session.advance(rest)
                 self._at += rest
+
+    @abstractmethod
+    def _restart(self) -> None:
+        """Set the session to where the run starts."""
+        ...
+
+    @abstractmethod
+    def _give(self, each: InputT) -> None:
+        """Give the session one input."""
+        ...
+
+    @abstractmethod
+    def _torn(self) -> bool:
+        """Return whether the session's duct has torn."""
+        ...
+
+    def _next_tick(self) -> int:
+        """Return the tick before which the next input comes."""
+        inputs = self._inputs
+        return inputs[self._next].tick if self._next < len(inputs) else self._run_ticks
+
+    def _take_inputs(self) -> None:
+        inputs = self._inputs
+        while self._next < len(inputs) and inputs[self._next].tick <= self._at:
+            self._give(inputs[self._next])
+            self._next += 1
+
+
+class Replay(BaseReplay[Session, RunInput]):
+    """A logged run in a session of its own, on the organ that it was made on.
+
+    The session's skin has about `vertices` vertices. A `RunFileError` says that the run was made on
+    another organ, or that its preset or theory is not available.
+    """
+
+    def __init__(self, log: RunLog, organ: Organ, *, vertices: int = VERTICES) -> None:
+        check_organ(log.organ, organ)
+        preset = log.start.preset
+        try:
+            if isinstance(preset, str):
+                preset = preset_named(preset)
+            session = Session(organ, preset, vertices=vertices, seed=log.seed)
+        except ValueError as error:
+            raise RunFileError(f"the run's preset: {error}") from None
+        self.log = log
+        super().__init__(session, log.ticks, log.inputs)
 
     def run_file(self) -> RunFile:
         """Return the run as it has come out here, made to its end."""
@@ -128,7 +193,7 @@ class Replay:
 
     def series(self) -> Series:
         """Return what the instruments showed, tick by tick; the replay is then at its end."""
-        self._restart()
+        self.seek_tick(0)
         rows = np.empty((self.log.ticks, 7))
         held = np.empty(self.log.ticks, dtype=np.bool_)
         phases: list[Phase] = []
@@ -176,18 +241,24 @@ class Replay:
         if log.exercise is not None:
             session.start_exercise(log.exercise, log.feedback, inputs=log.exercise_inputs)
         session.advance()  # settle first: the run starts from a duct at rest, already drawn
-        self._at = self._next = 0
 
-    def _next_tick(self) -> int:
-        """Return the tick before which the next input comes."""
-        inputs = self.log.inputs
-        return inputs[self._next].tick if self._next < len(inputs) else self.log.ticks
+    def _give(self, each: RunInput) -> None:
+        session, value = self._session, each.value
+        if each.kind == "let-go":
+            session.release()
+        elif isinstance(value, TheoryChoice):
+            session.choose_theory(value.theory())
+        elif value is not None:
+            {
+                "force": session.set_target_force,
+                "grab": session.grab,
+                "hand": session.move_hand,
+                "grasp": session.set_grasp,
+                "threshold": session.set_threshold,
+            }[each.kind](value)
 
-    def _take_inputs(self) -> None:
-        inputs = self.log.inputs
-        while self._next < len(inputs) and inputs[self._next].tick <= self._at:
-            _give(self._session, inputs[self._next])
-            self._next += 1
+    def _torn(self) -> bool:
+        return self._session.reading().phase is not Phase.INTACT
 
 
 def loading_rates(series: Series) -> NDArray[np.float64]:
@@ -217,22 +288,14 @@ def series_csv(series: Series) -> str:
     return "\n".join(lines) + "\n"
 
 
+def check_organ(wanted: OrganIdentity, organ: Organ) -> None:
+    """Raise if a run was made on another organ."""
+    identity = OrganIdentity.of(organ)
+    if identity.sha256 != wanted.sha256:
+        raise RunFileError(
+            f"this run was made on another organ, {_named(wanted)}; this one is {_named(identity)}"
+        )
+
+
 def _named(organ: OrganIdentity) -> str:
     return f"{organ.name or 'unnamed'} ({organ.length_mm:.1f} mm, sha256 {organ.sha256[:12]})"
-
-
-def _give(session: Session, each: RunInput) -> None:
-    """Give a session one input of a run."""
-    value = each.value
-    if each.kind == "let-go":
-        session.release()
-    elif isinstance(value, TheoryChoice):
-        session.choose_theory(value.theory())
-    elif value is not None:
-        {
-            "force": session.set_target_force,
-            "grab": session.grab,
-            "hand": session.move_hand,
-            "grasp": session.set_grasp,
-            "threshold": session.set_threshold,
-        }[each.kind](value)

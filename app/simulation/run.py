@@ -2,7 +2,7 @@
 
 from array import array
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, Generic, Protocol, TypeVar, get_args
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import (
@@ -25,10 +25,10 @@ from app.simulation.run_log import (
     TheoryChoice,
     versions,
 )
-from app.simulation.trial import Figures, trial_of
+from app.simulation.trial import Figures, Trial, trial_of
 from physics import BreakEvent, Theory
 
-__all__ = ["Run", "StartingPoint"]
+__all__ = ["BaseRun", "Run", "StartingPoint", "Taken"]
 
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 LAST_COUNTS = frozenset({"hand", "threshold"})
@@ -45,28 +45,37 @@ class StartingPoint:
     threshold: float  # MPa
 
 
-class Run:
-    """One run: it starts with the first pull and is over with the tear or the exercise.
+class Taken(Protocol):
+    """What takes a run's measures."""
 
-    Times above a force of `task_threshold`, N, are counted; `exercise` is judged, if there is one.
+    ticks: int
+
+
+ExerciseT = TypeVar("ExerciseT")
+StartT = TypeVar("StartT")
+TakerT = TypeVar("TakerT", bound=Taken)
+
+
+class BaseRun(Generic[ExerciseT, StartT, TakerT]):
+    """What the runs of a pull and of a dissection have in common.
+
+    A run starts with the first input and is over with the tear or the exercise. `exercise` is
+    judged by `trial`, if there is one. Inputs are logged as rows of bare numbers: half an hour of
+    dragging is a few megabytes.
     """
 
     def __init__(
         self,
-        task_threshold: float,
-        exercise: Exercise | None = None,
-        feedback: Feedback = Feedback.CONTINUOUS,
-        exercise_inputs: ExerciseInputs = "any",
+        taker: TakerT,
+        exercise: ExerciseT | None,
+        feedback: Feedback,
+        trial: Trial[Any] | None,
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
-        self.exercise_inputs: ExerciseInputs = exercise_inputs
-        self._trial = None if exercise is None else trial_of(exercise)
-        self._taker = MeasureTaker(task_threshold, exercise and exercise.band)
-        self._start: StartingPoint | None = None
+        self._taker, self._trial = taker, trial
+        self._start: StartT | None = None
         self._over = False
-        # Rows of bare numbers: half an hour of dragging is one megabyte.
         self._ticks, self._kinds, self._values = array("L"), array("B"), array("d")
-        self._theories: list[Theory] = []
 
     @property
     def started(self) -> bool:
@@ -96,7 +105,7 @@ class Run:
     @property
     def seconds(self) -> float:
         """Time so far, s."""
-        return self._taker.seconds
+        return self.ticks * TICK_SECONDS
 
     @property
     def progress(self) -> float:
@@ -109,11 +118,6 @@ class Run:
         return "" if self._trial is None or self._over else self._trial.standing
 
     @property
-    def hand_only(self) -> bool:
-        """Whether an exercise that counts the hand only waits or goes on."""
-        return self.exercise is not None and self.exercise_inputs == "hand" and not self._over
-
-    @property
     def outcome(self) -> Outcome | None:
         """How the exercise has ended, or None."""
         return None if self._trial is None else self._trial.outcome
@@ -123,15 +127,66 @@ class Run:
         """Whether the figures are shown now."""
         return feedback_visible(self.feedback, self.seconds, over=self._over)
 
-    def start(self, point: StartingPoint) -> None:
-        """Start the clock, with the first pull."""
+    def start(self, point: StartT) -> None:
+        """Start the clock, with the first input."""
         self._start = point
+
+    def finish(self) -> None:
+        """End the run as it stands."""
+        self._over = True
+
+    def _note(self, kind: int, *values: float, replaces: bool) -> None:
+        """Log an input; it replaces one of its kind just before it in the same tick, if it may."""
+        if not self.going:
+            return
+        again = self._ticks and (self._ticks[-1], self._kinds[-1]) == (self.ticks, kind)
+        if again and replaces:
+            self._values[-len(values) :] = array("d", values)
+            return
+        if len(self._ticks) >= MOST_INPUTS:
+            self.finish()
+            return
+        self._ticks.append(self.ticks)
+        self._kinds.append(kind)
+        self._values.extend(values)
+
+    def _end(self, *, torn: bool) -> None:
+        """End the run after a tick in which the duct tore, the exercise ended or time is up."""
+        if torn or self.outcome is not None or self.ticks >= MOST_TICKS:
+            self._over = True
+
+
+class Run(BaseRun[Exercise, StartingPoint, MeasureTaker]):
+    """One run: it starts with the first pull and is over with the tear or the exercise.
+
+    Times above a force of `task_threshold`, N, are counted; `exercise` is judged, if there is one.
+    """
+
+    def __init__(
+        self,
+        task_threshold: float,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        exercise_inputs: ExerciseInputs = "any",
+    ) -> None:
+        super().__init__(
+            MeasureTaker(task_threshold, exercise and exercise.band),
+            exercise,
+            feedback,
+            None if exercise is None else trial_of(exercise),
+        )
+        self.exercise_inputs: ExerciseInputs = exercise_inputs
+        self._theories: list[Theory] = []
+
+    @property
+    def hand_only(self) -> bool:
+        """Whether an exercise that counts the hand only waits or goes on."""
+        return self.exercise is not None and self.exercise_inputs == "hand" and not self._over
 
     def note(self, kind: InputKind, value: float | Theory | None = None) -> None:
         """Log an input; ignored before the start and once the run is over."""
         if not self.going:
             return
-        number, ticks = KINDS.index(kind), self.ticks
         if value is None:
             figure = 0.0
         elif isinstance(value, int | float):
@@ -139,16 +194,7 @@ class Run:
         else:
             figure = float(len(self._theories))
             self._theories.append(value)
-        again = self._ticks and (self._ticks[-1], self._kinds[-1]) == (ticks, number)
-        if again and kind in LAST_COUNTS:
-            self._values[-1] = figure
-            return
-        if len(self._ticks) >= MOST_INPUTS:
-            self.finish()
-            return
-        self._ticks.append(ticks)
-        self._kinds.append(number)
-        self._values.append(figure)
+        self._note(KINDS.index(kind), figure, replaces=kind in LAST_COUNTS)
 
     def take(
         self,
@@ -174,16 +220,11 @@ class Run:
             self._trial.take(
                 Figures(force, deflection, distance_to_break, taker, held, torn is not None)
             )
-        if torn is not None or self.outcome is not None or self.ticks >= MOST_TICKS:
-            self._over = True
+        self._end(torn=torn is not None)
 
     def regrasp(self) -> None:
         """Start a new hold in the measures: the grasper holds another place."""
         self._taker.regrasp()
-
-    def finish(self) -> None:
-        """End the run as it stands."""
-        self._over = True
 
     def measures(self) -> Measures:
         """Return the measures so far."""

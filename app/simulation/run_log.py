@@ -3,8 +3,9 @@
 import hashlib
 import math
 import platform
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Literal
+from typing import Literal, Protocol, TypeVar
 
 import msgspec
 import numpy as np
@@ -28,21 +29,28 @@ __all__ = [
     "RunLog",
     "RunStart",
     "TheoryChoice",
+    "check_course",
+    "decoded_run",
     "read_run",
     "run_json",
+    "run_version",
     "versions",
 ]
 
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
 VERSION = 2
 READ_VERSIONS = (1, VERSION)
-"""Files of version 1 have no rate of loading, no overshoot and no `exercise_inputs`."""
+"""Files of version 1 have no rate of loading, no overshoot and no `exercise_inputs`. Version 3 is
+that of a dissection (app.simulation.bed)."""
 MOST_TICKS = 2 * 60 * 60 * 30
 """Two hours of ticks, far beyond any training on one duct."""
 MOST_INPUTS = 200_000
 MOST_BYTES = 16_000_000
 
 InputKind = Literal["force", "grab", "hand", "let-go", "grasp", "threshold", "theory"]
+
+
+FileT = TypeVar("FileT")
 
 
 class RunFileError(ValueError):
@@ -168,28 +176,39 @@ def versions() -> dict[str, str]:
     return found
 
 
-def run_json(run: RunFile) -> bytes:
+def run_json(run: msgspec.Struct) -> bytes:
     """Return a run as JSON, its numbers to the last bit."""
     return msgspec.json.encode(run)
 
 
-def read_run(content: bytes) -> RunFile:
-    """Return the run in a JSON file, its version, length and inputs checked."""
+def run_version(content: bytes) -> int:
+    """Return the version of a run's file, of any kind."""
     if len(content) > MOST_BYTES:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     try:
-        head = msgspec.json.decode(content, type=_Head)
+        return msgspec.json.decode(content, type=_Head).version
     except msgspec.MsgspecError as error:
         raise RunFileError(f"not a run of bluntdissect: {error}") from None
-    if head.version not in READ_VERSIONS:
-        known = " and ".join(str(each) for each in READ_VERSIONS)
-        raise RunFileError(f"a run of version {head.version}; this program reads {known}")
-    try:
-        run = msgspec.json.decode(content, type=RunFile)
-    except msgspec.MsgspecError as error:
-        raise RunFileError(f"a damaged run: {error}") from None
+
+
+def read_run(content: bytes) -> RunFile:
+    """Return the pull in a JSON file, its version, length and inputs checked."""
+    found = run_version(content)
+    if found == VERSION + 1:
+        raise RunFileError("a run of a dissection in a bed, not of a pull")
+    if found not in READ_VERSIONS:
+        raise RunFileError(f"a run of version {found}; this program reads 1, 2 and 3")
+    run = decoded_run(content, RunFile)
     _check(run.log)
     return run
+
+
+def decoded_run(content: bytes, kind: type[FileT]) -> FileT:
+    """Return a file of a kind of run, not yet checked."""
+    try:
+        return msgspec.json.decode(content, type=kind)
+    except msgspec.MsgspecError as error:
+        raise RunFileError(f"a damaged run: {error}") from None
 
 
 class _Head(msgspec.Struct):
@@ -197,24 +216,43 @@ class _Head(msgspec.Struct):
     version: int
 
 
-def _check(log: RunLog) -> None:
-    if log.tick_seconds != TICK_SECONDS:
-        raise RunFileError(f"tick_seconds must be {TICK_SECONDS} s, got {log.tick_seconds}")
-    if not 0 <= log.ticks <= MOST_TICKS:
-        raise RunFileError(f"ticks must be from 0 to {MOST_TICKS:,}, got {log.ticks:,}")
-    if not 0 <= log.seed < 2**63:
-        raise RunFileError(f"seed must be from 0 to below 2^63, got {log.seed}")
-    if len(log.inputs) > MOST_INPUTS:
-        raise RunFileError(f"a run has at most {MOST_INPUTS:,} inputs, not {len(log.inputs):,}")
-    _known(log.start.theory, "start")
+class _Timed(Protocol):
+    @property
+    def tick(self) -> int: ...
+
+
+def check_course(
+    *, tick_seconds: float, ticks: int, seeds: dict[str, int], inputs: Sequence[_Timed]
+) -> None:
+    """Raise if a run's length, seeds or the order of its inputs make no sense."""
+    if tick_seconds != TICK_SECONDS:
+        raise RunFileError(f"tick_seconds must be {TICK_SECONDS} s, got {tick_seconds}")
+    if not 0 <= ticks <= MOST_TICKS:
+        raise RunFileError(f"ticks must be from 0 to {MOST_TICKS:,}, got {ticks:,}")
+    for name, seed in seeds.items():
+        if not 0 <= seed < 2**63:
+            raise RunFileError(f"{name} must be from 0 to below 2^63, got {seed}")
+    if len(inputs) > MOST_INPUTS:
+        raise RunFileError(f"a run has at most {MOST_INPUTS:,} inputs, not {len(inputs):,}")
     before = 0
-    for number, each in enumerate(log.inputs):
-        where = f"input {number}"
-        if not before <= each.tick <= log.ticks:
+    for number, each in enumerate(inputs):
+        if not before <= each.tick <= ticks:
             raise RunFileError(
-                f"{where} must be at a tick from {before} to {log.ticks}, got {each.tick}"
+                f"input {number} must be at a tick from {before} to {ticks}, got {each.tick}"
             )
         before = each.tick
+
+
+def _check(log: RunLog) -> None:
+    check_course(
+        tick_seconds=log.tick_seconds,
+        ticks=log.ticks,
+        seeds={"seed": log.seed},
+        inputs=log.inputs,
+    )
+    _known(log.start.theory, "start")
+    for number, each in enumerate(log.inputs):
+        where = f"input {number}"
         if each.kind == "theory":
             if not isinstance(each.value, TheoryChoice):
                 raise RunFileError(f"{where}, a theory, must name one, got {each.value!r}")

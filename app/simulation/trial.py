@@ -1,7 +1,7 @@
 """Trials: one attempt at an exercise, judged tick by tick."""
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import (
@@ -28,7 +28,10 @@ class Figures(NamedTuple):
     torn: bool  # in this tick
 
 
-class Trial(ABC):
+FiguresT = TypeVar("FiguresT")
+
+
+class Trial(ABC, Generic[FiguresT]):
     """One attempt at an exercise, judged tick by tick.
 
     `outcome` is None while it runs, `progress` goes from 0 to 1, and `standing` says in a few words
@@ -42,7 +45,7 @@ class Trial(ABC):
         self.progress = 0.0
         self.standing = ""
 
-    def take(self, figures: Figures) -> None:
+    def take(self, figures: FiguresT) -> None:
         """Judge one tick."""
         if self.outcome is not None:
             return
@@ -52,12 +55,12 @@ class Trial(ABC):
             self.outcome = Outcome(False, f"The {self._time_limit:g} s were over.")
 
     @abstractmethod
-    def judge(self, figures: Figures) -> Outcome | None:
+    def judge(self, figures: FiguresT) -> Outcome | None:
         """Return the outcome if this tick ends the exercise, else None; set `progress`."""
         ...
 
 
-class _Hold(Trial):
+class _Hold(Trial[Figures]):
     def __init__(self, exercise: HoldStretch) -> None:
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
@@ -85,7 +88,7 @@ class _Hold(Trial):
         return None
 
 
-class _Approach(Trial):
+class _Approach(Trial[Figures]):
     def __init__(self, exercise: ApproachBreak) -> None:
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
@@ -109,7 +112,7 @@ class _Approach(Trial):
         return None
 
 
-class _Gentle(Trial):
+class _Gentle(Trial[Figures]):
     def __init__(self, exercise: GentleDissection) -> None:
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
@@ -181,7 +184,7 @@ def _passed_limit(wanted: GentleDissection, figures: Figures) -> str | None:
     return None
 
 
-class _Impulse(Trial):
+class _Impulse(Trial[Figures]):
     def __init__(self, exercise: LeastImpulse) -> None:
         super().__init__(exercise.time_limit_s)
         self._exercise = exercise
@@ -218,7 +221,7 @@ class _Stay:
         return self._ticks >= self._wanted
 
 
-def trial_of(exercise: Exercise) -> Trial:
+def trial_of(exercise: Exercise) -> Trial[Figures]:
     """Return a new attempt at an exercise."""
     if isinstance(exercise, HoldStretch):
         return _Hold(exercise)

@@ -138,7 +138,7 @@ class BeamOnBed:
         order = np.argsort(node, kind="stable")
         self._order = order
         self.strands = strands
-        self._node = node[order]
+        self._node, self._strand_nodes = node[order], node
         blank = np.zeros
         table = blank((kernels.STRAND_ROWS, strands.count))
         for row, values in (
@@ -339,6 +339,17 @@ class BeamOnBed:
     def rod_force(self, rod: int) -> Floats:
         """(3,) force of the hand on a rod, N."""
         return self.state.pull[rod].copy()
+
+    def touched_by(self, rod: int) -> NDArray[np.bool_]:
+        """(S,) whether each strand touches a rod, or did so when it parted."""
+        out = np.empty(self.strands.count, dtype=np.bool_)
+        out[self._order] = self.state.side[rod] != 0
+        return out
+
+    def part_between(self, from_mm: float, to_mm: float) -> None:
+        """Part the strands of a stretch beforehand, with no work; its beam is at rest."""
+        at = self.strands.stations[self._order]
+        self.state.damage[(at >= from_mm) & (at <= to_mm)] = 1.0
 
     def rod_contact(self, rod: int) -> Floats:
         """(3,) the part of that force that presses the rod against the beam itself, N."""
@@ -573,11 +584,15 @@ class BeamOnBed:
 
     def strand_ends(self) -> Floats:
         """(S, 3) where strands hold the beam now, mm, in the order of `strands`."""
+        return self.state.x[self._strand_nodes] + self.strand_arms()
+
+    def strand_arms(self) -> Floats:
+        """(S, 3) from the nodes on the axis to the strands' ends, mm, in the order of `strands`."""
         s = self.state
         w, x, y, z = s.q[self._node].T
         a, b, c = s.strand[kernels.ARM_X : kernels.ARM_Z + 1]
         out = np.empty((self.strands.count, 3))
-        out[self._order] = s.x[self._node] + np.stack(
+        out[self._order] = np.stack(
             [
                 (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - w * z) * b + 2 * (x * z + w * y) * c,
                 2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c,
@@ -586,6 +601,11 @@ class BeamOnBed:
             axis=1,
         )
         return out
+
+    @property
+    def stored_in_beam(self) -> float:
+        """Elastic energy of the beam alone, mJ."""
+        return float(self.state.sums[kernels.BEAM])
 
     @property
     def books(self) -> Books:

@@ -399,7 +399,7 @@ def good() -> dict[str, Any]:
 
 BAD: dict[str, tuple[dict[str, object], str]] = {
     "format": ({"format": "other"}, "not a run"),
-    "version": ({"version": 3}, "a run of version 3; this program reads 1 and 2"),
+    "version": ({"version": 4}, "a run of version 4; this program reads 1, 2 and 3"),
     "log": ({"log": 3}, "damaged"),
     "ticks": ({"log.ticks": 10**9}, "ticks must be"),
     "ticks type": ({"log.ticks": "many"}, "damaged"),

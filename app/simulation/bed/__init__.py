@@ -5,8 +5,13 @@ Scenes of any beam on a bed are here too (docs/peel.md).
 
 from app.simulation.bed.bedded_duct import BED_THEORY, ELEMENTS, HANDS, BeddedDuct, BedReading
 from app.simulation.bed.bedded_surface import BeddedSurface
+from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
+from app.simulation.bed.measures import DissectionMeasures
 from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
+from app.simulation.bed.replay import DissectionReplay, DissectionSeries, dissection_csv
+from app.simulation.bed.run import DissectionRun
+from app.simulation.bed.run_log import DissectionFile, read_any_run
 from app.simulation.bed.scene import PeelScene, read_scene
 from app.simulation.bed.session import BedSession
 
@@ -16,16 +21,24 @@ __all__ = [
     "HANDS",
     "HOLDING",
     "INSTRUMENTS",
+    "BedExercise",
     "BedPreset",
     "BedReading",
     "BedSession",
     "BeddedDuct",
     "BeddedSurface",
+    "DissectionFile",
+    "DissectionMeasures",
+    "DissectionReplay",
+    "DissectionRun",
+    "DissectionSeries",
     "Hand",
     "Instrument",
     "PeelScene",
     "beam_in_space",
     "bed_named",
     "bed_presets",
+    "dissection_csv",
+    "read_any_run",
     "read_scene",
 ]

@@ -19,7 +19,7 @@ from app.simulation.dissection import Dissection
 from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, Books
 
-__all__ = ["BED_THEORY", "ELEMENTS", "HANDS", "BedReading", "BeddedDuct"]
+__all__ = ["BED_THEORY", "ELEMENTS", "HANDS", "SUBSTEPS", "BedReading", "BeddedDuct"]
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +37,8 @@ MOST_OPENING = 40.0
 TOWARDS_HAND = {"dissector": (0.0, -1.0, 0.0), "swab": (0.0, -0.6, 0.8)}
 """Way from the tip back along an instrument's shaft: jaws pass behind the duct from the side of the
 viewer, a swab comes from above."""
+BIN_MM, FREED_PART = 1.0, 0.95
+"""mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 STILL_MM = 1e-6
 """A tick in which no node moves farther has reached equilibrium: no strand yields any more."""
 
@@ -97,14 +99,16 @@ class BeddedDuct:
         self._scale = self.surface.scale
         self.reset()
 
-    def reset(self) -> None:
-        """Make the duct and its bed whole, the hands empty."""
+    def reset(self, opened: tuple[float, float] | None = None) -> None:
+        """Make the duct and its bed whole, but for a stretch `opened` between two stations, mm."""
         self.beam = BeamOnBed(
             self._rest,
             self._strands,
             floor=self._layer.floor_under(self._rest),
             rods=2 * HANDS,
         )
+        if opened is not None:
+            self.beam.part_between(self._scale * opened[0], self._scale * opened[1])
         self.hands = tuple(Hand(each, self.parking(each)) for each in FIRST_INSTRUMENTS)
         self.torn: RuptureCheck | None = None
         self._torn_element = -1
@@ -166,6 +170,10 @@ class BeddedDuct:
     def open_jaws(self, hand: int, opening: float) -> None:
         """Set how far a dissector's jaws part, mm between their axes."""
         self.hands[hand].target_opening = min(max(opening, 0.0), MOST_OPENING)
+
+    def rods_of(self, hand: int) -> tuple[int, ...]:
+        """Return the rods of the beam that are a hand's jaws or its swab."""
+        return tuple(rod for rod, _ in self._tips(hand))
 
     def _tips(self, hand: int) -> list[tuple[int, Floats]]:
         """Return the rods of a hand's instrument and where their tips are."""
@@ -241,6 +249,24 @@ class BeddedDuct:
     def freed_at(self, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
         return self.surface.freed_at(self.beam.damage, stations)
+
+    def held_at(self, hand: int) -> float | None:
+        """Return the station that a hand holds, mm from the first clamp, or None."""
+        node = self.hands[hand].node
+        return None if node is None else float(self.beam.stations[node]) / self._scale
+
+    def freed_stretches(self) -> list[tuple[float, float]]:
+        """Return the stretches that are free, mm from the first clamp to mm, in order."""
+        # Free is a bin of about `BIN_MM` of whose strands at least `FREED_PART` have parted.
+        span = self.dissection.beam.span
+        bins = max(1, round(span / BIN_MM))
+        place = (self._strands.stations * (bins / self._rest.span)).astype(np.int64)
+        place = np.minimum(place, bins - 1)
+        whole = np.bincount(place, self.beam.damage < 1.0, minlength=bins)
+        most = (1.0 - FREED_PART) * np.bincount(place, minlength=bins)
+        free = np.concatenate([[False], whole <= most, [False]])
+        edges = np.flatnonzero(free[1:] != free[:-1]) * (span / bins)
+        return [(float(a), float(b)) for a, b in edges.reshape(-1, 2)]
 
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""

@@ -11,12 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading
+from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.hand import INSTRUMENTS, Instrument
+from app.simulation.bed.measures import DissectionMeasures
 from app.simulation.bed.preset import BedPreset, bed_named
+from app.simulation.bed.run import DissectionRun
+from app.simulation.bed.run_log import DissectionFile
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection, default_preset
 from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import Feedback
 from app.simulation.preset import Preset
+from app.simulation.run_log import OrganIdentity
 from app.simulation.session import VERTICES
 from app.simulation.tear import SETTLED_SECONDS, tear_front, tear_swing
 from organ_geometry import Organ
@@ -33,8 +39,9 @@ class BedSession:
     Inputs come from a browser: out of range they are clamped, and those that are not numbers are
     ignored. To the bit, the course of a session is a function of its inputs and of the ticks at
     which they come. `seed` chooses the raggedness of a torn rim, `bed_seed` the bed's scatter.
-    `duct` and `drawn` are public for reading; `duct` is another object after a choice of organ,
-    preset or bed.
+    A run starts with the first hold or instrument and is over with the tear or its exercise.
+    `duct`, `drawn` and `run` are public for reading; `duct` is another object after a choice of
+    organ, preset or bed, `run` after a reset as well.
     """
 
     def __init__(
@@ -44,59 +51,81 @@ class BedSession:
         bed: BedPreset | None = None,
         *,
         bed_seed: int = 1,
+        threshold: float | None = None,
         vertices: int = VERTICES,
         seed: int = 1,
     ) -> None:
         self._lock = RLock()
+        self.seed = seed
         self.drawn = DrawnDuct(organ, vertices, seed)
         self._organ = organ
         self._torn_ticks, self._when_torn = 0, np.empty((0, 3, 4))
-        self._start(preset or default_preset(organ), bed or bed_named("normal"), bed_seed)
+        self._start(
+            preset or default_preset(organ), bed or bed_named("normal"), bed_seed, threshold
+        )
 
     # What the trainee does.
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument; what it held it lets go."""
+        # An exercise that waits or goes on may allow only some.
         with self._lock:
-            if 0 <= hand < HANDS and instrument in INSTRUMENTS:
+            wanted = None if self.run.over else self.run.exercise
+            allowed = INSTRUMENTS if wanted is None else wanted.instruments
+            if 0 <= hand < HANDS and instrument in allowed:
+                self._begin_run()
                 self.duct.choose_instrument(hand, instrument)
+                self.run.note(hand, "instrument", INSTRUMENTS.index(instrument))
 
     def grab(self, hand: int, station: float) -> NDArray[np.float64] | None:
         """Take hold at a station, mm from the first clamp; return the place, or None."""
         # None where a hand cannot hold: at a clamp, on the other hand's hook, once the duct is
         # torn, and with an instrument that does not hold.
         with self._lock:
-            if not np.isfinite(station):
+            if not (0 <= hand < HANDS and np.isfinite(station)):
                 return None
-            return self.duct.grab(hand, min(max(float(station), 0.0), self._span))
+            at = min(max(float(station), 0.0), self._span)
+            held = self.duct.hands[hand].node is not None
+            place = self.duct.grab(hand, at)
+            if place is not None and self._begin_run():
+                place = self.duct.grab(hand, at)
+            if held or place is not None:
+                self.run.note(hand, "grab", at)
+            return place
 
     def move_hand(self, hand: int, place: NDArray[np.float64]) -> None:
         """Lead a hand's tip to a place, (3,) mm."""
         with self._lock:
             wanted = np.asarray(place, dtype=np.float64)
-            if wanted.shape == (3,) and np.all(np.isfinite(wanted)):
-                self.duct.move_hand(hand, np.clip(wanted, *self._reach))
+            if not (0 <= hand < HANDS and wanted.shape == (3,) and np.all(np.isfinite(wanted))):
+                return
+            wanted = np.clip(wanted, *self._reach)
+            if not np.array_equal(wanted, self.duct.hands[hand].target):
+                self.duct.move_hand(hand, wanted)
+                self.run.note(hand, "move", *wanted.tolist())
 
     def release(self, hand: int) -> None:
         """Let go of the duct."""
         with self._lock:
-            self.duct.release(hand)
+            if 0 <= hand < HANDS and self.duct.release(hand):
+                self.run.note(hand, "let-go")
 
     def open_jaws(self, hand: int, opening: float) -> None:
         """Open or close a dissector, mm between its jaws."""
         with self._lock:
-            if np.isfinite(opening):
-                self.duct.open_jaws(hand, float(opening))
+            if not (0 <= hand < HANDS and np.isfinite(opening)):
+                return
+            holder = self.duct.hands[hand]
+            before = holder.target_opening
+            self.duct.open_jaws(hand, float(opening))
+            if holder.target_opening != before:
+                self.run.note(hand, "jaws", holder.target_opening)
 
     def reset(self) -> None:
-        """Make the duct and its bed whole."""
+        """Make the duct and its bed whole; the next input starts a run without an exercise."""
         with self._lock:
-            torn = self.duct.torn is not None
-            self.duct.reset()
-            self._torn_ticks = 0
-            if torn:
-                self.drawn.show_whole()
-            self._draw()
+            self._renew()
+            self.run = DissectionRun()
 
     def choose_bed(self, bed: BedPreset | str, seed: int = 1) -> None:
         """Start anew in another bed."""
@@ -117,7 +146,9 @@ class BedSession:
             duct, changed = self.duct, False
             for _ in range(ticks):
                 whole = duct.torn is None
-                changed |= duct.advance()
+                moved = duct.advance()
+                changed |= moved
+                self.run.take(moved=moved)
                 if duct.torn is not None:
                     if whole:
                         self._when_torn = self.drawn.transforms.copy()
@@ -134,13 +165,65 @@ class BedSession:
         with self._lock:
             return self.duct.reading()
 
+    # Exercises and runs.
+
+    def start_exercise(
+        self, exercise: BedExercise, feedback: Feedback = Feedback.CONTINUOUS
+    ) -> None:
+        """Start anew with an exercise, in its bed; its time runs from the first input."""
+        with self._lock:
+            bed = bed_named(exercise.bed) if isinstance(exercise.bed, str) else exercise.bed
+            duct = self.duct
+            if (duct.bed, duct.seed) != (bed, exercise.bed_seed):
+                self._start(duct.dissection.preset, bed, exercise.bed_seed, duct.threshold)
+            self.run = DissectionRun(exercise, feedback)
+            self._renew()
+
+    def finish(self) -> None:
+        """End the run as it stands; the duct stays as it is."""
+        with self._lock:
+            self.run.finish()
+
+    def measures(self) -> DissectionMeasures:
+        """Return the measures of this run so far."""
+        with self._lock:
+            return self.run.measures()
+
+    def run_file(self) -> DissectionFile:
+        """Return this run so far, to keep, download and replay."""
+        with self._lock:
+            log = self.run.log(OrganIdentity.of(self._organ), self.seed)
+            return DissectionFile.of(log, self.run.measures(), self.run.outcome)
+
+    def _begin_run(self) -> bool:
+        """Start the run with the first input, on a duct that nothing has touched."""
+        if self.run.started or self.run.over:
+            return False
+        self._renew()
+        self.run.start(self.duct)
+        return True
+
+    def _renew(self) -> None:
+        """Make the duct and its bed whole, but for what the exercise has opened."""
+        torn = self.duct.torn is not None
+        exercise = self.run.exercise
+        self.duct.reset(None if exercise is None else exercise.opened_mm)
+        self._torn_ticks = 0
+        if torn:
+            self.drawn.show_whole()
+        self._draw()
+
     @property
     def _span(self) -> float:
         return self.duct.dissection.beam.span
 
-    def _start(self, preset: Preset, bed: BedPreset, bed_seed: int) -> None:
+    def _start(
+        self, preset: Preset, bed: BedPreset, bed_seed: int, threshold: float | None = None
+    ) -> None:
         """Start anew on a whole duct."""
-        self.duct = BeddedDuct(Dissection.of(self._organ, preset), bed, seed=bed_seed)
+        dissection = Dissection.of(self._organ, preset)
+        self.duct = BeddedDuct(dissection, bed, seed=bed_seed, threshold=threshold)
+        self.run = DissectionRun()
         self._reach = (
             np.array([-REACH, -REACH, -REACH]),
             np.array([self._span + REACH, REACH, REACH]),

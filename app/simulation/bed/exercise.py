@@ -1,0 +1,215 @@
+"""Exercises in a bed: what is to be freed, within which limits, and what to say of a failed try.
+
+Limits follow from the duct and its bed: `app.simulation.bed.scripted_hand` has a steady hand do the
+exercise in an even bed of the same toughness, and a limit is what that took with `SPARE` on top.
+"""
+
+import math
+from collections import deque
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
+from app.simulation.bed.hand import Instrument
+from app.simulation.bed.measures import LEAST_FORCE, DissectionMeasureTaker
+from app.simulation.bed.preset import BedPreset
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import LONGEST_SECONDS, Outcome
+from app.simulation.trial import Trial
+
+__all__ = ["BedExercise", "BedExerciseName", "BedTrial"]
+
+BedExerciseName = Literal["window", "follow-front", "free-scar"]
+
+STEEP_DEG, NEAR_MM, SLOW_MM_PER_S = 20.0, 2.0, 15.0
+"""A pull within all three is not what a failed try is put down to: its angle to the bed's normal,
+its distance behind the front and its speed."""
+SPEED_TICKS = 6
+"""Ticks before a limit was passed in which the hand's speed counts."""
+
+
+class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Free a stretch of duct within limits of what its wall and the tissue behind it bear."""
+
+    name: BedExerciseName
+    bed: str | BedPreset
+    bed_seed: int
+    free_mm: float  # length of a free stretch between `from_mm` and `to_mm` that is wanted
+    from_mm: float  # from the first clamp
+    to_mm: float
+    instruments: tuple[Instrument, ...]
+    share_limit: float  # of the wall's stress over its threshold
+    rate_limit_per_s: float  # of that share's growth
+    instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
+    opened_mm: tuple[float, float] | None = None  # free at the start
+    time_limit_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.from_mm < self.to_mm < math.inf:
+            raise ValueError(f"from_mm and to_mm must rise, got {self.from_mm} and {self.to_mm}")
+        if not 0.0 < self.free_mm <= self.to_mm - self.from_mm:
+            raise ValueError(f"free_mm must be above 0 and within to_mm, got {self.free_mm}")
+        if not 0.0 < self.share_limit < 1.0:
+            raise ValueError(f"share_limit must be above 0 and below 1, got {self.share_limit}")
+        for name in ("rate_limit_per_s", "instrument_force_limit_N"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise ValueError(f"{name} must be above 0 and finite, got {value}")
+        if self.opened_mm is not None and not (
+            0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
+        ):
+            raise ValueError(f"opened_mm must rise, got {self.opened_mm}")
+        if not 0.0 < self.time_limit_s <= LONGEST_SECONDS:
+            raise ValueError(
+                f"time_limit_s must be above 0 and at most {LONGEST_SECONDS:g} s, "
+                f"got {self.time_limit_s}"
+            )
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+        return {
+            "window": "Open a window",
+            "follow-front": "Follow the front",
+            "free-scar": "Free a scar with two hands",
+        }[self.name]
+
+    @property
+    def goal(self) -> str:
+        """What to do, in one sentence."""
+        if self.name == "window":
+            return (
+                f"Pass the dissector behind the duct and open it until {self.free_mm:.0f} mm are "
+                f"free."
+            )
+        if self.name == "follow-front":
+            return (
+                f"From the open window, free {self.free_mm:.0f} mm with the hook: take hold at the "
+                f"front, lift, let go, take hold again."
+            )
+        return (
+            f"Hold the duct up with one hand and open the dissector behind it with the other until "
+            f"the scar's {self.free_mm:.0f} mm are free."
+        )
+
+    @property
+    def limit(self) -> str:
+        """What not to do, in one sentence."""
+        force = self.instrument_force_limit_N
+        return (
+            f"Never load the wall past {100.0 * self.share_limit:.0f} % of its break, nor faster "
+            f"than by {100.0 * self.rate_limit_per_s:.0f} % in a second"
+            + (f", nor push the instrument with more than {force:.2g} N." if force else ".")
+        )
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Limits that fail the exercise, by the measure's name."""
+        found = {
+            "peak_stress_share": self.share_limit,
+            "maximum_stress_rate_per_s": self.rate_limit_per_s,
+        }
+        if self.instrument_force_limit_N is not None:
+            found["maximum_instrument_force_N"] = self.instrument_force_limit_N
+        return found
+
+    def freed(self, stretches: list[tuple[float, float]]) -> float:
+        """Return the longest of the free stretches within the goal's ends, mm."""
+        inside = [min(b, self.to_mm) - max(a, self.from_mm) for a, b in stretches]
+        return max(0.0, *inside, 0.0)
+
+
+class BedTrial(Trial[BeddedDuct]):
+    """One attempt, judged tick by tick from the duct and the measures of its run."""
+
+    def __init__(self, exercise: BedExercise, taker: DissectionMeasureTaker) -> None:
+        super().__init__(exercise.time_limit_s)
+        self._exercise, self._taker = exercise, taker
+        self._speeds = [deque[float](maxlen=SPEED_TICKS) for _ in range(HANDS)]
+        self._places = np.zeros((HANDS, 3))
+        self._force = np.zeros(3)
+        self._force_squared = self._station = 0.0
+        self._pulled, self._sweeps = -1, False
+        self.standing = f"0 of {exercise.free_mm:.0f} mm free"
+
+    def judge(self, figures: BeddedDuct) -> Outcome | None:
+        """Return the outcome if this tick ends the exercise."""
+        wanted, taker, duct = self._exercise, self._taker, figures
+        self._follow(duct)
+        freed = wanted.freed(taker.stretches)
+        self.progress = min(freed / wanted.free_mm, 1.0)
+        self.standing = f"{freed:.0f} of {wanted.free_mm:.0f} mm free"
+        if duct.torn is not None:
+            return Outcome(False, f"The duct tore: {self._why()}.")
+        if taker.maximum_rate > wanted.rate_limit_per_s:
+            return Outcome(
+                False,
+                f"The wall was loaded by {100.0 * taker.maximum_rate:.0f} % of its break in a "
+                f"second, past {100.0 * wanted.rate_limit_per_s:.0f} %: the pull was too fast.",
+            )
+        if taker.peak > wanted.share_limit:
+            return Outcome(
+                False,
+                f"The wall reached {100.0 * taker.peak:.0f} % of its break, past "
+                f"{100.0 * wanted.share_limit:.0f} %: {self._why()}.",
+            )
+        force = wanted.instrument_force_limit_N
+        if force is not None and taker.instrument_force > force:
+            held = any(hand.node is not None for hand in duct.hands)
+            return Outcome(
+                False,
+                f"The instrument was pushed with {taker.instrument_force:.2g} N, past {force:.2g} "
+                f"N: the duct was {'not held high enough' if held else 'not held up'}.",
+            )
+        # Bins are whole, so lengths differ from the goal by rounding only.
+        if freed >= wanted.free_mm - 1e-6:
+            return Outcome(
+                True,
+                f"Freed {freed:.0f} mm at no more than {100.0 * taker.peak:.0f} % of the wall's "
+                f"break.",
+            )
+        if self._ticks * TICK_SECONDS >= wanted.time_limit_s:
+            return Outcome(False, f"The {wanted.time_limit_s:g} s were over with {self.standing}.")
+        return None
+
+    def _follow(self, duct: BeddedDuct) -> None:
+        """Note how fast the hands move, and of the one that pulls hardest force and place."""
+        forces = duct.reading().forces
+        pulled = -1
+        for hand, holder in enumerate(duct.hands):
+            way = holder.place - self._places[hand]
+            self._places[hand] = holder.place
+            held = holder.node is not None
+            self._speeds[hand].append(float(np.sqrt(way @ way)) / TICK_SECONDS if held else 0.0)
+            if held and (pulled < 0 or float(forces[hand] @ forces[hand]) > self._force_squared):
+                pulled, self._force_squared = hand, float(forces[hand] @ forces[hand])
+        if duct.torn is not None:  # the hands have just slipped off: what they did stays
+            return
+        self._sweeps = any(duct.rods_of(hand) for hand in range(HANDS))
+        self._pulled = pulled if pulled >= 0 and self._force_squared > LEAST_FORCE**2 else -1
+        if self._pulled >= 0:
+            self._force = forces[self._pulled]
+            self._station = duct.held_at(self._pulled) or 0.0
+
+    def _why(self) -> str:
+        """Return what about the pull was most wrong when it passed a limit."""
+        if self._pulled < 0:
+            return "the instrument pushed the duct itself"
+        if self._exercise.name != "follow-front":
+            if self._sweeps:
+                return "the duct was lifted too high for what the dissector parts by itself"
+            return "the duct was pulled off instead of being freed by the dissector"
+        up = float(self._force[2]) / math.sqrt(self._force_squared)
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, up))))
+        at = self._station
+        behind = max([min(at - a, b - at) for a, b in self._taker.stretches], default=0.0)
+        speed = max(self._speeds[self._pulled])
+        reasons = [
+            (angle / STEEP_DEG, f"the pull was sideways, {angle:.0f} degrees off straight up"),
+            (behind / NEAR_MM, f"the hook pulled {behind:.0f} mm behind the front"),
+            (speed / SLOW_MM_PER_S, f"the pull was too fast, {speed:.0f} mm/s"),
+        ]
+        worst, why = max(reasons)
+        return why if worst > 1.0 else "it was lifted too far in one go instead of held again"

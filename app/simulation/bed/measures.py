@@ -1,0 +1,219 @@
+"""Measures of a dissection, taken while it runs (docs/measures.md)."""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.measures import RATE_SECONDS, RATE_TICKS
+
+__all__ = ["DissectionMeasureTaker", "DissectionMeasures", "DissectionTear"]
+
+Floats = NDArray[np.float64]
+
+TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
+"""(3,) in the duct's frame, towards the camera of the standard view."""
+WORKING_DISTANCE = 5.0
+"""mm along the duct from an instrument within which strands are seen, on whichever side."""
+LEAST_FORCE = 1e-3
+"""N. A smaller force has no direction worth measuring."""
+
+
+class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where and when the duct tore, and under what."""
+
+    station_mm: float  # from the first clamp
+    time_s: float  # from the start of the run
+    normal_stress_MPa: float  # noqa: N815
+    bending_stress_MPa: float  # noqa: N815
+    threshold_MPa: float  # noqa: N815
+
+
+class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The measures of a dissection (docs/measures.md); None where it gives none.
+
+    Pairs are of the first and the second hand.
+    """
+
+    time_s: float
+    freed_mm: float  # length of duct whose strands have parted
+    longest_freed_stretch_mm: float
+    strands: int  # whole at the start
+    strands_parted: int
+    strands_parted_by_hand: tuple[int, int]
+    strands_parted_by_instrument: int  # that a jaw or a swab touched
+    strands_parted_out_of_sight: int
+    peak_stress_share: float  # largest stress in the wall over the threshold
+    peak_stress_station_mm: float
+    smallest_distance_to_break: float  # 1 less that share
+    time_above_half_s: float  # with a share above 0.5
+    maximum_stress_rate_per_s: float  # largest growth of the share
+    work_mJ: tuple[float, float]  # noqa: N815
+    parted_energy_mJ: float  # dissipated in strands  # noqa: N815
+    duct_energy_mJ: float  # most that the duct has stored at once  # noqa: N815
+    economy_of_work: float | None  # parted energy over both hands' work
+    maximum_force_N: tuple[float, float]  # noqa: N815
+    force_time_product_N_s: tuple[float, float]  # noqa: N815
+    maximum_instrument_force_N: float  # on jaws and swabs  # noqa: N815
+    # angle between the pull on the duct and the bed's normal, weighted by force
+    traction_angle_deg: float | None
+    tear: DissectionTear | None
+
+
+class DissectionMeasureTaker:
+    """Takes the measures of a duct in its bed, tick by tick."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.peak = self.peak_station = 0.0
+        self.maximum_rate = self.instrument_force = 0.0
+        self._shares = (0.0,) * RATE_TICKS  # newest first
+        self._above_half = 0
+        self._holding = self._sweeping = list(range(HANDS))  # hands that last did so
+        self._work = [0.0] * HANDS
+        self._most = [0.0] * HANDS
+        self._product = [0.0] * HANDS
+        self._pulled = self._turned = 0.0  # sums of force, and of force times angle
+        self._duct_energy = 0.0
+        self._by_hand = [0] * HANDS
+        self._hidden = 0
+
+    def start(self, duct: BeddedDuct) -> None:
+        """Start on a duct at rest, whose bed may be opened already."""
+        self._duct = duct
+        self._damage = duct.beam.damage.copy()
+        self._before = self._parted = duct.beam.parted
+        self._books = duct.beam.books
+        self._places = np.array([hand.place for hand in duct.hands])
+        self._torn = duct.torn
+        self._measure_freed()
+
+    def _measure_freed(self) -> None:
+        self._freed = self._duct.beam.freed
+        self._parted_by_rods = self._duct.beam.parted_by_rods
+        self.stretches = self._duct.freed_stretches()
+
+    def take(self, *, moved: bool) -> None:
+        """Take one tick, in which something moved or all stood still."""
+        self.ticks += 1
+        duct = self._duct
+        reading = duct.reading()
+        share = reading.stress_share
+        if share > self.peak:
+            self.peak, self.peak_station = share, reading.station
+        self._above_half += share > 0.5
+        self.maximum_rate = max(self.maximum_rate, (share - self._shares[-1]) / RATE_SECONDS)
+        self._shares = (share, *self._shares[:-1])
+        self._torn = duct.torn
+        self._take_forces(reading.forces)
+        if moved:
+            self._take_work(reading)
+            self._duct_energy = max(self._duct_energy, duct.beam.stored_in_beam)
+            if reading.parted > self._parted:
+                self._parted = reading.parted
+                self._take_parted()
+                self._measure_freed()
+
+    def _take_forces(self, forces: Floats) -> None:
+        beam = self._duct.beam
+        for hand, holder in enumerate(self._duct.hands):
+            force = forces[hand]
+            size = math.sqrt(float(force @ force))
+            self._most[hand] = max(self._most[hand], size)
+            self._product[hand] += size * TICK_SECONDS
+            for rod in self._duct.rods_of(hand):
+                push = beam.rod_force(rod)
+                self.instrument_force = max(self.instrument_force, math.sqrt(float(push @ push)))
+            if holder.node is not None and size > LEAST_FORCE:
+                self._pulled += size
+                self._turned += size * math.acos(min(max(float(force[2]) / size, -1.0), 1.0))
+
+    def _take_work(self, reading: BedReading) -> None:
+        """Divide the tick's work, as it is in the books, between the hands."""
+        # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
+        # both do the same, in proportion to force times way of each.
+        duct, books = self._duct, reading.books
+        swept = books.rod_work - self._books.rod_work
+        held = books.work - self._books.work - swept
+        self._books = books
+        places = np.array([hand.place for hand in duct.hands])
+        shares = np.abs((reading.forces * (places - self._places)).sum(axis=1))
+        self._places = places
+        # The books are a step behind: a hand that has just let go still gets its last share.
+        holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
+        sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
+        self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
+        for work, hands in ((held, self._holding), (swept, self._sweeping)):
+            total = sum(float(shares[i]) for i in hands)
+            for i in hands:
+                part = float(shares[i]) / total if total > 0.0 else 1.0 / len(hands)
+                self._work[i] += part * work
+
+    def _take_parted(self) -> None:
+        """Count the strands that parted in this tick: whose they are, whether they were seen."""
+        duct, beam = self._duct, self._duct.beam
+        damage = beam.damage
+        new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
+        self._damage = damage
+        ends, arms = beam.strand_ends(), beam.strand_arms()
+        seen = arms[new] @ TOWARDS_VIEWER > 0.0
+        nearest = np.full(new.size, np.inf)
+        owner = np.zeros(new.size, dtype=np.int64)
+        for hand, holder in enumerate(duct.hands):
+            rods = duct.rods_of(hand)
+            if holder.node is None and not rods:
+                continue
+            away = np.abs(ends[new, 0] - holder.place[0])
+            away = np.maximum(away - 0.5 * holder.opening, 0.0)  # from the nearer jaw or between
+            seen |= away <= WORKING_DISTANCE
+            touched = np.zeros(new.size, dtype=np.bool_)
+            for rod in rods:
+                touched |= beam.touched_by(rod)[new]
+            # A strand is its instrument's if one touches it, else that of the nearest hold.
+            away = np.where(touched, -1.0, np.inf if holder.node is None else away)
+            owner[away < nearest] = hand
+            nearest = np.minimum(nearest, away)
+        for hand in range(HANDS):
+            self._by_hand[hand] += int((owner == hand).sum())
+        self._hidden += int((~seen).sum())
+
+    def measures(self) -> DissectionMeasures:
+        """Return the measures so far."""
+        torn, work = self._torn, sum(self._work)
+        return DissectionMeasures(
+            time_s=self.ticks * TICK_SECONDS,
+            freed_mm=self._freed,
+            longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
+            strands=self._damage.size - self._before,
+            strands_parted=self._parted - self._before,
+            strands_parted_by_hand=(self._by_hand[0], self._by_hand[1]),
+            strands_parted_by_instrument=self._parted_by_rods,
+            strands_parted_out_of_sight=self._hidden,
+            peak_stress_share=self.peak,
+            peak_stress_station_mm=self.peak_station,
+            smallest_distance_to_break=1.0 - self.peak,
+            time_above_half_s=self._above_half * TICK_SECONDS,
+            maximum_stress_rate_per_s=self.maximum_rate,
+            work_mJ=(self._work[0], self._work[1]),
+            parted_energy_mJ=self._books.dissipated,
+            duct_energy_mJ=self._duct_energy,
+            economy_of_work=self._books.dissipated / work if work > 0.0 else None,
+            maximum_force_N=(self._most[0], self._most[1]),
+            force_time_product_N_s=(self._product[0], self._product[1]),
+            maximum_instrument_force_N=self.instrument_force,
+            traction_angle_deg=(
+                math.degrees(self._turned / self._pulled) if self._pulled > 0.0 else None
+            ),
+            tear=None
+            if torn is None
+            else DissectionTear(
+                station_mm=torn.station,
+                time_s=self.ticks * TICK_SECONDS,
+                normal_stress_MPa=torn.normal_stress,
+                bending_stress_MPa=torn.bending_stress,
+                threshold_MPa=torn.threshold,
+            ),
+        )

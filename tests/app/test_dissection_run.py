@@ -1,0 +1,177 @@
+"""Runs of a dissection: logged, measured, written, read and made again to the bit."""
+
+import json
+import math
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+import pytest
+from simulated import phantom
+
+from app.simulation import RunFileError, preset_named, run_json
+from app.simulation.bed import (
+    BedSession,
+    DissectionFile,
+    DissectionReplay,
+    bed_named,
+    dissection_csv,
+    read_any_run,
+)
+
+SCATTERED = bed_named("firm")
+
+
+def bits(session: BedSession) -> bytes:
+    """All that is to be the same: the beam, its strands' damage, the skin and the reading."""
+    beam, drawn = session.duct.beam, session.drawn
+    parts = [beam.places, beam.rotations, beam.damage, drawn.surfaces[0].vertices]
+    return b"".join(part.tobytes() for part in parts) + repr(astuple(session.reading())).encode()
+
+
+def dissected(session: BedSession, seen: list[bytes] | None = None) -> DissectionFile:
+    """A run with every kind of input of both hands: lifted, spread, swept, let go."""
+
+    def advance(ticks: int) -> None:
+        for _ in range(ticks):
+            session.advance()
+            if seen is not None:
+                seen.append(bits(session))
+
+    span = session.duct.dissection.beam.span
+    start = session.grab(0, 0.45 * span)
+    assert start is not None
+    for tick in range(20):
+        session.move_hand(0, start + np.array([0.0, 0.5 * math.sin(tick), 0.3 * tick]))
+        advance(1)
+    session.choose_instrument(1, "dissector")
+    away = session.duct.hands[1].place.copy()
+    session.move_hand(1, away + np.array([0.0, 8.0 - away[1], 0.0]))
+    advance(25)
+    for tick in range(30):
+        session.open_jaws(1, 0.5 * tick)
+        advance(1)
+    session.release(0)
+    advance(5)
+    session.choose_instrument(1, "swab")
+    session.move_hand(1, np.array([0.3 * span, 0.0, -3.0]))
+    advance(12)
+    assert session.grab(0, 0.6 * span) is not None
+    session.move_hand(0, np.array([0.6 * span, 3.0, 4.0]))
+    advance(10)
+    session.finish()
+    return session.run_file()
+
+
+@pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
+def test_a_dissection_made_again_is_equal_to_the_bit_through_json(preset: str) -> None:
+    seen: list[bytes] = []
+    session = BedSession(phantom(), preset_named(preset), SCATTERED, bed_seed=7, vertices=300)
+    original = dissected(session, seen)
+    assert {each.kind for each in original.log.inputs} == {
+        "instrument", "grab", "move", "jaws", "let-go",
+    }  # fmt: skip
+    content = run_json(original)
+    assert len(content) < 20_000
+    read = read_any_run(content)
+    assert read == original
+    again = DissectionReplay(read.log, phantom(), vertices=300)
+    for tick, expected in enumerate(seen, start=1):
+        again.seek_tick(tick)
+        assert bits(again.session) == expected, f"tick {tick}"
+    assert run_json(again.run_file()) == content
+    assert again.session.run_file() == original
+    again.seek_tick(40)
+    assert bits(again.session) == seen[39]
+
+
+def test_what_was_done_before_a_dissection_does_not_show_in_it() -> None:
+    session = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    session.move_hand(0, np.array([10.0, -5.0, 9.0]))
+    session.advance(7)
+    session.grab(0, 20.0)
+    session.move_hand(0, np.array([20.0, 2.0, 9.0]))
+    session.advance(40)
+    session.reset()
+    session.move_hand(1, np.array([30.0, -5.0, 9.0]))
+    session.advance(3)
+    fresh = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    assert run_json(dissected(session)) == run_json(dissected(fresh))
+
+
+def test_a_tear_ends_a_dissection_and_a_reset_begins_another() -> None:
+    session = BedSession(phantom(), vertices=300)
+    start = session.grab(0, 25.4)
+    assert start is not None
+    session.move_hand(0, start + np.array([0.0, 0.0, 40.0]))
+    while session.run.going:
+        session.advance()
+    tear = session.measures().tear
+    assert tear is not None
+    assert tear.normal_stress_MPa + tear.bending_stress_MPa > tear.threshold_MPa
+    original = session.run_file()
+    session.advance(40)
+    assert session.run_file() == original
+    again = DissectionReplay(original.log, phantom(), vertices=300)
+    assert again.run_file() == original
+    assert again.ticks > original.log.ticks
+    session.reset()
+    assert not session.run.started
+    assert session.grab(0, 25.4) is not None
+    assert session.run.going
+
+
+def test_the_columns_of_a_dissection_are_those_of_its_readings() -> None:
+    session = BedSession(phantom(), vertices=300)
+    run = dissected(session)
+    series = DissectionReplay(run.log, phantom(), vertices=300).series()
+    lines = dissection_csv(series).splitlines()
+    assert len(lines) == 1 + run.log.ticks
+    last = dict(zip(lines[0].split(","), map(float, lines[-1].split(",")), strict=True))
+    reading = session.reading()
+    assert last["hand_1_force_up_N"] == reading.forces[0][2]
+    assert (last["freed_mm"], last["strands_parted"]) == (reading.freed, reading.parted)
+    assert last["dissipated_mJ"] == reading.books.dissipated
+    assert last["hand_2_along_mm"] == session.duct.hands[1].place[0]
+
+
+@pytest.fixture(scope="module")
+def shortest() -> bytes:
+    """A run of one hold."""
+    session = BedSession(phantom(), vertices=300)
+    session.grab(0, 20.0)
+    session.advance(3)
+    return run_json(session.run_file())
+
+
+BAD: dict[str, tuple[dict[str, Any], str]] = {
+    "no such hand": ({"inputs": [[0, 2, "grab", 20.0]]}, "must be of hand 0 or 1, got 2"),
+    "no such instrument": (
+        {"inputs": [[0, 0, "instrument", "laser"]]},
+        "must name one of hook, grasper, dissector, swab, got 'laser'",
+    ),
+    "two numbers": ({"inputs": [[0, 0, "move", [1.0, 2.0]]]}, "a damaged run"),
+    "no number": ({"inputs": [[0, 0, "jaws", None]]}, "must have a number, got None"),
+    "late": ({"inputs": [[9, 0, "let-go", None]]}, "at a tick from 0 to 3, got 9"),
+    "value": ({"inputs": [[0, 0, "let-go", 1.0]]}, "must have no value, got 1.0"),
+    "ticks": ({"ticks": -1}, "ticks must be from 0"),
+    "seed": ({"start": {"bed_seed": -1}}, "bed_seed must be from 0"),
+    "threshold": ({"start": {"threshold_MPa": -1.0}}, "threshold_MPa must be above 0"),
+    "steps": ({"start": {"substeps": 4}}, "40 elements and 4 steps a tick"),
+    "bed": ({"start": {"bed": "marsh"}}, "unknown bed 'marsh'"),
+    "strands": ({"start": {"strands_sha256": "0"}}, "gives other strands here"),
+    "kind": ({"inputs": [[0, 0, "cut", 1.0]]}, "a damaged run"),
+}
+
+
+@pytest.mark.parametrize("name", list(BAD))
+def test_a_bad_dissection_is_refused_with_what_is_wrong(name: str, shortest: bytes) -> None:
+    changes, words = BAD[name]
+    tree = json.loads(shortest)
+    for key, value in changes.items():
+        if isinstance(value, dict):
+            tree["log"][key] |= value
+        else:
+            tree["log"][key] = value
+    with pytest.raises(RunFileError, match=words):
+        DissectionReplay(read_any_run(json.dumps(tree).encode()).log, phantom(), vertices=300)
