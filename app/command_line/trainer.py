@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["trainer"]
 
+BOUNDS = "Bounds of what clients may take"
+
 
 def trainer(
     host: Annotated[
@@ -46,6 +48,26 @@ def trainer(
     look: Annotated[
         str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
     ] = "auto",
+    most_clients: Annotated[
+        int, typer.Option(help="Trainees at a time.", rich_help_panel=BOUNDS)
+    ] = 64,
+    most_per_address: Annotated[
+        int,
+        typer.Option(help="Pages of an address; a class may share one.", rich_help_panel=BOUNDS),
+    ] = 48,
+    most_per_browser: Annotated[
+        int,
+        typer.Option(help="Pages of a browser that came by the link.", rich_help_panel=BOUNDS),
+    ] = 8,
+    messages_per_second: Annotated[
+        float, typer.Option(help="Messages of a page; more of them wait.", rich_help_panel=BOUNDS)
+    ] = 120.0,
+    build_seconds: Annotated[
+        float, typer.Option(help="Time of building an organ, s.", rich_help_panel=BOUNDS)
+    ] = 120.0,
+    build_memory: Annotated[
+        int, typer.Option(help="Memory of building organs, MiB (Linux).", rich_help_panel=BOUNDS)
+    ] = 3072,
     exercise_inputs: Annotated[
         str,
         typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
@@ -81,13 +103,19 @@ def trainer(
     tissue = organ_from(organ)
     chosen = None if preset is None else chosen_preset(preset)
     servo = None if haptics is None else _servo(haptics, haptics_address, haptics_hand)
+    from app.compression.build_process import BuildProcess
+    from app.trainer.server.bounds import Bounds
+
+    builds = BuildProcess(build_seconds, build_memory)
+    bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
     from app.trainer.server.trainer import Trainer
 
     running = Trainer(
-        tissue, chosen, host=host, token=token, port=port, look=look,
+        tissue, chosen, host=host, token=token, port=port, look=look, bounds=bounds,
+        build_process=builds,
         exercise_inputs=exercise_inputs, haptics=servo,
     )  # fmt: skip
     # From here on both signals end the wait below, so that server and clock stop in order.

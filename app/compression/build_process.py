@@ -4,11 +4,13 @@ Finding edges and encoding an organ take seconds of Python's one lock: in the tr
 a fifth of all sessions' ticks came too late while an organ was built.
 """
 
+import contextlib
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
+import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -20,6 +22,11 @@ Progress = Callable[[int, int], None]
 Made = TypeVar("Made")
 POLL_SECONDS = 0.1
 """How often whoever waits looks whether they still want it."""
+BUILD_SECONDS = 120.0
+"""Longest time of a task: others wait for it."""
+BUILD_MIB = 3072
+"""Most memory of the process: more would slow the trainer down, or end it."""
+MIB = 2**20
 NICENESS = 5
 """How much the building gives way to sessions on a machine with few cores."""
 
@@ -31,10 +38,15 @@ class Abandoned(Exception):  # noqa: N818
 class BuildProcess:
     """One process for one task after the other; it is started with the first.
 
-    Its methods may be called from any thread.
+    A task has at most `seconds` and, where the system can bound it, `mib` of memory. Its methods
+    may be called from any thread.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float = BUILD_SECONDS, mib: int = BUILD_MIB) -> None:
+        for name, value, least in (("seconds", seconds, 1), ("memory", mib, 512)):
+            if not value >= least:
+                raise ValueError(f"--build-{name} must be at least {least}")
+        self._seconds, self._mib = seconds, mib
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._process: BaseProcess | None = None
@@ -84,10 +96,16 @@ class BuildProcess:
         """Return whether the work was done, with its value or its error."""
         pipe = self._started()
         pipe.send((work, args))
+        end = time.monotonic() + self._seconds
         while True:
             while not pipe.poll(POLL_SECONDS):
                 if self._stopped.is_set() or not wanted():
                     raise Abandoned
+                if time.monotonic() > end:
+                    raise ValueError(
+                        f"it takes longer than {self._seconds:g} s, which others wait for: use "
+                        "fewer or smaller images, or bluntdissect compress"
+                    )
             kind, answer = pipe.recv()
             if kind != "progress":
                 return kind == "made", answer
@@ -99,7 +117,7 @@ class BuildProcess:
             # A process that starts anew holds no locks of threads that it does not have.
             context = multiprocessing.get_context("spawn")
             self._pipe, other = context.Pipe()
-            self._process = context.Process(target=_serve, args=(other,), daemon=True)
+            self._process = context.Process(target=_serve, args=(other, self._mib), daemon=True)
             self._process.start()
             other.close()
         return self._pipe
@@ -115,8 +133,12 @@ class BuildProcess:
             pipe.close()
 
 
-def _serve(pipe: Connection) -> None:
+def _serve(pipe: Connection, mib: int) -> None:
     """Do one task after the other, until the pipe is closed."""
+    with contextlib.suppress(ImportError):  # not on Windows
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (mib * MIB, mib * MIB))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the trainer, which ends this
     if hasattr(os, "nice"):
         os.nice(NICENESS)
@@ -133,6 +155,9 @@ def _serve(pipe: Connection) -> None:
             made = work(*args, progress)
         except BrokenPipeError:
             return
+        except MemoryError:
+            words = f"it takes more than {mib} MiB of memory: use fewer or smaller images"
+            pipe.send(("failed", ValueError(words)))
         except Exception as error:
             pipe.send(("failed", _sendable(error)))
         else:

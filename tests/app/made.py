@@ -40,3 +40,8 @@ def forever(progress: Progress) -> None:
 def dead(progress: Progress) -> None:
     """End the process."""
     os._exit(3)
+
+
+def large(progress: Progress) -> int:
+    """Take a gigabyte of memory."""
+    return sum(memoryview(bytearray(2**30))[:: 2**20])

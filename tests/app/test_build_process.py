@@ -2,12 +2,13 @@
 
 import os
 import shutil
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from made import dead, doubled, forever, missing, refused
+from made import dead, doubled, forever, large, missing, refused
 
 from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
@@ -139,3 +140,19 @@ def test_who_waits_is_told_for_how_many() -> None:
     go.set()
     background.stop()
     assert background.tasks_ahead_of("mine") == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="another system bounds no process's memory")
+def test_a_task_has_so_much_time_and_memory_and_the_next_is_made() -> None:
+    own = BuildProcess(seconds=5.0, mib=1024)
+    try:
+        with pytest.raises(ValueError, match="more than 1024 MiB of memory: use fewer or smaller"):
+            own.make(large, progress=nothing, wanted=lambda: True)
+        with pytest.raises(ValueError, match="longer than 5 s, which others wait for: use fewer"):
+            own.make(forever, progress=nothing, wanted=lambda: True)
+    finally:
+        own.stop()
+    with pytest.raises(ValueError, match="--build-seconds must be at least 1"):
+        BuildProcess(seconds=0.0)
+    with pytest.raises(ValueError, match="--build-memory must be at least 512"):
+        BuildProcess(mib=0)

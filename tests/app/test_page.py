@@ -33,6 +33,7 @@ from app.simulation.scripted_hand import HASTY
 from app.trainer.client.client_state import HAND_ONLY
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
+from app.trainer.server.bounds import Bounds
 from app.trainer.server.trainer import Trainer
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from physics import Beam, Cubic, Exact
@@ -707,7 +708,9 @@ def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Traine
 
 
 def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Browser) -> None:
-    trainer = Trainer(phantom(), port=0, look="plain", most_clients=1, exercise_inputs="any")
+    trainer = Trainer(
+        phantom(), port=0, look="plain", bounds=Bounds(most_clients=1), exercise_inputs="any"
+    )
     try:
         with trainer_page(browser, trainer.address) as tab:
             tab.open("Learn")

@@ -422,8 +422,8 @@ def test_sessions_go_on_whatever_viser_raises(
         raise AttributeError("viser has changed")
 
     monkeypatch.setattr(trainer._server, "get_clients", fails)
-    monkeypatch.setattr(server, "close_idle_connections", fails)
-    monkeypatch.setattr(server, "EXPIRY_SECONDS", 0.0)  # every tick looks for idle connections
+    monkeypatch.setattr(server, "EXPIRY_SECONDS", 0.0)  # every tick looks for sessions to end
+    monkeypatch.setattr(trainer._kept, "expire", fails)
     monkeypatch.setattr(trainer, "_expiry", 0.0)
     monkeypatch.setattr(trainer, "_faults", set[str]())
     others = range(10**6, 10**6 + 3)
@@ -451,7 +451,7 @@ def test_sessions_go_on_whatever_viser_raises(
             "asking for the clients",
             "closing a client's view",
             "telling a client",
-            "the search for connections that are no pages",
+            "the end of sessions that were left",
         )
     ]
 

@@ -23,8 +23,9 @@ from app.trainer.server.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
 from app.trainer.viser_bridge import (
-    close_idle_connections,
+    close_page,
     kept_by_tab,
+    page_of,
     prepare_page,
     private_api,
     recording_page,
@@ -44,25 +45,24 @@ def server() -> Iterator[viser.ViserServer]:
     running.stop()
 
 
-def test_who_says_nothing_is_closed_the_second_time_and_who_speaks_is_not(
+def test_a_connection_leads_to_its_page_and_a_page_can_be_closed(
     server: viser.ViserServer,
 ) -> None:
     async def both() -> None:
         address = f"http://127.0.0.1:{server.get_port()}"
         async with connected(address) as silent, connected(address) as speaking:
             await speaking.send(msgspec.msgpack.encode(CAMERA))
-            while len(server.get_clients()) < 1:
+            while not (clients := server.get_clients()):
                 await asyncio.sleep(0.01)
-            suspects = close_idle_connections(server, set())
-            assert len(suspects) == 1
-            assert not suspects & server.get_clients().keys()
-            await speaking.send(msgspec.msgpack.encode(CAMERA))
-            assert close_idle_connections(server, suspects) == set()
-            await silent.wait_closed()
-            await (await speaking.ping())
-            assert len(server.get_clients()) == 1
-            while close_idle_connections(server, set()):
-                await asyncio.sleep(0.01)
+            (number,) = clients
+            live = server._websock_server._live_connections
+            pages = [page_of(server, each) for each in dict(live).values()]
+            assert {None if page is None else page.client_id for page in pages} == {None, number}
+            close_page(server, number, "for a test")
+            await speaking.wait_closed()
+            assert speaking.close_reason == "for a test"
+            await (await silent.ping())
+            close_page(server, number, "it has gone already")
 
     # In a thread of its own: playwright's loop may be running in this one.
     with ThreadPoolExecutor(1) as pool:

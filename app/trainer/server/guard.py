@@ -16,12 +16,17 @@ from urllib.parse import parse_qs
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from app.trainer.server.bounds import Connections, PageConnection
+
 __all__ = ["TOKEN_VARIABLE", "Guard", "is_loopback"]
 
 TOKEN_VARIABLE = "BLUNTDISSECT_TOKEN"  # noqa: S105
 """Environment variable that can give the token."""
 
 TOKEN_BYTES = 24
+BROWSER_BYTES = 12
+LONGEST_PATH = 200
+RETRY_SECONDS = 10
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 _HOST = re.compile(r"(?:\[(?P<six>[^\[\]]*)\]|(?P<name>[^:\[\]]*))(?::[0-9]+)?")
 
@@ -49,6 +54,8 @@ class Guard:
         The address that is served.
     token
         What the link must have. When None, one is made; on loopback none is then needed.
+    connections
+        Says whether there is a place for one more page; None for always.
 
     Attributes
     ----------
@@ -61,7 +68,9 @@ class Guard:
         If the token is too short to be secret, or cannot stand in a link.
     """
 
-    def __init__(self, host: str, token: str | None = None) -> None:
+    def __init__(
+        self, host: str, token: str | None = None, connections: Connections | None = None
+    ) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
             raise ValueError(
                 f"the token of --token-file or {TOKEN_VARIABLE} must be 16 to 200 letters, digits, "
@@ -70,9 +79,7 @@ class Guard:
         self._loopback = is_loopback(host)
         if token is None and not self._loopback:
             token = secrets.token_urlsafe(TOKEN_BYTES)
-        self.token = token
-        # The cookie does not give the token away, and is the same after a start with the same one.
-        self._cookie = hmac.digest((token or "").encode(), b"cookie", "sha256").hex()
+        self.token, self._connections = token, connections
 
     def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return None for a request that gets in, else its answer."""
@@ -83,17 +90,44 @@ class Guard:
         own = {f"{scheme}://{hosts[0].lower()}" for scheme in ("http", "https")}
         if any(origin.lower() not in own for origin in headers.get_all("Origin")):
             return connection.respond(HTTPStatus.FORBIDDEN, FOREIGN_ORIGIN)
-        if self.token is None:
+        path, _, query = request.path.partition("?")
+        if len(path) > LONGEST_PATH:
+            return connection.respond(HTTPStatus.REQUEST_URI_TOO_LONG, "There is no such page.\n")
+        browser = None
+        if self.token is not None:
+            # Cookies know no ports: another trainer on this machine has one of its own.
+            name = f"bluntdissect-{connection.local_address[1]}"
+            given = parse_qs(query).get("token", [])
+            if len(given) == 1 and _same(given[0], self.token):
+                return _entered(connection, f"{name}={self._cookie()}")
+            browser = self._browser(headers.get_all("Cookie"), name)
+            if browser is None:
+                return connection.respond(HTTPStatus.FORBIDDEN, NO_TOKEN)
+        if self._connections is None or not isinstance(connection, PageConnection):
             return None
-        # Cookies know no ports: another trainer on this machine has one of its own.
-        name = f"bluntdissect-{connection.local_address[1]}"
-        given = parse_qs(request.path.partition("?")[2]).get("token", [])
-        if len(given) == 1 and _same(given[0], self.token):
-            return _entered(connection, f"{name}={self._cookie}")
-        cookies = (part.strip() for line in headers.get_all("Cookie") for part in line.split(";"))
-        if any(_same(cookie, f"{name}={self._cookie}") for cookie in cookies):
+        opens = headers.get("Upgrade") == "websocket"
+        full = self._connections.admit(connection, browser, opens=opens)
+        if full is None:
             return None
-        return connection.respond(HTTPStatus.FORBIDDEN, NO_TOKEN)
+        response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, full)
+        response.headers["Retry-After"] = str(RETRY_SECONDS)
+        return response
+
+    def _cookie(self, browser: str | None = None) -> str:
+        """Return a browser's cookie, which a start with the same token knows again."""
+        browser = secrets.token_urlsafe(BROWSER_BYTES) if browser is None else browser
+        # It does not give the token away.
+        proof = hmac.digest((self.token or "").encode(), b"cookie" + browser.encode(), "sha256")
+        return f"{browser}.{proof.hex()}"
+
+    def _browser(self, cookies: list[str], name: str) -> str | None:
+        """Return which browser's cookie this is, if it is one of ours."""
+        for each in (part.strip() for line in cookies for part in line.split(";")):
+            called, _, value = each.partition("=")
+            browser = value.partition(".")[0]
+            if called == name and browser.isascii() and _same(value, self._cookie(browser)):
+                return browser
+        return None
 
 
 def is_loopback(host: str) -> bool:

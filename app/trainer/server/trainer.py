@@ -5,26 +5,30 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
+from typing import cast
 
 import viser
 
+from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, Dissection, ExerciseInputs, Preset, Session, default_preset
 from app.trainer.client.client_state import ClientState, Workers, explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.panel.help import SEEN, show_first_minute
+from app.trainer.server.bounds import Bounds, Connections, PageConnection, socket_options
 from app.trainer.server.client_view import ClientView
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
 from app.trainer.server.guard import Guard
-from app.trainer.server.sessions import MOST_SESSIONS, Sessions, SessionsFullError
+from app.trainer.server.sessions import Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import (
-    close_idle_connections,
+    close_page,
     kept_by_tab,
+    page_of,
     prepare_page,
     start_server,
     stop_server,
@@ -70,8 +74,10 @@ class Trainer:
         Port to serve; 0 takes a free one.
     look
         "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
-    most_clients
-        Most clients at a time.
+    bounds
+        Limits of what clients may take; usual ones when None.
+    build_process
+        Builds organs, within limits of its own.
     exercise_inputs
         Which inputs count in exercises; "any" allows sliders and keys, and each run says so.
     haptics
@@ -103,23 +109,26 @@ class Trainer:
         token: str | None = None,
         port: int,
         look: LookChoice = "full",
-        most_clients: int = MOST_SESSIONS,
+        bounds: Bounds | None = None,
+        build_process: BuildProcess | None = None,
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
     ) -> None:
-        self._guard = Guard(host, token)
+        bounds = bounds or Bounds()
+        self._connections = Connections(bounds, self._tell_refusal)
+        self._guard = Guard(host, token, self._connections)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
         self._look: LookChoice = look
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
-        self._kept = Sessions(lambda: Session(organ, preset), most=most_clients)
-        self._workers = Workers()
+        self._kept = Sessions(lambda: Session(organ, preset), most=bounds.most_clients)
+        self._workers = Workers(build_process=build_process or BuildProcess())
         self._stopping = threading.Event()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
         warm_session(organ, preset)
-        self._server = _serve(host, port, self._guard)
+        self._server = _serve(host, port, self._guard, socket_options(self._connections))
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
@@ -134,9 +143,11 @@ class Trainer:
         camera.look_at = tuple(overview.look_at)
         camera.up = tuple(overview.up)
         camera.fov = overview.fov
-        self._server.on_client_connect(self._connect)
+        # Not in viser's pool: pages that do not answer would keep the others out of it.
+        self._server.on_client_connect(
+            cast(Callable[[viser.ClientHandle], None], self._connect_apart)
+        )
         self._server.on_client_disconnect(self._disconnect)
-        self._idle: set[int] = set()
         self._faults: set[str] = set()
         self._expiry = time.monotonic() + EXPIRY_SECONDS
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
@@ -189,6 +200,9 @@ class Trainer:
         self._workers.stop()
         stop_server(self._server)
 
+    async def _connect_apart(self, client: viser.ClientHandle) -> None:
+        threading.Thread(target=self._connect, args=(client,), name="page", daemon=True).start()
+
     def _connect(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         try:
@@ -204,6 +218,9 @@ class Trainer:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):
                     show_first_minute(client)
+        except TimeoutError:
+            close_page(self._server, number, "a page that does not answer")
+            return
         except SessionsFullError as full:
             client.add_notification("No free place", f"{full}.", color="yellow")
             return
@@ -238,6 +255,10 @@ class Trainer:
                 self._faults.add(what)
                 log.exception("%s has failed; the sessions go on", what)
 
+    def _tell_refusal(self, connection: PageConnection, words: str) -> None:
+        if (client := page_of(self._server, connection)) is not None:
+            client.add_notification("Not taken", words, color="yellow")
+
     def _tell_fault(self, client: viser.ClientHandle) -> None:
         """Log the fault that has stopped a client's session, and tell the client."""
         log.exception("the session of client %d has stopped", client.client_id)
@@ -255,8 +276,6 @@ class Trainer:
                 self._expiry = now + EXPIRY_SECONDS
                 with self._surviving("the end of sessions that were left"):
                     self._kept.expire()
-                with self._surviving("the search for connections that are no pages"):
-                    self._idle = close_idle_connections(self._server, self._idle)
 
     def _tick(self, seconds: float) -> None:
         """Step every session, and draw those that the frame budget allows."""
@@ -317,7 +336,7 @@ def _own_address(host: str) -> str:
         return "localhost"
 
 
-def _serve(host: str, port: int, guard: Guard) -> viser.ViserServer:
+def _serve(host: str, port: int, guard: Guard, options: Mapping[str, object]) -> viser.ViserServer:
     """Return viser's server on exactly this address: viser itself would take another port."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
@@ -331,7 +350,7 @@ def _serve(host: str, port: int, guard: Guard) -> viser.ViserServer:
                 f"cannot serve {host}: {reason}; give --host an address of this machine"
             ) from error
         raise _taken(host, port, reason) from error
-    server = start_server(host, port, guard)
+    server = start_server(host, port, guard, options)
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")

@@ -19,8 +19,10 @@ from app.trainer.viser_bridge.page import (
     tab_keeps,
     watch_pace,
 )
+from app.trainer.viser_bridge.page_messages import page_message_decoder
 from app.trainer.viser_bridge.private_api import (
-    close_idle_connections,
+    close_page,
+    page_of,
     read_icons,
     start_server,
     stop_server,
@@ -29,13 +31,15 @@ from app.trainer.viser_bridge.recording import recording_page, write_caption
 
 __all__ = [
     "announce",
-    "close_idle_connections",
+    "close_page",
     "closer_html",
     "keep_in_sight",
     "kept_by_tab",
     "letter_keys_on",
     "offer_home",
     "open_tab",
+    "page_message_decoder",
+    "page_of",
     "prepare_page",
     "read_icons",
     "recording_page",

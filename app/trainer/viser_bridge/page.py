@@ -28,6 +28,8 @@ __all__ = [
 
 ANSWER_SECONDS = 4.0
 """s that a browser may take to answer: one that draws in software is busy at first."""
+OPENING_SECONDS = 15.0
+"""s that a page may take for its first answer; its reader waits in a thread of its own."""
 _CLOSER = "bd-closer"  # as in page.css
 _LETTER_KEYS = "letter-keys"
 
@@ -84,14 +86,14 @@ def keep_in_sight(
 
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
-    """Return the text stored by `tab_keeps` in a browser's tab; None without one or an answer."""
+    """Return the text stored by `tab_keeps`, if any; TimeoutError from a page that is mute."""
     # viser reads only the browser's storage, which all tabs share. So the script copies the tab's
     # own value into it for a moment, under a name that no other page knows.
     name = f"tab-{secrets.token_hex(8)}"
     _call(client, "showKept", name)
     try:
-        return client.local_storage.get_item(name, ANSWER_SECONDS) or None
-    except (RuntimeError, TimeoutError):
+        return client.local_storage.get_item(name, OPENING_SECONDS) or None
+    except RuntimeError:
         return None
     finally:
         client.local_storage.remove_item(name)

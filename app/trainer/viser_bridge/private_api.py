@@ -6,7 +6,7 @@ import io
 import logging
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from typing import Any
 
 import viser
@@ -14,11 +14,13 @@ import websockets.asyncio.server
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 __all__ = [
-    "close_idle_connections",
+    "close_page",
     "page_number",
+    "page_of",
     "queue_script",
     "read_icons",
     "start_server",
@@ -26,8 +28,11 @@ __all__ = [
 ]
 
 
+Guard = Callable[[ServerConnection, Request], Response | None]
+
+
 def start_server(
-    host: str, port: int, guard: Callable[[ServerConnection, Request], Response | None]
+    host: str, port: int, guard: Guard, options: Mapping[str, Any] | None = None
 ) -> viser.ViserServer:
     """Start viser's server without its printed address and its public tunnels.
 
@@ -37,6 +42,8 @@ def start_server(
         What to serve; port 0 takes a free one.
     guard
         Asked about each request before viser sees it; answers those that it refuses.
+    options
+        Options of websockets' `serve` in place of viser's.
 
     Returns
     -------
@@ -54,7 +61,7 @@ def start_server(
     log = logging.getLogger("websockets.server")
     log.setLevel(max(logging.INFO, log.getEffectiveLevel()))
     # viser prints its own address whatever `verbose` says.
-    with contextlib.redirect_stdout(io.StringIO()), _guarded(guard) as opened:
+    with contextlib.redirect_stdout(io.StringIO()), _guarded(guard, options or {}) as opened:
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if not opened.is_set():
         stop_server(server)
@@ -78,9 +85,7 @@ _opening = threading.Lock()
 
 
 @contextlib.contextmanager
-def _guarded(
-    guard: Callable[[ServerConnection, Request], Response | None],
-) -> Generator[threading.Event]:
+def _guarded(guard: Guard, chosen: Mapping[str, Any]) -> Generator[threading.Event]:
     """Put a guard in the socket that viser opens meanwhile, and give an event that says it is in.
 
     viser fixes all options of websockets' `serve`, but looks that name up when it starts.
@@ -89,7 +94,7 @@ def _guarded(
 
     def guarded_serve(
         *arguments: Any,
-        process_request: Callable[[ServerConnection, Request], Response | None] | None = None,
+        process_request: Guard | None = None,
         **options: Any,
     ) -> websockets.asyncio.server.serve:
         def answer(connection: ServerConnection, request: Request) -> Response | None:
@@ -99,7 +104,7 @@ def _guarded(
             return process_request(connection, request)
 
         opened.set()
-        return serve(*arguments, process_request=answer, **options)
+        return serve(*arguments, process_request=answer, **(options | dict(chosen)))
 
     with _opening:
         serve = websockets.asyncio.server.serve
@@ -116,17 +121,19 @@ def stop_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
-def close_idle_connections(server: viser.ViserServer, suspects: set[int]) -> set[int]:
-    """Close connections that were silent at the last call and still are; return new suspects."""
-    # viser counts a client from its first message on, which a page sends at once. Until then it has
-    # no session, but a socket and three tasks of the server, and viser lists it nowhere.
-    websockets = server._websock_server  # pyright: ignore[reportPrivateUsage]
-    loop = server.get_event_loop()
-    connections = dict(websockets._live_connections)  # pyright: ignore[reportPrivateUsage]
-    silent = connections.keys() - server.get_clients().keys()
-    for number in silent & suspects:
-        asyncio.run_coroutine_threadsafe(connections[number].close(), loop)
-    return silent - suspects
+def page_of(server: viser.ViserServer, connection: ServerConnection) -> viser.ClientHandle | None:
+    """Return the page that a connection is of, if it has spoken."""
+    live = dict(server._websock_server._live_connections)  # pyright: ignore[reportPrivateUsage]
+    numbers = (number for number, each in live.items() if each is connection)
+    return server.get_clients().get(next(numbers, -1))
+
+
+def close_page(server: viser.ViserServer, number: int, reason: str) -> None:
+    """Close a page's connection and say why."""
+    connection = server._websock_server._live_connections.get(number)  # pyright: ignore[reportPrivateUsage]
+    if connection is not None:
+        closing = connection.close(CloseCode.POLICY_VIOLATION, reason)
+        asyncio.run_coroutine_threadsafe(closing, server.get_event_loop())
 
 
 def read_icons(icons: Iterable[viser.IconName]) -> None:
