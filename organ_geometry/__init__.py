@@ -15,8 +15,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from organ_geometry.atomic_file import WorkFolder as WorkFolder
     from organ_geometry.atomic_file import check_target as check_target
     from organ_geometry.atomic_file import make_folder as make_folder
+    from organ_geometry.atomic_file import remove_left_behind as remove_left_behind
     from organ_geometry.atomic_file import write_atomic as write_atomic
     from organ_geometry.contours.organ_tracing import trace_organ as trace_organ
     from organ_geometry.contours.trace_options import Seed as Seed
@@ -63,7 +65,13 @@ if TYPE_CHECKING:
 else:
     # The same again, by module; a test holds the two lists to each other.
     _NAMES = {
-        "atomic_file": ("check_target", "make_folder", "write_atomic"),
+        "atomic_file": (
+            "WorkFolder",
+            "check_target",
+            "make_folder",
+            "remove_left_behind",
+            "write_atomic",
+        ),
         "organ_file": ("FILE_VERSION", "code_from_bytes", "read_organ", "write_organ"),
         "encoder.encode": ("ToleranceTooSmall",),
         "contours.trace_options": ("Seed", "TraceOptions"),

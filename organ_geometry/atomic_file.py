@@ -1,10 +1,28 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and work folders that no killed process leaves for long.
 
+Who writes a file or works in a folder holds a lock on it, which ends with the process. So what has
+no lock was left behind, and is removed by the next that works there.
+"""
+
+import contextlib
+import glob
 import os
+import shutil
 import tempfile
+import time
 from pathlib import Path
 
-__all__ = ["check_target", "make_folder", "write_atomic"]
+try:
+    import fcntl
+except ImportError:  # Windows: what was left behind stays
+    fcntl = None
+
+__all__ = ["WorkFolder", "check_target", "make_folder", "remove_left_behind", "write_atomic"]
+
+WORK_FOLDER = "bluntdissect-"
+"""How names of work folders begin."""
+LOCKED_WITHIN = 2.0
+"""s in which what was just made gets its lock."""
 
 
 def check_target(path: Path) -> None:
@@ -31,8 +49,10 @@ def write_atomic(path: Path, content: bytes) -> None:
     path = path.resolve()  # a link stays one: what it points to is replaced
     beside: Path | None = None
     try:
+        remove_left_behind(path.parent, f".{glob.escape(path.name)}.*.part")
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         beside = Path(name)
+        _lock(handle)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         beside.chmod(0o666 & ~_umask())
@@ -42,6 +62,58 @@ def write_atomic(path: Path, content: bytes) -> None:
     finally:
         if beside is not None:
             beside.unlink(missing_ok=True)
+
+
+class WorkFolder(tempfile.TemporaryDirectory[str]):
+    """A temporary folder that the next one's maker removes if this process is killed."""
+
+    def __init__(self) -> None:
+        remove_left_behind()
+        super().__init__(prefix=WORK_FOLDER, ignore_cleanup_errors=True)
+        self._handle: int | None = None
+        if fcntl is not None:
+            self._handle = os.open(self.name, os.O_RDONLY)
+            _lock(self._handle)
+
+    def cleanup(self) -> None:
+        """Remove the folder with all that is in it."""
+        handle, self._handle = self._handle, None
+        super().cleanup()
+        if handle is not None:
+            os.close(handle)
+
+
+def remove_left_behind(folder: Path | None = None, names: str = f"{WORK_FOLDER}*") -> None:
+    """Remove what killed processes have left: work folders, or unfinished files in a folder."""
+    if fcntl is None:
+        return
+    for left in Path(tempfile.gettempdir() if folder is None else folder).glob(names):
+        # Another may be faster, and others' files are their own.
+        with contextlib.suppress(OSError):
+            found = left.lstat()
+            young = abs(time.time() - found.st_mtime) < LOCKED_WITHIN
+            if young or found.st_uid != os.geteuid() or left.is_symlink():
+                continue
+            handle = os.open(left, os.O_RDONLY)
+            try:
+                if not _lock(handle):
+                    continue
+                if left.is_dir():
+                    shutil.rmtree(left, ignore_errors=True)
+                else:
+                    left.unlink()
+            finally:
+                os.close(handle)
+
+
+def _lock(handle: int) -> bool:
+    """Lock an open file or folder until it is closed; return False if another has the lock."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+    return True
 
 
 def _umask() -> int:

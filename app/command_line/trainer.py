@@ -105,7 +105,9 @@ def trainer(
     servo = None if haptics is None else _servo(haptics, haptics_address, haptics_hand)
     from app.compression.build_process import BuildProcess
     from app.trainer.server.bounds import Bounds
+    from organ_geometry import remove_left_behind
 
+    remove_left_behind()
     builds = BuildProcess(build_seconds, build_memory)
     bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
     # Stdout has the address first, for who reads it by program.

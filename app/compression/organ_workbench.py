@@ -5,7 +5,6 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +25,7 @@ from organ_geometry import (
     TracedOrgan,
     TracedSection,
     TraceOptions,
+    WorkFolder,
     build_fitted,
     fit_organ,
     is_dicom_file,
@@ -154,7 +154,7 @@ class OrganWorkbench:
         self.opened: OpenedStack | None = None
         self.built: BuiltOrgan | None = None  # At the threshold asked for last
         self._bounds = UploadBounds() if bounds is None else bounds
-        self._folder: TemporaryDirectory[str] | None = None
+        self._folder: WorkFolder | None = None
         self._closed = False
         self._lock = threading.Lock()
 
@@ -191,7 +191,7 @@ class OrganWorkbench:
         progress: Progress | None = None,
     ) -> OpenedStack:
         """Take images that were sent. Those before them stay if these cannot be taken."""
-        folder = TemporaryDirectory(prefix="bluntdissect-", ignore_cleanup_errors=True)
+        folder = WorkFolder()
         try:
             place = Path(folder.name)
             source = unpack_upload(name, content, place, self._bounds)
@@ -238,7 +238,7 @@ class OrganWorkbench:
         if folder is not None:
             folder.cleanup()
 
-    def _take(self, opened: OpenedStack, folder: TemporaryDirectory[str] | None) -> None:
+    def _take(self, opened: OpenedStack, folder: WorkFolder | None) -> None:
         with self._lock:
             if self._closed:
                 raise Abandoned

@@ -7,7 +7,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from app.compression.image_upload import UploadBounds, unpack_upload
 from app.compression.organ_figure import check_figure_target, draw_organ_figure
@@ -17,6 +16,7 @@ from organ_geometry import (
     ReadOptions,
     TraceOptions,
     When,
+    WorkFolder,
     build_organ,
     check_target,
     read_image_stack,
@@ -100,7 +100,7 @@ def _unpacked(stack: Path) -> Generator[Path]:
     if not (stack.is_file() and stack.suffix.lower() == ".zip"):
         yield stack
         return
-    with TemporaryDirectory(prefix="bluntdissect-", ignore_cleanup_errors=True) as place:
+    with WorkFolder() as place:
         folder = Path(place)
         try:
             yield unpack_upload(stack.name, _content(stack), folder, ZIP_BOUNDS)

@@ -1,11 +1,15 @@
 """Files appear whole or not at all."""
 
 import os
+import signal
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
-from organ_geometry.atomic_file import write_atomic
+from organ_geometry.atomic_file import WorkFolder, remove_left_behind, write_atomic
 
 
 def test_a_full_disk_leaves_the_old_file_and_nothing_else(
@@ -58,3 +62,49 @@ def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
     plain.write_bytes(b"")
     write_atomic(whole, b"")
     assert whole.stat().st_mode == plain.stat().st_mode
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from organ_geometry.atomic_file import WorkFolder, write_atomic
+folder = WorkFolder()
+Path(folder.name, "sent.png").write_bytes(b"an image")
+os.fdopen = lambda handle, mode: (os.write(handle, b"half"), os.kill(os.getpid(), signal.SIGKILL))
+write_atomic(Path(sys.argv[1]), b"new")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there what was left behind stays")
+def test_what_a_killed_process_leaves_is_removed_by_the_next_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def aged() -> set[str]:
+        for each in tmp_path.iterdir():
+            os.utime(each, (0, 0), follow_symlinks=False)
+        return {each.name for each in tmp_path.iterdir()}
+
+    path = tmp_path / "duct.organ"
+    write_atomic(path, b"old")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (tmp_path / "bluntdissect-link").symlink_to(path)
+    left = aged()
+    assert len(left) == 4
+    assert path.read_bytes() == b"old"
+    working = WorkFolder()  # which removes another's folder
+    aged()
+    remove_left_behind()  # not what is at work
+    write_atomic(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert {each.name for each in tmp_path.iterdir()} == {
+        path.name, "bluntdissect-link", Path(working.name).name
+    }  # fmt: skip
+    young = tmp_path / f".{path.name}.young.part"
+    young.write_bytes(b"half")
+    write_atomic(path, b"newer")
+    assert young.exists()  # its writer may be about to lock it
+    working.cleanup()
+    assert not Path(working.name).exists()
