@@ -1,24 +1,30 @@
 """`bluntdissect export`: the organ in other people's tools, without a browser."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.command_line.load import (
+    BED_NAMES,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
+    hook_path,
     organ_from,
     theory_options,
 )
 
 if TYPE_CHECKING:
-    from app.export.order import Order
+    from app.export.bed_export import BedExport
+    from app.export.organ_export import OrganExport
+    from app.export.pull_export import PullExport
 
 __all__ = ["export"]
+
+BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
+"""Of the last step, as `solve --bed` names them."""
 
 
 def export(
@@ -82,17 +88,45 @@ def export(
             show_default="0.5; of a page what keeps it small",
         ),
     ] = None,
+    bed: Annotated[
+        str | None,
+        typer.Option(help=f"Free the duct from a bed of strands that part: {BED_NAMES}."),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option("--seed", "--bed-seed", help="Bed: chooses its scattered strands.")
+    ] = 1,
+    hook: Annotated[
+        float | None,
+        typer.Option(help="Bed: mm from the first clamp; the middle if not given."),
+    ] = None,
+    lift: Annotated[
+        float | None, typer.Option(help="Bed: lift the hook so far off the bed, mm.")
+    ] = None,
+    path: Annotated[
+        str | None,
+        typer.Option(help="Bed: the hook's displacements [[x,y,z],...], mm, from rest, as JSON."),
+    ] = None,
+    steps: Annotated[
+        int, typer.Option(help="Bed: steps along the path; a motion has a key after each.")
+    ] = 60,
+    elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80,
+    strands: Annotated[
+        int | None, typer.Option(help="Bed: how many strands; about 600 if not given.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Write an organ under a pull as a file for other tools.
+    """Write an organ under a pull, or freed from its bed, as a file for other tools.
 
-    A GLB is rigged: it has a joint at each driving point, and animations of the pull and the tear.
+    A GLB is rigged: it has a joint at each driving point, and animations of the pull and the tear,
+    or with --bed of how the hook frees the duct, with the strands.
     STL, PLY and OBJ are closed meshes, VTP and PVD carry the stresses for ParaView, CSV has the
     curve or the axis. All but GLB (metres, y up) are in mm and stand where the organ's images
     stand. Example: bluntdissect export duct.organ --force 2.0 -o duct.glb
     """
-    from app.export.order import Order
+    from app.export.bed_export import BedExport
+    from app.export.pull_export import PullExport
     from app.simulation import Dissection, chosen_preset, default_preset
+    from app.simulation.bed import BED_THEORY, bed_named
     from organ_geometry import write_atomic
 
     if output is None and html is None:
@@ -101,41 +135,83 @@ def export(
         raise ValueError(f"--color must be stress, not {color}")
     if table not in ("curve", "axis"):
         raise ValueError(f"--table must be curve or axis, not {table}")
-    chosen = chosen_theory(theory, q=q, shear=shear, law=law)
-    options = theory_options(chosen)
+    of_bed = {"--hook": hook, "--lift": lift, "--path": path, "--strands": strands}
+    of_bed |= {"--seed": seed != 1 or None, "--steps": steps != 60 or None}
+    of_bed |= {"--elements": elements != 80 or None}
+    of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--law": law, "--shear": shear or None}
+    of_pull |= {"--theory": theory != "cubic" or None, "--torn": torn or None}
+    of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
+    wrong = of_bed if bed is None else of_pull
+    given = ", ".join(name for name, value in wrong.items() if value is not None)
+    if given and bed is None:
+        raise ValueError(f"{given} go with --bed")
+    if given:
+        raise ValueError(
+            f"a duct in a --bed is a beam in space, pulled by --hook and --lift or --path in "
+            f"--steps; leave out {given}"
+        )
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, chosen_preset(preset) if preset else default_preset(tissue))
-    order = Order(
-        dissection,
-        chosen,
-        0.5 * dissection.beam.span if grasp is None else grasp,
-        force=force,
-        torn=torn,
-        still=still,
-        painted=color is not None,
-        frames=frames,
-        edge_length=0.5 if edge_length is None else edge_length,
-        table=table,
-    )
+    edges = 0.5 if edge_length is None else edge_length
+    wanted: BedExport | PullExport
+    if bed is not None:
+        wanted = BedExport(
+            dissection,
+            bed_named(bed),
+            0.5 * dissection.beam.span if hook is None else hook,
+            hook_path(lift, path),
+            static=still,
+            stress_colors=color is not None,
+            edge_length=edges,
+            seed=seed,
+            steps=steps,
+            elements=elements,
+            strands=strands,
+        )
+    else:
+        wanted = PullExport(
+            dissection,
+            chosen_theory(theory, q=q, shear=shear, law=law),
+            0.5 * dissection.beam.span if grasp is None else grasp,
+            force=force,
+            torn=torn,
+            static=still,
+            stress_colors=color is not None,
+            frames=frames,
+            edge_length=edges,
+            table=table,
+        )
     facts: dict[str, object] = {}
     if output is not None:
-        order.check(output)
-    page = b"" if html is None else page_content(order, html, edge_length)
+        wanted.check(output)
+    page = b"" if html is None else page_content(wanted, html, edge_length)
     if output is not None:
-        facts |= write_file(order, output)
+        facts |= write_file(wanted, output)
     if html is not None:
         write_atomic(html, page)
         facts |= {"page": str(html), "page_bytes": len(page)}
-    event = order.break_event
     facts |= {
         "preset": dissection.preset.name,
-        "section": dissection.section(chosen),
         "strength": dissection.preset.strength,
-        "threshold_MPa": order.strength,
-        "breaks_at_N": None if event is None else event.force,
-        "theory": chosen.name,
-        **options,
+        "threshold_MPa": wanted.threshold,
     }
+    if isinstance(wanted, PullExport):
+        event = wanted.break_event
+        facts |= {
+            "section": dissection.section(wanted.theory),
+            "breaks_at_N": None if event is None else event.force,
+            "theory": wanted.theory.name,
+            **theory_options(wanted.theory),
+        }
+    else:
+        last = wanted.dissected[1].rows(wanted.threshold)[-1]
+        facts |= {
+            "section": dissection.section(BED_THEORY),
+            "bed": wanted.bed.name,
+            "seed": seed,
+            "hook_mm": wanted.hook,
+            **{name: last[name] for name in BED_FACTS},
+        }
     if as_json:
         print(json.dumps(facts))
         return
@@ -143,44 +219,51 @@ def export(
         each = " each" if output.suffix.lower() == ".pvd" else ""
         faces = f", {facts['faces']:,} faces{each}" if facts["faces"] else ""
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
-        print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
-        print(f"solved as {facts['section']}")
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
+    if output is not None or bed is not None:
+        print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
+        print(f"solved as {facts['section']}")
 
 
 def _state(facts: "dict[str, object]", *, torn: bool) -> str:
     """Say how the organ is pulled, and by which theory."""
+    if "bed" in facts:
+        return (
+            f"bed {facts['bed']}, at the end of the path {facts['freed_mm']:.4g} mm are free, "
+            f"{facts['strands_parted']} strands parted, distance to break "
+            f"{facts['distance_to_break_percent']:.4g} %"
+        )
     force, theory = facts["force_N"], facts["theory"]
     if torn:
         return f"{theory} beam, torn at {force:.4g} N"
     return f"{theory} beam, pulled with {force:.4g} N" if force else "at rest"
 
 
-def write_file(order: "Order", path: Path) -> dict[str, object]:
-    """Write an order to a file."""
-    delivery = order.write(path)
+def write_file(export: "OrganExport", path: Path) -> dict[str, object]:
+    """Write a file, and say what is in it."""
+    result = export.write(path)
     return {
         "file": str(path),
-        "files": len(delivery.files),
-        "kind": delivery.kind,
-        "bytes": sum(file.stat().st_size for file in delivery.files),
-        "surfaces": list(delivery.surfaces),
-        "vertices": delivery.vertices,
-        "faces": delivery.faces,
-        "animations": list(delivery.animations),
-        "force_N": delivery.force,
-        "deflection_mm": delivery.deflection,
+        "files": len(result.files),
+        "kind": result.kind,
+        "bytes": sum(file.stat().st_size for file in result.files),
+        "surfaces": list(result.surfaces),
+        "vertices": result.vertices,
+        "faces": result.faces,
+        "animations": list(result.animations),
+        "force_N": result.force,
+        "deflection_mm": result.deflection,
     }
 
 
-def page_content(order: "Order", path: Path, edge_length: float | None) -> bytes:
-    """Return the page that plays an order."""
-    from app.trainer.pages.html_player import page_edge_length, pull_page
+def page_content(export: "BedExport | PullExport", path: Path, edge_length: float | None) -> bytes:
+    """Return the page that plays an export."""
+    from app.trainer.pages.html_player import export_page, page_edge_length
     from organ_geometry import check_target
 
     check_target(path)
-    if order.torn or order.still or order.painted:
+    if not export.moves:
         raise ValueError("--html plays a motion; leave out --torn, --still and --color")
-    edges = page_edge_length(order.dissection.organ) if edge_length is None else edge_length
-    return pull_page(replace(order, edge_length=edges)).encode()
+    edges = page_edge_length(export.dissection.organ) if edge_length is None else edge_length
+    return export_page(export, edge_length=edges).encode()

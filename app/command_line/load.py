@@ -1,5 +1,6 @@
-"""Shared by the commands: an organ from a file or the shipped images, and a theory's load."""
+"""Shared by the commands: an organ from a file or the shipped one, a theory, and a hook's path."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -26,6 +27,7 @@ __all__ = [
     "THEORY_HELP",
     "chosen_theory",
     "equilibrium",
+    "hook_path",
     "organ_from",
     "shipped_organ",
     "theory_options",
@@ -93,3 +95,17 @@ def equilibrium(
         return theory.pull(beam, at).to_force(force).sample(stations)
     assert deflection is not None  # noqa: S101
     return theory.pull(beam, at).to_deflection(deflection).sample(stations)
+
+
+def hook_path(lift: float | None, path: str | None) -> tuple[tuple[float, float, float], ...]:
+    """Return the hook's displacements from the options, mm."""
+    if (lift is None) == (path is None):
+        raise ValueError("give either --lift (mm) or --path '[[x,y,z],...]' (mm)")
+    if path is None:
+        assert lift is not None  # noqa: S101
+        return ((0.0, 0.0, lift),)
+    try:
+        points = json.loads(path)
+        return tuple((float(x), float(y), float(z)) for x, y, z in points)
+    except (TypeError, ValueError):
+        raise ValueError(f"--path must be JSON of points [[x,y,z],...] in mm, not {path}") from None

@@ -13,6 +13,7 @@ from app.command_line.load import (
     THEORY_HELP,
     chosen_theory,
     equilibrium,
+    hook_path,
     organ_from,
     theory_options,
 )
@@ -238,20 +239,6 @@ def solve(
         ]
     for name, value in lines:
         print(f"{name:<18} {value}")
-
-
-def hook_path(lift: float | None, path: str | None) -> tuple[tuple[float, float, float], ...]:
-    """Return the hook's displacements from the options, mm."""
-    if (lift is None) == (path is None):
-        raise ValueError("give either --lift (mm) or --path '[[x,y,z],...]' (mm)")
-    if path is None:
-        assert lift is not None  # noqa: S101
-        return ((0.0, 0.0, lift),)
-    try:
-        points = json.loads(path)
-        return tuple((float(x), float(y), float(z)) for x, y, z in points)
-    except (TypeError, ValueError):
-        raise ValueError(f"--path must be JSON of points [[x,y,z],...] in mm, not {path}") from None
 
 
 def in_bed(

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.export.strands import BedTrack
 from app.simulation import (
     FRONT_SECONDS,
     SETTLED_SECONDS,
@@ -67,6 +68,7 @@ class Motion:
     transforms: NDArray[np.float64]  # (T, D, 3, 4), of the driving points, less the identity
     fronts: NDArray[np.float64]  # (T,) how far the tear has run; `WHOLE` while there is none
     readings: tuple[Reading, ...]  # T
+    bed: BedTrack | None = None  # what becomes of the bed that the organ lies in, if it does
 
     def __post_init__(self) -> None:
         if not self.times.size:
@@ -78,7 +80,7 @@ class Motion:
             raise ValueError(f"times of motion {self.name!r} must not fall")
 
     @classmethod
-    def of(cls, name: str, keys: Iterable[MotionKey]) -> "Motion":
+    def of(cls, name: str, keys: Iterable[MotionKey], bed: BedTrack | None = None) -> "Motion":
         """Return the motion of a series of keys, a recorded run for example."""
         series = list(keys)
         if not series:
@@ -89,6 +91,7 @@ class Motion:
             np.stack([key.transforms for key in series]),
             np.array([key.front for key in series]),
             tuple(key.reading for key in series),
+            bed,
         )
 
     @property

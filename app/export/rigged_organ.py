@@ -29,23 +29,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.motion import Motion
+from app.export.strand_mesh import StrandMesh, strand_mesh
 from app.export.torn_rim import RimShapes, rim_shapes
 from app.simulation import PIECES
 from organ_geometry import DrivingPoints
 from organ_geometry.mesh import (
     GLTF_FROM_MM,
     BoundSkin,
+    Finish,
     GltfFile,
     Skin,
     TornPiece,
     metres,
     skin_primitives,
+    turned,
 )
 
-__all__ = ["ORGAN", "rigged_organ"]
+__all__ = ["ORGAN", "STRANDS", "rigged_organ"]
 
 ORGAN = "organ"
 """Name of the whole organ's mesh and its node."""
+STRANDS = "strands"
+"""Name of the mesh of a bed's strands."""
+STRAND_FINISH = Finish((236, 226, 208), roughness=0.4)
 RIM_TOLERANCE = 2e-5
 """Largest error of a torn rim's vertices, over the organ's radius."""
 RIGID = 1e-6
@@ -111,6 +117,10 @@ def rigged_organ(
         file.extend("nodes", holder, {"mesh": mesh, "skin": chain.skin})
         torn.append((chain, holder, rim))
         holder = chain.root
+    beds = [None if motion.bed is None else strand_mesh(motion.bed) for motion in motions]
+    if beds[0] is not None:
+        mesh = _strands(file, beds[0], driving, whole)
+        file.extend("nodes", holder, {"mesh": mesh, "skin": whole.skin})
 
     for number, motion in enumerate(motions):
         animation = _Animation(file)
@@ -124,6 +134,9 @@ def rigged_organ(
                 weights = np.pad(rim.weights[number], ((1, 0), (0, 0)), mode="edge")
                 new = np.append(True, np.diff(times) > 0.0)
                 animation.add(node, "weights", times[new], weights[new].ravel())
+        bed = beds[number]
+        if bed is not None and len(bed.shapes):
+            animation.add(holder, "weights", motion.times, bed.weights.ravel())
         if torn:
             animation.add_shown(whole, motion.times, motion.whole)
             for chain, _, _ in torn:
@@ -177,33 +190,65 @@ def _mesh(
     """Add a mesh that follows a chain and return its number."""
     primitives: list[dict[str, Any]] = []
     for item, numbers in skin_primitives(file, bound.skin, bound.skin.vertices):
-        item["attributes"] |= _binding(file, bound, chain.points, numbers)
+        item["attributes"] |= _binding(
+            file, bound.index[numbers], bound.weight[numbers], chain.points
+        )
         if shapes is not None and len(shapes):
             item["targets"] = [_target(file, shape[numbers]) for shape in shapes]
         primitives.append(item)
+    return _mesh_of(file, name, primitives, 0 if shapes is None else len(shapes))
+
+
+def _strands(file: GltfFile, strands: StrandMesh, driving: DrivingPoints, chain: _Chain) -> int:
+    """Add strands between the bed, which is the chain's anchor, and the organ."""
+    index, weight = driving.binding(strands.stations)
+    attributes = {
+        "POSITION": file.accessor(
+            metres(strands.vertices), "VEC3", target="vertices", bounded=True
+        ),
+        "NORMAL": file.accessor(turned(strands.normals), "VEC3", target="vertices"),
+    }
+    item: dict[str, Any] = {
+        "attributes": attributes | _binding(file, index, weight, chain.points, strands.on_bed),
+        "indices": file.indices(strands.faces, len(strands.vertices)),
+        "material": file.material(STRAND_FINISH, STRANDS),
+    }
+    if len(strands.shapes):
+        item["targets"] = [_target(file, shape) for shape in strands.shapes]
+    return _mesh_of(file, STRANDS, [item], len(strands.shapes))
+
+
+def _mesh_of(file: GltfFile, name: str, primitives: list[dict[str, Any]], shapes: int) -> int:
     mesh: dict[str, Any] = {"name": name, "primitives": primitives}
-    if shapes is not None and len(shapes):
-        mesh["weights"] = [0.0] * len(shapes)
+    if shapes:
+        mesh["weights"] = [0.0] * shapes
     return file.add("meshes", mesh)
 
 
 def _binding(
-    file: GltfFile, bound: BoundSkin, points: NDArray[np.intp], vertices: NDArray[np.intp]
+    file: GltfFile,
+    index: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    points: NDArray[np.intp],
+    anchored: NDArray[np.bool_] | None = None,
 ) -> dict[str, int]:
     """Store the two joints that each of some vertices follows, and their weights."""
     numbers = np.empty(points.max() + 1, np.intp)
     numbers[points] = np.arange(len(points))
-    index = bound.index[vertices]
     followed = np.stack([index, index + 1], axis=1).clip(points.min(), points.max())
-    after = np.rint(65535.0 * bound.weight[vertices]).astype(np.uint16)
+    after = np.rint(65535.0 * weight).astype(np.uint16)
     weights = np.zeros((len(index), 4), np.uint16)
     weights[:, 0], weights[:, 1] = 65535 - after, after
     # Beyond the outermost joint both are that one, but glTF allows each joint only once a vertex.
     same = followed[:, 0] == followed[:, 1]
-    weights[same, :2] = 65535, 0
     joints = np.zeros((len(index), 4), np.uint8 if len(points) < 256 else np.uint16)
+    joints[:, :2] = 1 + numbers[followed]
+    if anchored is not None:
+        joints[anchored, 0] = 0
+        same = same | anchored
+    weights[same, :2] = 65535, 0
     # glTF wants joint 0, which is the anchor, where the weight is zero.
-    joints[:, :2] = np.where(weights[:, :2] > 0, 1 + numbers[followed], 0)
+    joints[weights == 0] = 0
     return {
         "JOINTS_0": file.accessor(joints, "VEC4", target="vertices"),
         "WEIGHTS_0": file.accessor(weights, "VEC4", target="vertices", normalized=True),

@@ -4,12 +4,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from app.export.motion import Motion
+from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Stresses, SurfaceStress, tear_front
 from organ_geometry.mesh import Surface, organ_skin
 from physics import BreakEvent, Theory, critical_stations
 
-__all__ = ["PulledOrgan", "Snapshot", "borne_force", "torn_snapshot"]
+__all__ = [
+    "DissectedOrgan",
+    "PulledOrgan",
+    "Snapshot",
+    "borne_force",
+    "torn_snapshot",
+]
 
 STRESS_STATIONS = 121
 """Stations along the span at which stress is sampled: two for each driving point."""
@@ -23,6 +32,9 @@ class Snapshot:
     stresses: tuple[Stresses, ...]  # at the vertices of each
     force: float  # of the grasper, N; for torn pieces, at the break
     deflection: float  # of the grasp, mm; 0 for torn pieces, which have swung back
+    # (V,) share of strands that have parted about each vertex, and the strands; None without a bed
+    freed: NDArray[np.float32] | None = None
+    strands: StrandsSnapshot | None = None
 
 
 class PulledOrgan:
@@ -64,6 +76,35 @@ class PulledOrgan:
         stress = self._stress.at(pulled.part(self._loaded), self._threshold)
         surface = Surface("organ", self.skin, vertices)
         return Snapshot((surface,), (stress,), pulled.force, pulled.deflection)
+
+
+class DissectedOrgan:
+    """An organ's skin on its bed at the keys of a motion, with its stresses and its strands."""
+
+    def __init__(self, dissection: Dissection, motion: Motion, *, edge_length: float) -> None:
+        self._driving, self._motion = dissection.driving, motion
+        self.skin = organ_skin(dissection.organ, edge_length=edge_length)
+        self._bound = self.skin.bound_to(dissection.driving)
+        self._stress = SurfaceStress(dissection, self.skin)
+        self._places = self.skin.stations - dissection.clamps[0]
+
+    def at(self, key: int) -> Snapshot:
+        """Return the organ at a key of the motion."""
+        motion = self._motion
+        assert motion.bed is not None  # noqa: S101 (a motion on a bed has it)
+        vertices = self._bound.deform(motion.transforms[key], np.empty_like(self.skin.vertices))
+        reading = motion.readings[key]
+        stress = self._stress.in_space(
+            motion.bed.stations, motion.bed.stresses[key], reading.check.threshold
+        )
+        return Snapshot(
+            (Surface("organ", self.skin, vertices),),
+            (stress,),
+            reading.force,
+            reading.deflection,
+            motion.bed.freed_at(key, self._places).astype(np.float32),
+            motion.bed.strands_at(key, self._driving, motion.transforms[key]),
+        )
 
 
 def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:

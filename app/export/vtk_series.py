@@ -1,20 +1,21 @@
-"""Snapshots for ParaView: one surface with its stresses, or a series of them over the force."""
+"""Snapshots for ParaView: a surface with its stresses, strands with their forces, and series."""
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from app.export.snapshot import Snapshot
+from app.export.strands import StrandsSnapshot
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import pvd_content, vtp_content
 
-__all__ = ["check_series_path", "snapshot_content", "write_series"]
+__all__ = ["check_series_path", "strands_content", "surface_content", "write_series"]
 
 
-def snapshot_content(snapshot: Snapshot) -> bytes:
-    """Return a snapshot as a VTP file, both pieces of a torn organ in one."""
+def surface_content(snapshot: Snapshot) -> bytes:
+    """Return a snapshot's surface as a VTP file, both pieces of a torn organ in one."""
     surfaces = snapshot.surfaces
     before = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     figures = [
@@ -27,15 +28,33 @@ def snapshot_content(snapshot: Snapshot) -> bytes:
         }
         for surface, stress in zip(surfaces, snapshot.stresses, strict=True)
     ]
+    point_data = {name: np.concatenate([each[name] for each in figures]) for name in figures[0]}
+    if snapshot.freed is not None:
+        point_data["freed"] = snapshot.freed
     return vtp_content(
         np.concatenate([surface.vertices for surface in surfaces]),
-        np.concatenate(
+        faces=np.concatenate(
             [
                 surface.skin.faces + np.int32(first)
                 for first, surface in zip(before, surfaces, strict=False)
             ]
         ),
-        {name: np.concatenate([each[name] for each in figures]) for name in figures[0]},
+        point_data=point_data,
+    )
+
+
+def strands_content(strands: StrandsSnapshot) -> bytes:
+    """Return strands as the lines of a VTP file: one of each that is whole, two of a parted one."""
+    lines, strand = strands.lines()
+    return vtp_content(
+        lines.reshape(-1, 3).astype(np.float32),
+        lines=np.arange(2 * len(lines), dtype=np.int32).reshape(-1, 2),
+        cell_data={
+            "strand": strand.astype(np.int32),
+            "damage": strands.damage[strand].astype(np.float32),
+            "force_N": strands.force[strand].astype(np.float32),
+            "parted": strands.parted[strand].astype(np.uint8),
+        },
     )
 
 
@@ -47,19 +66,20 @@ def check_series_path(path: Path) -> None:
         raise ValueError(f"cannot write {path}: its frames go to {frames}, which is there already")
 
 
-def write_series(snapshots: Iterable[Snapshot], path: Path) -> list[Path]:
-    """Write snapshots as a series over the force: all files or none."""
+def write_series(moments: Iterable[tuple[float, Mapping[str, bytes]]], path: Path) -> list[Path]:
+    """Write a series, VTP files by their names' endings at each time: all or none."""
     check_series_path(path)
     folder = _frames_folder(path)
     fresh = folder.with_name(f".{folder.name}.part")
-    files: list[tuple[float, Path]] = []
+    files: list[tuple[float, int, Path]] = []
     try:
         shutil.rmtree(fresh, ignore_errors=True)
         fresh.mkdir()
-        for number, snapshot in enumerate(snapshots):
-            name = f"{path.stem}_{number:04d}.vtp"
-            write_atomic(fresh / name, snapshot_content(snapshot))
-            files.append((snapshot.force, Path(folder.name) / name))
+        for number, (value, parts) in enumerate(moments):
+            for part, (ending, content) in enumerate(parts.items()):
+                name = f"{path.stem}{ending}_{number:04d}.vtp"
+                write_atomic(fresh / name, content)
+                files.append((value, part, Path(folder.name) / name))
         shutil.rmtree(folder, ignore_errors=True)
         fresh.replace(folder)
         try:
@@ -71,7 +91,7 @@ def write_series(snapshots: Iterable[Snapshot], path: Path) -> list[Path]:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-    return [path, *(path.parent / file for _, file in files)]
+    return [path, *(path.parent / file for *_, file in files)]
 
 
 def _frames_folder(path: Path) -> Path:

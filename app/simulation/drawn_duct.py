@@ -141,6 +141,8 @@ class SurfaceStress:
 
     def __init__(self, dissection: Dissection, skin: Skin) -> None:
         first, last = dissection.clamps
+        self._dissection, self._skin = dissection, skin
+        self._across: NDArray[np.float64] | None = None  # as `_share`, across the pull
         self._places = skin.stations - first
         self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
         depth = CLAMP_DEPTH * (last - first)
@@ -163,6 +165,24 @@ class SurfaceStress:
         nothing = np.zeros(pulled.stations.size)
         self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
         self._write_parts(pulled, nothing, pulled.bending_stress, 1.0, bending)
+        total = normal + bending
+        return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
+
+    def in_space(
+        self, stations: NDArray[np.float64], stresses: NDArray[np.float64], threshold: float
+    ) -> Stresses:
+        """Return the stresses at each vertex of a beam in space, given at growing stations."""
+        # (N, 3) MPa: normal, and of bending at the outermost fibres up and across the beam
+        # (`physics.bed.BeamOnBed.stresses`).
+        if self._across is None:
+            frame = self._dissection.frame
+            self._across = fibre_shares(self._dissection.organ, self._skin, frame[:, 1])
+        parts = np.empty((3, self._places.size))
+        for part, along in zip(parts, stresses.T, strict=True):
+            part[:] = np.interp(self._places, stations, along)
+        parts *= self._free
+        normal = parts[0].astype(np.float32)
+        bending = (parts[1] * self._share - parts[2] * self._across).astype(np.float32)
         total = normal + bending
         return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
 

@@ -10,7 +10,7 @@ from organ_geometry.mesh.color import (
     srgb_color,
     stress_colors,
 )
-from organ_geometry.mesh.gltf_file import GLTF_FROM_MM, Finish, GltfFile, VectorKind, metres
+from organ_geometry.mesh.gltf_file import GLTF_FROM_MM, Finish, GltfFile, VectorKind, metres, turned
 from organ_geometry.mesh.gltf_mesh import skin_primitives
 from organ_geometry.mesh.mesh_file import COLORED_SUFFIXES, SUFFIXES, mesh_content
 from organ_geometry.mesh.normals import vertex_normals
@@ -44,6 +44,7 @@ __all__ = [
     "srgb_color",
     "stress_colors",
     "torn_pieces",
+    "turned",
     "vertex_normals",
     "vtp_content",
 ]

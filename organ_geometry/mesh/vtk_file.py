@@ -1,4 +1,4 @@
-"""VTK files for ParaView: surfaces with point data (VTP), and series of them (PVD).
+"""VTK files for ParaView: surfaces and lines with their data (VTP), and series of them (PVD).
 
 The XML of VTK's file formats: arrays are appended in base64, each a block that zlib has packed,
 behind the number and the sizes of its blocks.
@@ -48,19 +48,22 @@ class _Appended:
 
 def vtp_content(
     vertices: NDArray[np.float32],
-    faces: NDArray[np.int32],
-    point_data: Mapping[str, NDArray[np.float32]],
+    *,
+    faces: NDArray[np.int32] | None = None,
+    lines: NDArray[np.int32] | None = None,
+    point_data: Mapping[str, NDArray[Any]] | None = None,
+    cell_data: Mapping[str, NDArray[Any]] | None = None,
 ) -> bytes:
-    """Return a surface as VTK's XML PolyData.
+    """Return triangles and lines as VTK's XML PolyData.
 
     Parameters
     ----------
     vertices
         (V, 3) places, mm.
-    faces
-        (F, 3) vertex numbers.
-    point_data
-        (V,) or (V, C) figures of the vertices by name.
+    faces, lines
+        (F, 3) and (L, 2) vertex numbers.
+    point_data, cell_data
+        (V,) or (V, C) figures of the vertices by name, and of the lines before the faces.
 
     Returns
     -------
@@ -68,28 +71,37 @@ def vtp_content(
         The file.
     """
     data = _Appended()
-    figures = "".join(data.element(name, array) for name, array in point_data.items())
-    points = data.element("Points", vertices)
-    corners = data.element("connectivity", faces.ravel())
-    ends = data.element("offsets", np.arange(3, 3 * len(faces) + 1, 3, dtype=np.int32))
+
+    def figures(named: Mapping[str, NDArray[Any]] | None) -> str:
+        return "".join(data.element(name, array) for name, array in (named or {}).items())
+
+    def cells(corners: NDArray[np.int32] | None) -> str:
+        if corners is None:
+            return ""
+        width = corners.shape[1]
+        ends = np.arange(width, corners.size + 1, width, dtype=np.int32)
+        return data.element("connectivity", corners.ravel()) + data.element("offsets", ends)
+
     head = (
         '<?xml version="1.0"?>\n'
         f'<VTKFile type="PolyData" version="1.0" byte_order="{_BYTE_ORDER}" header_type="UInt64" '
         'compressor="vtkZLibDataCompressor">'
-        f'<PolyData><Piece NumberOfPoints="{len(vertices)}" NumberOfVerts="0" NumberOfLines="0" '
-        f'NumberOfStrips="0" NumberOfPolys="{len(faces)}">'
-        f"<PointData>{figures}</PointData><Points>{points}</Points>"
-        f"<Polys>{corners}{ends}</Polys></Piece></PolyData>"
+        f'<PolyData><Piece NumberOfPoints="{len(vertices)}" NumberOfVerts="0" '
+        f'NumberOfLines="{0 if lines is None else len(lines)}" NumberOfStrips="0" '
+        f'NumberOfPolys="{0 if faces is None else len(faces)}">'
+        f"<PointData>{figures(point_data)}</PointData><CellData>{figures(cell_data)}</CellData>"
+        f"<Points>{data.element('Points', vertices)}</Points>"
+        f"<Lines>{cells(lines)}</Lines><Polys>{cells(faces)}</Polys></Piece></PolyData>"
         '<AppendedData encoding="base64">_'
     )
     return head.encode() + data.content() + b"</AppendedData></VTKFile>\n"
 
 
-def pvd_content(files: Sequence[tuple[float, Path]]) -> bytes:
-    """Return a series of files as ParaView's collection."""
+def pvd_content(files: Sequence[tuple[float, int, Path]]) -> bytes:
+    """Return a series of files, each with its time and the number of its part, as a collection."""
     rows = "".join(
-        f'<DataSet timestep="{value!r}" part="0" file={quoteattr(path.as_posix())}/>\n'
-        for value, path in files
+        f'<DataSet timestep="{value!r}" part="{part}" file={quoteattr(path.as_posix())}/>\n'
+        for value, part, path in files
     )
     return (
         '<?xml version="1.0"?>\n'

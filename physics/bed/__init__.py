@@ -2,7 +2,7 @@
 
 from physics.bed.beam_on_bed import BeamOnBed, Books, WorstStress
 from physics.bed.bed import Bed, Patch
-from physics.bed.pull import Hand, History, Rod, pull
+from physics.bed.pull import Hand, History, Rod, pull, step_places
 from physics.bed.space_beam import End, SpaceBeam
 from physics.bed.strands import Strands
 
@@ -19,4 +19,5 @@ __all__ = [
     "Strands",
     "WorstStress",
     "pull",
+    "step_places",
 ]

@@ -11,9 +11,9 @@ from simulated import phantom, pull, settle, tear
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.simulation import Session, preset_named
-from app.trainer.pages.downloads import SUFFIXES, download, order_on_screen
+from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
 from physics import Cubic, Exact
@@ -47,7 +47,7 @@ def vtp(content: bytes) -> dict[str, np.ndarray]:
 def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     shown = session(preset)
     pull(shown, 0.3 * shown.duct.force_limit)
-    order, reading = order_on_screen(shown), shown.reading()
+    order, reading = export_on_screen(shown), shown.reading()
     assert order.dissection is shown.duct.dissection
     assert order.theory.name == Exact().name
     assert order.force is not None
@@ -67,7 +67,7 @@ def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     shown.grab(20.0)
     shown.move_hand(5.0)
     settle(shown)
-    order = order_on_screen(shown)
+    order = export_on_screen(shown)
     assert order.grasp == 20.0
     assert order.force is not None
     assert order.force == shown.reading().force > 0.0
@@ -83,7 +83,7 @@ def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     settle(shown)
     shown.release()
     shown.advance()
-    reading, order = shown.reading(), order_on_screen(shown)
+    reading, order = shown.reading(), export_on_screen(shown)
     assert reading.force == 0.0
     assert 0.0 < reading.deflection < 5.0
     assert order.force is not None
@@ -106,7 +106,7 @@ def test_still_meshes_are_the_duct_as_it_is() -> None:
     least = arrays["distance_to_break"].min()
     assert least == pytest.approx(reading.check.distance_to_break, abs=0.03)
     # With the session's edges the vertices are the session's.
-    order = replace(order_on_screen(shown), edge_length=shown.drawn.edge_length)
+    order = replace(export_on_screen(shown), edge_length=shown.drawn.edge_length)
     (drawn,) = shown.drawn.surfaces
     assert vtp(order.content(".vtp"))["points"] == pytest.approx(drawn.vertices, abs=1e-4)
 
@@ -114,7 +114,7 @@ def test_still_meshes_are_the_duct_as_it_is() -> None:
 def test_a_torn_duct_is_two_pieces_with_the_rim_that_is_seen() -> None:
     shown = session()
     tear(shown)
-    order = order_on_screen(shown)
+    order = export_on_screen(shown)
     assert order.torn
     mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
     assert isinstance(mesh, trimesh.Trimesh)
@@ -136,7 +136,7 @@ def test_what_moves_goes_to_the_force_or_over_the_break(torn: bool) -> None:
         tear(shown)
     else:
         pull(shown, 0.3 * shown.duct.force_limit)
-    order = order_on_screen(shown)
+    order = export_on_screen(shown)
     end = None if torn else order.force
     moving = replace(order, force=end, torn=False)
     assert download(shown, ".glb").content == moving.content(".glb")
@@ -156,7 +156,7 @@ def test_a_duct_that_does_not_break_is_pulled_as_far_as_the_grasper_can() -> Non
     shown = Session(phantom(), preset_named("thesis-rubber"), vertices=300)
     shown.set_threshold(shown.duct.threshold_range[1])
     shown.advance(30)
-    order = order_on_screen(shown)
+    order = export_on_screen(shown)
     rows = list(csv.reader(io.StringIO(download(shown, ".csv").content.decode())))
     end = shown.duct.force_limit if order.break_event is None else order.break_event.force
     assert float(rows[-1][0]) == pytest.approx(end, rel=1e-8)
@@ -186,7 +186,7 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".ply", ".obj", ".vtp", ".csv"])
 def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     shown = session()
-    order = Order(
+    order = PullExport(
         shown.duct.dissection, Cubic(), shown.duct.grasp, force=1.0, frames=4, edge_length=2.0
     )
     path = tmp_path_factory.mktemp("orders") / f"organ{suffix}"

@@ -9,9 +9,9 @@ import pytest
 from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, preset_named
-from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, page_edge_length, pull_page
+from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
 from app.trainer.viser_bridge import recording_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
@@ -22,10 +22,10 @@ LARGEST = 3_000_000
 """Bytes of a page that can still be sent by mail."""
 
 
-def order() -> Order:
+def order() -> PullExport:
     dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
     edge_length = 1.5 * page_edge_length(dissection.organ)
-    return Order(dissection, Cubic(), 0.5 * dissection.beam.span, edge_length=edge_length)
+    return PullExport(dissection, Cubic(), 0.5 * dissection.beam.span, edge_length=edge_length)
 
 
 def top_of(dissection: Dissection, vertices: np.ndarray) -> float:
@@ -39,7 +39,7 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
     dissection, event = wanted.dissection, wanted.break_event
     assert event is not None
     path = tmp_path / "player.html"
-    path.write_text(pull_page(wanted))
+    path.write_text(export_page(wanted, edge_length=wanted.edge_length))
     assert path.stat().st_size < LARGEST
     errors: list[str] = []
     requests: list[str] = []
@@ -100,12 +100,14 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
 
 def test_a_force_below_the_break_is_pulled_to_and_not_torn() -> None:
     wanted = replace(order(), force=2.0)
-    assert len(pull_page(wanted)) < len(pull_page(order()))
+    assert len(export_page(wanted, edge_length=wanted.edge_length)) < len(
+        export_page(order(), edge_length=order().edge_length)
+    )
 
 
 def test_edges_that_make_a_page_too_large_are_refused() -> None:
     with pytest.raises(ValueError, match="a page holds at most 12,000"):
-        pull_page(replace(order(), edge_length=0.3))
+        export_page(order(), edge_length=0.3)
 
 
 def test_titles_are_text() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from simulated import phantom
 
 from app.export.motion import Motion
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.export.rigged_organ import rigged_organ
 from app.simulation import PIECES, Dissection, preset_named
 from organ_geometry.mesh.gltf_file import metres
@@ -23,7 +23,7 @@ class Rigged:
     """A rigged organ and what it was made of."""
 
     content: bytes
-    order: Order
+    order: PullExport
     skin: Skin
     pieces: tuple[TornPiece, TornPiece]
     motions: list[Motion]
@@ -72,7 +72,9 @@ def rigged(preset: str = "thesis-bile-duct", exact: bool = False) -> Rigged:
     """The phantom, rigged."""
     dissection = Dissection.of(phantom(), preset_named(preset))
     theory: Theory = Exact() if exact else Cubic()
-    order = Order(dissection, theory, 0.4 * dissection.beam.span, frames=7, edge_length=EDGE_LENGTH)
+    order = PullExport(
+        dissection, theory, 0.4 * dissection.beam.span, frames=7, edge_length=EDGE_LENGTH
+    )
     event = order.break_event
     assert event is not None
     skin = organ_skin(dissection.organ, edge_length=EDGE_LENGTH)

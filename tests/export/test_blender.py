@@ -65,9 +65,9 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Seen]:
     contents = {
         "duct": rigged().content,
         "far": rigged("porcine-bile-duct", exact=True).content,
-        "still": replace(order, still=True).content(".glb"),
+        "still": replace(order, static=True).content(".glb"),
         "torn": replace(order, torn=True).content(".glb"),
-        "stress": replace(order, painted=True, force=2.0).content(".glb"),
+        "stress": replace(order, stress_colors=True, force=2.0).content(".glb"),
         "run": played(torn=True).rigged(edge_length=edge_length),
         "let_go": played(torn=False).rigged(edge_length=edge_length),
     }

@@ -240,9 +240,9 @@ def test_khronos_finds_nothing_to_say(tmp_path: Path) -> None:
         paths[-1].write_bytes(rigged(*kind).content)
     order = rigged().order
     for name, wanted in (
-        ("still", replace(order, still=True)),
+        ("still", replace(order, static=True)),
         ("torn", replace(order, torn=True)),
-        ("painted", replace(order, painted=True, force=2.0)),
+        ("colored", replace(order, stress_colors=True, force=2.0)),
     ):
         paths.append(tmp_path / f"{name}.glb")
         wanted.write(paths[-1])

@@ -65,9 +65,9 @@ def test_vtk_plays_what_our_own_skinning_gives(tmp_path: Path, animation: str, k
 def test_vtk_reads_still_files(tmp_path: Path) -> None:
     order = rigged().order
     for name, wanted, count in (
-        ("still", replace(order, still=True), 2),
+        ("still", replace(order, static=True), 2),
         ("torn", replace(order, torn=True), 4),
-        ("stress", replace(order, painted=True, force=2.0), 2),
+        ("stress", replace(order, stress_colors=True, force=2.0), 2),
     ):
         path = tmp_path / f"{name}.glb"
         wanted.write(path)

@@ -3,11 +3,11 @@
 import re
 from dataclasses import dataclass, replace
 
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.simulation import Phase, Session
-from app.trainer.pages.html_player import page_edge_length, pull_page
+from app.trainer.pages.html_player import export_page, page_edge_length
 
-__all__ = ["SUFFIXES", "Download", "download", "order_on_screen"]
+__all__ = ["SUFFIXES", "Download", "download", "export_on_screen"]
 
 SUFFIXES = {
     ".glb": "Animated model (glTF)",
@@ -30,27 +30,27 @@ class Download:
     content: bytes
 
 
-def order_on_screen(session: Session) -> Order:
-    """Return a session's duct as an order: its theory, grasp, force and threshold, or its tear."""
+def export_on_screen(session: Session) -> PullExport:
+    """Return a session's duct: its theory, grasp, force and threshold, or its tear."""
     dissection, grasp, reading = session.duct.dissection, session.duct.grasp, session.reading()
-    order = Order(
+    export = PullExport(
         dissection,
         session.duct.theory,
         grasp,
         torn=reading.phase is not Phase.INTACT,
-        threshold=session.duct.threshold,
+        threshold_MPa=session.duct.threshold,
         edge_length=page_edge_length(dissection.organ, VERTICES),
         seed=session.seed,
     )
-    if order.torn:
-        return order
+    if export.torn:
+        return export
     force = reading.force
     if not reading.held and reading.deflection > 0.0:
-        held = order.theory.pull(dissection.beam, grasp).to_deflection(reading.deflection)
+        held = export.theory.pull(dissection.beam, grasp).to_deflection(reading.deflection)
         force = held.force
-    if order.break_event is not None:
-        force = min(force, order.break_event.force)
-    return replace(order, force=max(0.0, force))
+    if export.break_event is not None:
+        force = min(force, export.break_event.force)
+    return replace(export, force=max(0.0, force))
 
 
 def download(session: Session, suffix: str) -> Download:
@@ -69,21 +69,21 @@ def _content(session: Session, suffix: str) -> bytes:
         if not organ.encoded:
             raise ValueError("only an organ that was built from images has an organ file")
         return organ.encoded
-    order = order_on_screen(session)
+    export = export_on_screen(session)
     if suffix in (".stl", ".vtp"):
-        return order.content(suffix)
-    order = _moving(order, session.duct.force_limit, whole_curve=suffix == ".csv")
+        return export.content(suffix)
+    export = _moving(export, session.duct.force_limit, whole_curve=suffix == ".csv")
     if suffix == ".html":
-        return pull_page(replace(order, edge_length=page_edge_length(organ))).encode()
-    return order.content(suffix)
+        return export_page(export, edge_length=page_edge_length(organ)).encode()
+    return export.content(suffix)
 
 
-def _moving(order: Order, most: float, *, whole_curve: bool) -> Order:
-    """Return the order with a last force, as a motion or a curve needs one."""
-    force = None if whole_curve or not order.force else order.force
-    if force is None and order.break_event is None:
+def _moving(export: PullExport, most: float, *, whole_curve: bool) -> PullExport:
+    """Return the export with a last force, as a motion or a curve needs one."""
+    force = None if whole_curve or not export.force else export.force
+    if force is None and export.break_event is None:
         force = most
-    return replace(order, force=force, torn=False)
+    return replace(export, force=force, torn=False)
 
 
 def _file_name(session: Session) -> str:

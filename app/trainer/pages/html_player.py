@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 
 import numpy as np
@@ -10,10 +10,12 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
+from app.export.bed_export import BedExport
 from app.export.motion import RECOIL_STEP, Motion
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
+from app.simulation.bed import BED_THEORY
 from app.trainer.scene.duct_on_stage import TORN_ENDS
 from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR
 from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
@@ -27,7 +29,7 @@ from app.trainer.viser_bridge import recording_page, start_server, stop_server, 
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 
-__all__ = ["PAGE_FRAMES", "page_edge_length", "player_page", "pull_page", "run_page"]
+__all__ = ["PAGE_FRAMES", "export_page", "page_edge_length", "player_page", "run_page"]
 
 VERTICES = 2400
 """Vertices of a page's skin, about; every one is written at every key."""
@@ -81,23 +83,29 @@ def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
     return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
-def pull_page(order: Order) -> str:
-    """Return a page that plays an order: the pull to its force, or to the break and the tear."""
-    dissection, event = order.dissection, order.break_event
-    tear = order.tear(PULL_KEYS, run_step=RECOIL_STEP) if order.force is None else None
-    broke = "" if event is None else f", breaks at {event.force:.3g} N"
-    notes = [
-        f"{dissection.beam.span:.1f} mm between the clamps, pulled {order.grasp:.1f} mm from the "
-        f"first, {order.theory.name} beam{broke}",
-        f"Solved as {dissection.section(order.theory)}.",
-    ]
-    return player_page(
-        dissection,
-        order.pull(PULL_KEYS) if tear is None else tear,
-        notes,
-        edge_length=order.edge_length,
-        pieces=None if tear is None else order.pieces(),
-    )
+def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
+    """Return a page that plays a path through a bed, or a pull to its force or over the break."""
+    dissection, pieces = export.dissection, None
+    between = f"{dissection.beam.span:.1f} mm between the clamps"
+    if isinstance(export, BedExport):
+        motion, solved = export.motion, dissection.section(BED_THEORY)
+        says = (
+            f"{between} in a bed, {export.bed.title.lower()}; a hook frees it "
+            f"{export.hook:.1f} mm from the first"
+        )
+    else:
+        event, solved = export.break_event, dissection.section(export.theory)
+        tear = export.tear(PULL_KEYS, run_step=RECOIL_STEP) if export.force is None else None
+        motion = export.pull(PULL_KEYS) if tear is None else tear
+        broke = "" if event is None else f", breaks at {event.force:.3g} N"
+        says = (
+            f"{between}, pulled {export.grasp:.1f} mm from the first, {export.theory.name} "
+            f"beam{broke}"
+        )
+        if tear is not None:
+            pieces = replace(export, edge_length=edge_length).pieces()
+    notes = [says, f"Solved as {solved}."]
+    return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
 
 def run_page(run: RecordedRun, *, edge_length: float) -> str:

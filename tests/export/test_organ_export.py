@@ -16,7 +16,8 @@ from simulated import phantom
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from app.export.order import SUFFIXES, Order
+from app.export.organ_export import SUFFIXES
+from app.export.pull_export import PullExport
 from app.simulation import Dissection, preset_named
 from organ_geometry.mesh.color import stress_colors
 from organ_geometry.mesh.skin import organ_skin
@@ -33,9 +34,9 @@ FIGURES = {
 
 
 @pytest.fixture(scope="module")
-def order() -> Order:
+def order() -> PullExport:
     dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
-    return Order(
+    return PullExport(
         dissection,
         Cubic(),
         0.5 * dissection.beam.span,
@@ -68,7 +69,7 @@ def rows_of(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
-def test_vtk_reads_the_stresses_at_the_surface(order: Order, tmp_path: Path) -> None:
+def test_vtk_reads_the_stresses_at_the_surface(order: PullExport, tmp_path: Path) -> None:
     path = tmp_path / "duct.vtp"
     delivery = order.write(path)
     points, faces, figures = read_vtp(path)
@@ -96,7 +97,7 @@ def test_vtk_reads_the_stresses_at_the_surface(order: Order, tmp_path: Path) -> 
     assert highest - 1e-6 < distance.min() < highest + 0.05
 
 
-def test_a_series_grows_with_the_force(order: Order, tmp_path: Path) -> None:
+def test_a_series_grows_with_the_force(order: PullExport, tmp_path: Path) -> None:
     path = tmp_path / "pull.pvd"
     delivery = order.write(path)
     frames = [
@@ -114,7 +115,7 @@ def test_a_series_grows_with_the_force(order: Order, tmp_path: Path) -> None:
     assert len(list((tmp_path / "pull_frames").iterdir())) == 2
 
 
-def test_a_series_does_not_take_a_stranger_s_folder(order: Order, tmp_path: Path) -> None:
+def test_a_series_does_not_take_a_stranger_s_folder(order: PullExport, tmp_path: Path) -> None:
     precious = tmp_path / "pull_frames" / "precious"
     precious.parent.mkdir()
     precious.touch()
@@ -124,13 +125,13 @@ def test_a_series_does_not_take_a_stranger_s_folder(order: Order, tmp_path: Path
     assert [entry.name for entry in tmp_path.iterdir()] == ["pull_frames"]
 
 
-def test_a_series_that_fails_leaves_nothing(order: Order, tmp_path: Path) -> None:
+def test_a_series_that_fails_leaves_nothing(order: PullExport, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="past the break"):
         replace(order, force=9.0).write(tmp_path / "pull.pvd")
     assert not list(tmp_path.iterdir())
 
 
-def test_curve_is_the_theory_s(order: Order, tmp_path: Path) -> None:
+def test_curve_is_the_theory_s(order: PullExport, tmp_path: Path) -> None:
     path = tmp_path / "curve.csv"
     event = order.break_event
     assert event is not None
@@ -148,7 +149,7 @@ def test_curve_is_the_theory_s(order: Order, tmp_path: Path) -> None:
     assert rows["total_stress_MPa"] == pytest.approx(total)
 
 
-def test_axis_is_where_the_skin_s_axis_is(order: Order, tmp_path: Path) -> None:
+def test_axis_is_where_the_skin_s_axis_is(order: PullExport, tmp_path: Path) -> None:
     path = tmp_path / "axis.csv"
     delivery = replace(order, table="axis").write(path)
     rows = rows_of(path)
@@ -165,16 +166,16 @@ def test_axis_is_where_the_skin_s_axis_is(order: Order, tmp_path: Path) -> None:
     assert slope[1:][inside] == pytest.approx(middles[1:][inside], rel=0.02, abs=1e-3)
 
 
-def test_a_threshold_of_one_s_own_moves_the_break(order: Order) -> None:
-    weak = replace(order, threshold=0.5 * order.strength)
+def test_a_threshold_of_one_s_own_moves_the_break(order: PullExport) -> None:
+    weak = replace(order, threshold_MPa=0.5 * order.threshold)
     own, half = order.break_event, weak.break_event
     assert own is not None
     assert half is not None
     assert half.force < own.force
-    assert half.check.total_stress == pytest.approx(0.5 * order.strength)
+    assert half.check.total_stress == pytest.approx(0.5 * order.threshold)
 
 
-def test_admesh_finds_nothing_to_mend(order: Order, tmp_path: Path) -> None:
+def test_admesh_finds_nothing_to_mend(order: PullExport, tmp_path: Path) -> None:
     for name, wanted, parts in (
         ("rest", replace(order, force=None), 1),
         ("pulled", order, 1),
@@ -217,10 +218,10 @@ def test_colours_of_stress_are_cividis_from_nothing_to_the_threshold() -> None:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".glb"])
-def test_painted_meshes_keep_their_colours(order: Order, tmp_path: Path, suffix: str) -> None:
+def test_colored_meshes_keep_their_colours(order: PullExport, tmp_path: Path, suffix: str) -> None:
     vtp, path = tmp_path / "duct.vtp", tmp_path / f"duct{suffix}"
     order.write(vtp)
-    replace(order, painted=True).write(path)
+    replace(order, stress_colors=True).write(path)
     points, _, figures = read_vtp(vtp)
     wanted = stress_colors(figures["distance_to_break"].astype(float)).astype(int)
     if suffix == ".ply":
@@ -248,14 +249,14 @@ def test_painted_meshes_keep_their_colours(order: Order, tmp_path: Path, suffix:
         ({"frames": 1_000_000}, "a.pvd", "to 2,000"),
         ({"edge_length": 0.08}, "a.glb", "viewers move at most 300,000"),
         ({"edge_length": 1e-4}, "a.vtp", "600,000"),
-        ({"painted": True}, "a.stl", ".ply, .glb"),
+        ({"stress_colors": True}, "a.stl", ".ply, .glb"),
         ({"torn": True}, "a.pvd", "leave out --torn"),
         ({}, "a.blend", ", ".join(SUFFIXES)),
         ({}, "nowhere/a.glb", "there is no folder"),
     ],
 )
 def test_orders_that_cannot_be_carried_out_leave_no_file(
-    order: Order, tmp_path: Path, change: dict[str, object], name: str, words: str
+    order: PullExport, tmp_path: Path, change: dict[str, object], name: str, words: str
 ) -> None:
     with pytest.raises(ValueError, match=re.escape(words)):
         replace(order, **change).write(tmp_path / name)  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,183 @@
+"""An organ as a file for other tools: which kinds there are, and how each is written."""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from pathlib import Path
+
+from app.export.motion import Motion
+from app.export.rigged_organ import ORGAN, STRANDS, rigged_organ
+from app.export.snapshot import Snapshot
+from app.export.vtk_series import check_series_path, strands_content, surface_content, write_series
+from app.simulation import PIECES, Dissection
+from organ_geometry import check_target, write_atomic
+from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
+from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
+
+__all__ = ["SUFFIXES", "ExportResult", "OrganExport"]
+
+SUFFIXES = (*MESH_SUFFIXES, ".vtp", ".pvd", ".csv")
+"""Suffixes of the files that can be written."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportResult:
+    """What was written."""
+
+    kind: str  # in words
+    force: float  # of the hand at the end, N; for torn pieces, at the break
+    deflection: float  # of the grasp at that force, mm; 0 for torn pieces, which have swung back
+    surfaces: tuple[str, ...] = ()  # names of the closed surfaces; none in a table
+    vertices: int = 0
+    faces: int = 0
+    animations: tuple[str, ...] = ()  # names of the motions
+    files: tuple[Path, ...] = ()  # the one that was asked for first
+
+    @classmethod
+    def of(cls, kind: str, snapshot: Snapshot, files: tuple[Path, ...] = ()) -> "ExportResult":
+        """Return the description of a snapshot's file."""
+        surfaces = snapshot.surfaces
+        return cls(
+            kind,
+            snapshot.force,
+            snapshot.deflection,
+            tuple(surface.name for surface in surfaces),
+            sum(len(surface.vertices) for surface in surfaces),
+            sum(len(surface.skin.faces) for surface in surfaces),
+            files=files,
+        )
+
+
+@dataclass(frozen=True)
+class OrganExport(ABC):
+    """An organ in motion, to be written as a file."""
+
+    dissection: Dissection
+    _: KW_ONLY
+    static: bool = False  # write a GLB without motion
+    stress_colors: bool = False  # colour vertices by stress
+    edge_length: float = 0.5  # wanted, of the triangles, mm
+
+    @property
+    def moves(self) -> bool:
+        """Whether a GLB of it moves."""
+        return not (self.static or self.stress_colors)
+
+    # What is moved, and how.
+
+    @abstractmethod
+    def motions(self) -> list[Motion]:
+        """Return the motions, the main one first."""
+
+    @abstractmethod
+    def snapshot(self) -> Snapshot:
+        """Return the moment that a static file shows."""
+
+    @abstractmethod
+    def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
+        """Yield the moments of a series, each with the value of its axis."""
+
+    @abstractmethod
+    def written_table(self) -> tuple[bytes, ExportResult]:
+        """Return the table as CSV."""
+
+    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+        """Return the two pieces that the organ tears into, if it does in a motion."""
+        return None
+
+    # Files.
+
+    def check(self, path: Path) -> None:
+        """Raise if this cannot be written to the path, before any long work."""
+        self.check_kind(path)
+        if path.suffix.lower() == ".pvd":
+            check_series_path(path)
+        else:
+            check_target(path)
+
+    def check_kind(self, path: Path) -> None:
+        """Raise if this cannot be written as a file of that name."""
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise ValueError(
+                f"cannot write {path}: its name must end in the kind of file, one of "
+                f"{', '.join(SUFFIXES)}"
+            )
+        if self.stress_colors and suffix not in COLORED_SUFFIXES:
+            raise ValueError(
+                f"cannot write {path}: {suffix} keeps no colours of stress; take one of "
+                f"{', '.join(COLORED_SUFFIXES)}"
+            )
+
+    def write(self, path: Path) -> ExportResult:
+        """Write the file, whole or not at all."""
+        self.check(path)
+        suffix = path.suffix.lower()
+        if suffix == ".pvd":
+            return self._write_series(path)
+        content, result = self._written(suffix)
+        write_atomic(path, content)
+        return replace(result, files=(path,))
+
+    def content(self, suffix: str) -> bytes:
+        """Return what the file would hold."""
+        self.check_kind(Path(f"organ{suffix}"))
+        if suffix.lower() == ".pvd":
+            raise ValueError("a .pvd is a series of files; write it to a folder")
+        return self._written(suffix.lower())[0]
+
+    def _written(self, suffix: str) -> tuple[bytes, ExportResult]:
+        """Return a file's content and its description, without a path."""
+        if suffix == ".csv":
+            return self.written_table()
+        if suffix == ".glb" and self.moves:
+            return self._rigged()
+        snapshot = self.snapshot()
+        if suffix == ".vtp":
+            content = surface_content(snapshot)
+        else:
+            shown = snapshot.stresses if self.stress_colors else ()
+            colors = [stress_colors(stress.distance_to_break) for stress in shown]
+            content = mesh_content(snapshot.surfaces, suffix, colors)
+        kind = "one closed surface" if len(snapshot.surfaces) == 1 else "two closed pieces"
+        return content, ExportResult.of(kind, snapshot)
+
+    def _write_series(self, path: Path) -> ExportResult:
+        shown: deque[Snapshot] = deque(maxlen=1)  # the last one, when all are written
+        count = 0
+
+        def moments() -> Iterator[tuple[float, Mapping[str, bytes]]]:
+            nonlocal count
+            for value, snapshot in self.snapshots():
+                shown.append(snapshot)
+                count += 1
+                parts = {"": surface_content(snapshot)}
+                if snapshot.strands is not None:
+                    parts[f"_{STRANDS}"] = strands_content(snapshot.strands)
+                yield value, parts
+
+        files = write_series(moments(), path)
+        what = (
+            "closed surfaces" if shown[0].strands is None else "closed surfaces and their strands"
+        )
+        return ExportResult.of(f"a series of {count} {what}", shown[0], tuple(files))
+
+    def _rigged(self) -> tuple[bytes, ExportResult]:
+        organ = self.dissection.organ
+        skin = organ_skin(organ, edge_length=self.edge_length)
+        motions, pieces = self.motions(), self.pieces()
+        content = rigged_organ(
+            skin, self.dissection.driving, motions, pieces, radius=organ.mean_radius
+        )
+        names = tuple(motion.name for motion in motions)
+        last = motions[0].readings[-1]
+        return content, ExportResult(
+            f"a rigged surface that can {' and '.join(names)}",
+            last.force,
+            last.deflection,
+            (ORGAN,) if pieces is None else (ORGAN, *PIECES),
+            len(skin.vertices),
+            len(skin.faces),
+            names,
+        )

@@ -1,0 +1,112 @@
+"""Strands of a bed in a motion: where they are drawn, how they are loaded, and which have parted.
+
+A whole strand is a straight line from its foot on the bed to the organ's surface. A parted one
+leaves a stub at either end: what it was at rest, up to `STUB_MM`, one fixed to the bed and the
+other to the organ.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation import Dissection
+from app.simulation.bed import BeddedSurface
+from organ_geometry import DrivingPoints
+from physics.bed import BeamOnBed
+
+__all__ = ["BedRecorder", "BedTrack", "StrandsSnapshot"]
+
+Floats = NDArray[np.float64]
+
+STUB_MM, STUB_SHARE = 1.0, 0.35
+"""Length of a stub, and most of its strand's length at rest."""
+STRESS_STATIONS = 121
+"""Stations along the span at which stress is kept: two for each driving point."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrandsSnapshot:
+    """Strands at one moment, in the organ's coordinates."""
+
+    feet: Floats  # (S, 2, 3) on the bed, and the tip of the stub there, mm
+    ends: Floats  # (S, 2, 3) on the organ, and the tip of the stub there, mm
+    damage: Floats  # (S,) 0 whole to 1 parted
+    force: Floats  # (S,) N
+
+    @property
+    def parted(self) -> NDArray[np.bool_]:
+        """(S,) whether each has parted."""
+        return self.damage >= 1.0
+
+    def lines(self) -> tuple[Floats, NDArray[np.intp]]:
+        """Return (L, 2, 3) lines, mm, and (L,) the strand that each belongs to."""
+        whole, parted = np.flatnonzero(~self.parted), np.flatnonzero(self.parted)
+        across = np.stack([self.feet[whole, 0], self.ends[whole, 0]], axis=1)
+        lines = np.concatenate([across, self.feet[parted], self.ends[parted]])
+        return lines, np.concatenate([whole, parted, parted])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BedTrack:
+    """What becomes of a bed in a motion of T keys: S strands, and the stresses they cause."""
+
+    surface: BeddedSurface
+    strand_stations: Floats  # (S,) along the organ's axis, mm
+    feet: Floats  # (S, 2, 3) as of a `StrandsSnapshot`, at rest
+    ends: Floats  # (S, 2, 3) at rest
+    damage: Floats  # (T, S) 0 whole to 1 parted
+    force: Floats  # (T, S) N
+    freed: Floats  # (T,) length of organ whose strands have parted, mm
+    stations: Floats  # (N,) mm from the first clamp
+    # (T, N, 3) MPa: normal, and of bending at the outermost fibres (`BeamOnBed.stresses`)
+    stresses: Floats
+
+    def strands_at(self, key: int, driving: DrivingPoints, transforms: Floats) -> StrandsSnapshot:
+        """Return the strands at a key, moved by the driving points' transforms there."""
+        index, weight = driving.binding(self.strand_stations)
+        weight = weight[:, None, None]
+        blended = (1.0 - weight) * transforms[index] + weight * transforms[index + 1]
+        moved = self.ends + np.einsum("sij,spj->spi", blended[..., :3], self.ends)
+        moved += blended[:, None, :, 3]
+        return StrandsSnapshot(self.feet, moved, self.damage[key], self.force[key])
+
+    def freed_at(self, key: int, stations: Floats) -> Floats:
+        """Return the share of strands that have parted about stations, mm from the first clamp."""
+        return self.surface.freed_at(self.damage[key], stations)
+
+
+class BedRecorder:
+    """Takes down key by key what becomes of a bed."""
+
+    def __init__(self, dissection: Dissection, surface: BeddedSurface) -> None:
+        self._surface = surface
+        self._stations = np.linspace(0.0, dissection.beam.span, STRESS_STATIONS)
+        self._keys: list[tuple[Floats, Floats, float, Floats]] = []
+
+    def add(self, beam: BeamOnBed) -> None:
+        """Take down the bed as it is now."""
+        at = np.stack([beam.stations[:-1], beam.stations[1:]], axis=1).ravel()
+        stresses = beam.stresses().reshape(-1, 3)
+        sampled = [np.interp(self._surface.scale * self._stations, at, part) for part in stresses.T]
+        force = beam.strands.forces(beam.strand_ends(), beam.damage)
+        self._keys.append((beam.damage, force, beam.freed, np.stack(sampled, axis=1)))
+
+    def track(self) -> BedTrack:
+        """Return what was taken down."""
+        stations, ends, feet = self._surface.strands_at_rest()
+        way = feet - ends
+        length = np.sqrt((way**2).sum(axis=1, keepdims=True))
+        stub = way * np.minimum(STUB_SHARE, STUB_MM / length)
+        damage, force, freed, stresses = (np.array(each) for each in zip(*self._keys, strict=True))
+        return BedTrack(
+            self._surface,
+            stations,
+            np.stack([feet, feet - stub], axis=1),
+            np.stack([ends, ends + stub], axis=1),
+            damage,
+            force,
+            freed,
+            self._stations,
+            stresses,
+        )
