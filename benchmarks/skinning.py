@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.command_line.load import shipped_organ
-from app.export.order import Order
+from app.export.pull_export import PullExport
 from app.export.rigged_organ import rigged_organ
 from app.simulation import Dissection, preset_named
 from benchmarks.stopwatch import microseconds
@@ -61,7 +61,7 @@ def skinning_figures(organ: Organ) -> dict[str, float]:
 def export_figures(organ: Organ) -> dict[str, float]:
     """Return the time and bytes of a rigged organ."""
     dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
-    order = Order(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
+    order = PullExport(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
 
     def content(keys: int) -> bytes:
         wanted = replace(order, frames=keys)
