@@ -68,6 +68,10 @@ def trainer(
     build_memory: Annotated[
         int, typer.Option(help="Memory of building organs, MiB (Linux).", rich_help_panel=BOUNDS)
     ] = 3072,
+    metrics: Annotated[
+        bool, typer.Option("--metrics", help="Serve figures for Prometheus at /metrics.")
+    ] = False,
+    log_format: Annotated[str, typer.Option(help="Log on stderr: text or json.")] = "text",
     exercise_inputs: Annotated[
         str,
         typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
@@ -95,6 +99,8 @@ def trainer(
         raise ValueError(f"--exercise-inputs must be hand or any, not {exercise_inputs}")
     if not 0 <= port <= 65535:
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
+    if log_format not in ("text", "json"):
+        raise ValueError(f"--log-format must be text or json, not {log_format}")
     token = _given_token(token_file)
     # Within what is compiled on a first start Python could lose an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -113,11 +119,13 @@ def trainer(
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
+    from app.trainer.server.log import set_up_log
     from app.trainer.server.trainer import Trainer
 
+    set_up_log(log_format)
     running = Trainer(
         tissue, chosen, host=host, token=token, port=port, look=look, bounds=bounds,
-        build_process=builds,
+        build_process=builds, metrics=metrics,
         exercise_inputs=exercise_inputs, haptics=servo,
     )  # fmt: skip
     # From here on both signals end the wait below, so that server and clock stop in order.

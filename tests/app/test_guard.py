@@ -15,11 +15,14 @@ import pytest
 import viser
 from playwright.sync_api import Browser
 from program import refused, started
+from prometheus_client.parser import text_string_to_metric_families
 from simulated import phantom
 
 from app.command_line.trainer import _draw
 from app.trainer.server import guard
+from app.trainer.server import trainer as server
 from app.trainer.server.guard import TOKEN_VARIABLE, Guard, is_loopback
+from app.trainer.server.metrics import trainer_metrics
 from app.trainer.server.trainer import Trainer, _own_address
 from app.trainer.viser_bridge import start_server, stop_server
 
@@ -197,6 +200,49 @@ def test_a_link_on_another_site_opens_the_page(browser: Browser, asking: int) ->
         assert page.evaluate("document.cookie") == ""
         page.go_back()
         assert page.url.startswith("data:")  # the token is not in the history
+
+
+def test_a_balancer_sees_whether_the_sessions_go_on_and_no_site_does(
+    trainer: Trainer, asking: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {"Host": "localhost:PORT"}
+    for port in (trainer.port, asking):
+        answer = Answer(port, own, "/healthz")
+        assert (answer.status, answer.text) == (200, "ok\n")
+        assert Answer(port, own | {"Origin": "http://attacker.example"}, "/healthz").status == 403
+        assert Answer(port, {"Host": "attacker.example"}, "/healthz").status == 403
+    monkeypatch.setattr(trainer._guard, "healthy", lambda: False)
+    assert Answer(trainer.port, own, "/healthz").status == 503
+    assert trainer._goes_on()
+    monkeypatch.setattr(server, "LONGEST_STANDING", -1.0)
+    assert not trainer._goes_on()
+
+
+def test_figures_are_served_to_who_has_the_token_and_only_when_asked_for(
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {"Host": "localhost:PORT"}
+    assert Answer(trainer.port, own, "/metrics").status == 404
+    guard = trainer._guard
+    monkeypatch.setattr(guard, "metrics", trainer_metrics(trainer))
+    answer = Answer(trainer.port, own, "/metrics")
+    assert answer.status == 200
+    assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
+    figures = {
+        sample.name: sample.value
+        for family in text_string_to_metric_families(answer.text)
+        for sample in family.samples
+        if not sample.labels
+    }
+    assert 0 < figures["bluntdissect_ticks"] <= trainer.timer.ticks
+    assert figures["bluntdissect_pages"] == len(trainer.sessions)
+    assert {"bluntdissect_connections", "bluntdissect_upload_bytes"} < figures.keys()
+    monkeypatch.setattr(guard, "token", TOKEN)
+    for bearer in ({}, {"Authorization": f"Bearer {TOKEN}x"}, {"Authorization": TOKEN}):
+        assert Answer(trainer.port, own | bearer, "/metrics").status == 401
+    right = {"Authorization": f"Bearer {TOKEN}"}
+    assert Answer(trainer.port, own | right, "/metrics").status == 200
+    assert Answer(trainer.port, own | right, "/").status == 403  # it opens nothing else
 
 
 def test_any_address_but_loopback_asks_for_a_token() -> None:

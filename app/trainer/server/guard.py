@@ -9,6 +9,7 @@ a request also needs a token: it stands in the printed link, which gives the bro
 import hmac
 import re
 import secrets
+from collections.abc import Callable
 from http import HTTPStatus
 from ipaddress import ip_address
 from urllib.parse import parse_qs
@@ -33,6 +34,7 @@ _HOST = re.compile(r"(?:\[(?P<six>[^\[\]]*)\]|(?P<name>[^:\[\]]*))(?::[0-9]+)?")
 FOREIGN_HOST = "This trainer serves its own machine only: open it as localhost.\n"
 FOREIGN_ORIGIN = "This trainer takes nothing from pages of other sites.\n"
 NO_TOKEN = "Open this trainer by the link that it printed when it started.\n"  # noqa: S105
+NO_BEARER = "Send the trainer's token: Authorization: Bearer TOKEN\n"
 ENTERED = """<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
@@ -61,6 +63,10 @@ class Guard:
     ----------
     token
         As given or made; None where none is needed.
+    healthy
+        Whether the trainer goes on as it should, for `/healthz`.
+    metrics
+        What `/metrics` gives to who has the token, if anything.
 
     Raises
     ------
@@ -80,6 +86,8 @@ class Guard:
         if token is None and not self._loopback:
             token = secrets.token_urlsafe(TOKEN_BYTES)
         self.token, self._connections = token, connections
+        self.healthy: Callable[[], bool] = lambda: True
+        self.metrics: Callable[[], bytes] | None = None
 
     def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return None for a request that gets in, else its answer."""
@@ -93,6 +101,18 @@ class Guard:
         path, _, query = request.path.partition("?")
         if len(path) > LONGEST_PATH:
             return connection.respond(HTTPStatus.REQUEST_URI_TOO_LONG, "There is no such page.\n")
+        if path == "/healthz":
+            if self.healthy():
+                return connection.respond(HTTPStatus.OK, "ok\n")
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "the sessions stand\n")
+        if path == "/metrics" and self.metrics is not None:
+            bearer = " ".join(headers.get_all("Authorization"))
+            if self.token is None or _same(bearer, f"Bearer {self.token}"):
+                figures = connection.respond(HTTPStatus.OK, self.metrics().decode())
+                del figures.headers["Content-Type"]
+                figures.headers["Content-Type"] = "text/plain; version=0.0.4; charset=utf-8"
+                return figures
+            return connection.respond(HTTPStatus.UNAUTHORIZED, NO_BEARER)
         browser = None
         if self.token is not None:
             # Cookies know no ports: another trainer on this machine has one of its own.

@@ -41,6 +41,8 @@ __all__ = ["AddressTakenError", "Trainer"]
 LONGEST_TICK = 0.1
 """s, longest time that a session advances at once: a stall slows a pull, but skips nothing."""
 
+LONGEST_STANDING = 5.0
+"""s without a tick after which the trainer is not healthy."""
 EXPIRY_SECONDS = 10.0
 """s between two searches for sessions that have expired."""
 STORAGE_SECONDS = 1.0
@@ -82,9 +84,13 @@ class Trainer:
         Which inputs count in exercises; "any" allows sliders and keys, and each run says so.
     haptics
         Starts the servo of a device for a first setting; None for no device.
+    metrics
+        Whether `/metrics` has the trainer's figures.
 
     Attributes
     ----------
+    connections
+        All connections, and what was refused.
     timer
         Counts the ticks that ran and those that the machine had no time for.
     warm_up
@@ -113,10 +119,11 @@ class Trainer:
         build_process: BuildProcess | None = None,
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
+        metrics: bool = False,
     ) -> None:
         bounds = bounds or Bounds()
-        self._connections = Connections(bounds, self._tell_refusal)
-        self._guard = Guard(host, token, self._connections)
+        self.connections = Connections(bounds, self._tell_refusal)
+        self._guard = Guard(host, token, self.connections)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._organ, self._host = organ, host
         self._look: LookChoice = look
@@ -126,9 +133,15 @@ class Trainer:
         self._kept = Sessions(lambda: Session(organ, preset), most=bounds.most_clients)
         self._workers = Workers(build_process=build_process or BuildProcess())
         self._stopping = threading.Event()
+        self._ticked = time.monotonic()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
         warm_session(organ, preset)
-        self._server = _serve(host, port, self._guard, socket_options(self._connections))
+        self._guard.healthy = self._goes_on
+        if metrics:
+            from app.trainer.server.metrics import trainer_metrics
+
+            self._guard.metrics = trainer_metrics(self)
+        self._server = _serve(host, port, self._guard, socket_options(self.connections))
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
@@ -185,6 +198,10 @@ class Trainer:
         """How often each client's duct was drawn, by client number."""
         with self._views_lock:
             return {number: view.frames for number, view in self._views.items()}
+
+    def _goes_on(self) -> bool:
+        """Return whether the sessions are stepped."""
+        return not self._stopping.is_set() and time.monotonic() - self._ticked < LONGEST_STANDING
 
     def stop(self) -> None:
         """Stop the clock and the server, and remove what clients have uploaded."""
@@ -270,6 +287,7 @@ class Trainer:
 
     def _run(self) -> None:
         while (seconds := self.timer.wait(self._stopping)) is not None:
+            self._ticked = time.monotonic()
             with self._surviving("a tick"):
                 self._tick(min(seconds, LONGEST_TICK))
             if (now := time.monotonic()) > self._expiry:

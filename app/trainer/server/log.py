@@ -1,0 +1,68 @@
+"""The trainer's log on stderr: bounded in length and number, as text or JSON, one record a line."""
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from typing import Literal
+
+__all__ = ["LogFormat", "set_up_log"]
+
+LogFormat = Literal["text", "json"]
+LONGEST = 4000
+"""Characters of a record's text, its traceback included."""
+MOST_AT_ONCE, PER_SECOND = 100.0, 1.0
+"""Records at once and in the long run; how many more there were is said with the next."""
+
+
+class _Bounded(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the record's text with its traceback, cut to the longest."""
+        text = super().format(record)
+        return text if len(text) <= LONGEST else f"{text[:LONGEST]} ... and {len(text):,} in all"
+
+
+class _Json(_Bounded):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the record as one JSON object."""
+        at = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        return json.dumps(
+            {
+                "time": f"{at}.{record.msecs:03.0f}Z",
+                "level": record.levelname.lower(),
+                "logger": record.name,
+                "message": super().format(record),
+            }
+        )
+
+
+class _Rate(logging.Filter):
+    """Drops records that come too fast."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock, self._left, self._at = clock, MOST_AT_ONCE, clock()
+        self._dropped = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is written."""
+        now = self._clock()
+        self._left = min(MOST_AT_ONCE, self._left + (now - self._at) * PER_SECOND)
+        self._at = now
+        if self._left < 1.0:
+            self._dropped += 1
+            return False
+        self._left -= 1.0
+        if self._dropped:
+            record.msg = f"{record.getMessage()} ({self._dropped:,} records before were dropped)"
+            record.args, self._dropped = None, 0
+        return True
+
+
+def set_up_log(kind: LogFormat) -> None:
+    """Write the log of this process in one format, from warnings on."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Json() if kind == "json" else _Bounded("%(message)s"))
+    handler.addFilter(_Rate())
+    logging.basicConfig(handlers=[handler], level=logging.WARNING, force=True)
+    logging.captureWarnings(True)

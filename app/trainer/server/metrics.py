@@ -1,0 +1,39 @@
+"""The trainer's figures in Prometheus' text."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollector, generate_latest
+
+if TYPE_CHECKING:
+    from app.trainer.server.trainer import Trainer
+
+__all__ = ["trainer_metrics"]
+
+
+def trainer_metrics(trainer: "Trainer") -> Callable[[], bytes]:
+    """Return a function that gives a trainer's figures as they are then."""
+    registry = CollectorRegistry()
+    ProcessCollector(registry=registry)
+    timer, connections = trainer.timer, trainer.connections
+
+    def gauge(name: str, what: str, value: Callable[[], float]) -> None:
+        Gauge(f"bluntdissect_{name}", what, registry=registry).set_function(value)
+
+    gauge("pages", "Pages that have a duct.", lambda: len(trainer.sessions))
+    gauge("connections", "Connections of pages and requests.", lambda: len(connections))
+    gauge("upload_bytes", "Bytes of unfinished uploads.", lambda: connections.upload_bytes)
+    gauge("ticks", "Ticks of 1/30 s that ran.", lambda: timer.ticks)
+    gauge("ticks_missed", "Ticks that there was no time for.", lambda: timer.missed)
+    refusals = Counter(
+        "bluntdissect_refusals", "What was refused or had to wait.", ["what"], registry=registry
+    )
+    counted: dict[str, int] = {}
+
+    def latest() -> bytes:
+        for what, count in tuple(connections.refusals.items()):
+            refusals.labels(what).inc(count - counted.get(what, 0))
+            counted[what] = count
+        return generate_latest(registry)
+
+    return latest
