@@ -2,14 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 
 from app.export.motion import Motion
-from app.export.rigged_organ import ORGAN, STRANDS, rigged_organ
+from app.export.rigged_organ import ORGAN, rigged_organ
 from app.export.snapshot import Snapshot
-from app.export.vtk_series import check_series_path, strands_content, surface_content, write_series
+from app.export.vtk_series import check_series_path, snapshot_contents, write_series
 from app.simulation import PIECES, Dissection
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
@@ -111,57 +111,61 @@ class OrganExport(ABC):
             )
 
     def write(self, path: Path) -> ExportResult:
-        """Write the file, whole or not at all."""
+        """Write the file, whole or not at all; a bed's strands as VTP go into one beside it."""
         self.check(path)
         suffix = path.suffix.lower()
         if suffix == ".pvd":
             return self._write_series(path)
-        content, result = self._written(suffix)
-        write_atomic(path, content)
-        return replace(result, files=(path,))
+        contents, result = self._written(suffix)
+        files = {
+            path.with_name(f"{path.stem}{end}{path.suffix}"): contents[end] for end in contents
+        }
+        for file in files:
+            check_target(file)
+        for file, content in files.items():
+            write_atomic(file, content)
+        return replace(result, files=tuple(files))
 
     def content(self, suffix: str) -> bytes:
         """Return what the file would hold."""
         self.check_kind(Path(f"organ{suffix}"))
         if suffix.lower() == ".pvd":
             raise ValueError("a .pvd is a series of files; write it to a folder")
-        return self._written(suffix.lower())[0]
+        return self._written(suffix.lower())[0][""]
 
-    def _written(self, suffix: str) -> tuple[bytes, ExportResult]:
-        """Return a file's content and its description, without a path."""
+    def _written(self, suffix: str) -> tuple[dict[str, bytes], ExportResult]:
+        """Return files' contents by the endings of their names, and their description."""
         if suffix == ".csv":
-            return self.written_table()
+            table, result = self.written_table()
+            return {"": table}, result
         if suffix == ".glb" and self.moves:
-            return self._rigged()
+            model, result = self._rigged()
+            return {"": model}, result
         snapshot = self.snapshot()
+        kind = "one closed surface" if len(snapshot.surfaces) == 1 else "two closed pieces"
         if suffix == ".vtp":
-            content = surface_content(snapshot)
+            contents = snapshot_contents(snapshot)
+            kind += " and strands" if snapshot.strands is not None else ""
         else:
             shown = snapshot.stresses if self.stress_colors else ()
             colors = [stress_colors(stress.distance_to_break) for stress in shown]
-            content = mesh_content(snapshot.surfaces, suffix, colors)
-        kind = "one closed surface" if len(snapshot.surfaces) == 1 else "two closed pieces"
-        return content, ExportResult.of(kind, snapshot)
+            contents = {"": mesh_content(snapshot.surfaces, suffix, colors)}
+        return contents, ExportResult.of(kind, snapshot)
 
     def _write_series(self, path: Path) -> ExportResult:
         shown: deque[Snapshot] = deque(maxlen=1)  # the last one, when all are written
-        count = 0
+        times: list[float] = []
 
-        def moments() -> Iterator[tuple[float, Mapping[str, bytes]]]:
-            nonlocal count
-            for value, snapshot in self.snapshots():
+        def moments() -> Iterator[tuple[float, dict[str, bytes]]]:
+            for time, snapshot in self.snapshots():
                 shown.append(snapshot)
-                count += 1
-                parts = {"": surface_content(snapshot)}
-                if snapshot.strands is not None:
-                    parts[f"_{STRANDS}"] = strands_content(snapshot.strands)
-                yield value, parts
+                times.append(time)
+                yield time, snapshot_contents(snapshot)
 
         files = write_series(moments(), path)
-        what = (
-            "closed surfaces" if shown[0].strands is None else "closed surfaces and their strands"
-        )
-        return ExportResult.of(f"a series of {count} {what}", shown[0], tuple(files))
+        strands = " and their strands" if shown[0].strands is not None else ""
+        kind = f"a series of {len(times)} closed surfaces{strands}"
+        return ExportResult.of(kind, shown[0], tuple(files))
 
     def _rigged(self) -> tuple[bytes, ExportResult]:
         organ = self.dissection.organ

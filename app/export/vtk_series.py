@@ -11,11 +11,24 @@ from app.export.strands import StrandsSnapshot
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import pvd_content, vtp_content
 
-__all__ = ["check_series_path", "strands_content", "surface_content", "write_series"]
+__all__ = ["check_series_path", "snapshot_contents", "write_series"]
+
+STRANDS = "_strands"
+"""What the names of files of strands end in."""
 
 
-def surface_content(snapshot: Snapshot) -> bytes:
-    """Return a snapshot's surface as a VTP file, both pieces of a torn organ in one."""
+def snapshot_contents(snapshot: Snapshot) -> dict[str, bytes]:
+    """Return a snapshot as VTP files: its surface, and its strands by the ending `_strands`."""
+    surface = _surface(snapshot)
+    return (
+        {"": surface}
+        if snapshot.strands is None
+        else {"": surface, STRANDS: _lines(snapshot.strands)}
+    )
+
+
+def _surface(snapshot: Snapshot) -> bytes:
+    """Return the surface, both pieces of a torn organ in one."""
     surfaces = snapshot.surfaces
     before = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     figures = [
@@ -43,8 +56,8 @@ def surface_content(snapshot: Snapshot) -> bytes:
     )
 
 
-def strands_content(strands: StrandsSnapshot) -> bytes:
-    """Return strands as the lines of a VTP file: one of each that is whole, two of a parted one."""
+def _lines(strands: StrandsSnapshot) -> bytes:
+    """Return strands as lines: one of each that is whole, two of a parted one."""
     lines, strand = strands.lines()
     return vtp_content(
         lines.reshape(-1, 3).astype(np.float32),

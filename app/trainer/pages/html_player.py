@@ -14,6 +14,7 @@ from app.export.bed_export import BedExport
 from app.export.motion import RECOIL_STEP, Motion
 from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
+from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, Phase, Reading
 from app.simulation.bed import BED_THEORY
 from app.trainer.scene.duct_on_stage import TORN_ENDS
@@ -48,6 +49,7 @@ GRID = 1.0 / 256.0
 REST_SECONDS, END_SECONDS = 0.6, 1.2
 """s of rest before and after the motion."""
 ASPECT = 16.0 / 9.0
+STRAND_COLOR, STRAND_MM = (232, 214, 190), 0.14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,6 +197,12 @@ def _recorded(
         _body(scene, dissection, name, piece.skin.bound_to(dissection.driving), piece)
         for name, piece in zip(PIECES, pieces or (), strict=False)
     ]
+    strands: viser.LineSegmentsHandle | None = None
+    if motion.bed is not None:
+        rest = motion.bed.strands_at(0, dissection.driving, motion.transforms[0])
+        strands = scene.add_line_segments(
+            "/organ/strands", _halves(rest), STRAND_COLOR, thickness=STRAND_MM
+        )
     written = ""
 
     # At these keys the hidden surfaces are sent as they are at the key where they appear next.
@@ -220,7 +228,11 @@ def _recorded(
                 body.show(motion.transforms[at], float(motion.fronts[at]), visible=False)
         for body in [whole] if is_whole else torn:
             body.show(motion.transforms[key], float(motion.fronts[key]), place)
-        words = _caption(motion.readings[key])
+        if strands is not None and motion.bed is not None:
+            moved = motion.bed.strands_at(key, dissection.driving, motion.transforms[key])
+            strands.points = _halves(moved)
+        freed = None if motion.bed is None else float(motion.bed.freed[key])
+        words = _caption(motion.readings[key], freed)
         if written != words:
             written = words
             write_caption(server, written)
@@ -274,16 +286,27 @@ def _body(
     return body
 
 
+def _halves(strands: StrandsSnapshot) -> NDArray[np.float32]:
+    """Return (2 S, 2, 3) lines, mm: both halves of whole strands, both stubs of parted ones."""
+    middle = np.mean([strands.feet[:, 0], strands.ends[:, 0]], axis=0)
+    parted = strands.parted[:, np.newaxis]
+    lines = [
+        np.stack([part[:, 0], np.where(parted, part[:, 1], middle)], axis=1)
+        for part in (strands.feet, strands.ends)
+    ]
+    return _rounded(np.concatenate(lines).astype(np.float32))
+
+
 def _rounded(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.rint(numbers / np.float32(GRID)) * np.float32(GRID)
 
 
-def _caption(reading: Reading) -> str:
-    """Return the caption over the organ."""
+def _caption(reading: Reading, freed: float | None) -> str:
+    """Return the caption over the organ, on a bed with the length that is freed, mm."""
     if reading.phase is Phase.TEARING:
         return f"F {reading.force:.3g} N   it tears"
     if reading.phase is Phase.TORN:
         return "F 0 N   torn in two"
     left = 100.0 * max(0.0, reading.check.distance_to_break)
-    lifted = reading.deflection
-    return f"F {reading.force:.3g} N   lifted {lifted:.1f} mm   distance to break {left:.0f} %"
+    done = f"lifted {reading.deflection:.1f}" if freed is None else f"freed {freed:.1f}"
+    return f"F {reading.force:.3g} N   {done} mm   distance to break {left:.0f} %"
