@@ -13,6 +13,9 @@ from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.stage.hook import grip_solid
 from app.trainer.stage.lighting import Look
+from app.trainer.stage.stage import Stage
+from app.trainer.stage.strands import StrandsInBed
+from physics.bed import Strands
 
 __all__ = ["BedScene", "Colours"]
 
@@ -27,6 +30,8 @@ class BedScene(DuctOnStage[BedSession]):
 
     def __init__(self, client: viser.ClientHandle, session: BedSession, look: Look) -> None:
         super().__init__(client, session, look)
+        self._strands: StrandsInBed | None = None
+        self._strands_of: Strands | None = None
         self.draw(session.reading())
 
     def draw(self, reading: BedReading, colours: Colours = "tissue") -> None:
@@ -34,10 +39,37 @@ class BedScene(DuctOnStage[BedSession]):
         with self._client.atomic():
             stage = self._set_stage()
             self._set_surfaces()
+            self._set_strands(stage)
             stage.place_hook(self._session.duct.hands[0].place, (0.0, 0.0, 1.0))
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, None)
             self._show(None)
+
+    def _set_strands(self, stage: Stage) -> None:
+        """Draw the strands as they are now."""
+        beam = self._session.duct.beam
+        if self._strands is not None and beam.strands is not self._strands_of:
+            self._strands.remove()
+            self._strands = None
+        if self._strands is None:
+            self._strands_of = beam.strands
+            self._strands = StrandsInBed(
+                self._client.scene,
+                "/bed/strands",
+                beam,
+                floor=stage.floor,
+                scale=stage.scale,
+                bed_columns=stage.bed_columns,
+                fibres=2 if self._look == "full" else 1,
+            )
+        else:
+            self._strands.show(beam)
+
+    def _clear(self) -> None:
+        super()._clear()
+        if self._strands is not None:
+            self._strands.remove()
+            self._strands = None
 
     def let_drag(
         self,

@@ -16,7 +16,7 @@ from app.trainer.stage.hook import hook_glb, hook_wxyz
 from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_position, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.spill import spill_glb
-from app.trainer.stage.tissue_bed import REFERENCE_SPAN, tissue_bed_glb
+from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.viser_bridge import keep_in_sight
 
 _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
@@ -49,7 +49,9 @@ def stage_files(
     else:
         around = {
             "tissue_bed": (
-                tissue_bed_glb() if full else tissue_bed_glb(rows=28, columns=36, pixels=384)
+                tissue_bed_glb()
+                if full
+                else tissue_bed_glb(rows=28, columns=PLAIN_COLUMNS, pixels=384)
             )
         }
     if surroundings == "liver":
@@ -118,9 +120,11 @@ class Stage:
         files = stage_files(
             radius=self.radius, look=look, bite=bite, tissue=tissue, surroundings=surroundings
         )
-        scale = self.span / REFERENCE_SPAN
+        self.scale = scale = self.span / REFERENCE_SPAN  # of what is below and around the duct
         self._spilt = False
-        self._floor = floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
+        floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
+        self.floor = floor  # where that is, mm
+        self.bed_columns = COLUMNS if full else PLAIN_COLUMNS  # of the bed's grid of points
 
         light_stage(scene, span=self.span, look=look)
         for name in files.keys() & {"tissue_bed", "neighbours"}:
@@ -178,14 +182,14 @@ class Stage:
         """Show what has run out of a torn duct; nothing in the plain look."""
         if self.look == "plain" or self._spilt:
             return
-        scale = self.span / REFERENCE_SPAN
+        scale = self.scale
         file = spill_glb(look, round(self.radius / scale, 2), round(x / scale - 25.4, 1))
         if file:
             self._scene.add_glb(
                 "/stage/spill",
                 file,
                 scale=scale,
-                position=self._floor,
+                position=self.floor,
                 cast_shadow=False,
                 receive_shadow=False,
             )

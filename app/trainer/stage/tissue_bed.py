@@ -30,7 +30,8 @@ from app.trainer.stage.textures import (
 from organ_geometry.mesh import Finish, vertex_normals
 
 REFERENCE_SPAN = 50.8
-_ROWS, _COLUMNS, _PIXELS = 64, 70, 1152  # of the full look
+_ROWS, COLUMNS, _PIXELS = 64, 70, 1152  # of the full look
+PLAIN_COLUMNS = 36
 
 _HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
 _FASCIA, _FASCIA_DEEP, _FASCIA_PALE = (122, 52, 44), (84, 28, 26), (170, 106, 90)
@@ -48,7 +49,7 @@ _VEINS = (
 
 
 @cache
-def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = _PIXELS) -> bytes:
+def tissue_bed_glb(*, rows: int = _ROWS, columns: int = COLUMNS, pixels: int = _PIXELS) -> bytes:
     """Return the bed as a GLB file."""
     ground = _drawn_ground(pixels)
     surface_x, surface_y, height = _surface(rows, columns, pixels)
@@ -73,8 +74,8 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = _COLUMNS, pixels: int = 
 
 def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the height of the full bed at places."""
-    surface_x, surface_y, height = _surface(_ROWS, _COLUMNS, _PIXELS)
-    columns, rows = np.arange(_COLUMNS, dtype=np.float64), np.arange(_ROWS, dtype=np.float64)
+    surface_x, surface_y, height = _surface(_ROWS, COLUMNS, _PIXELS)
+    columns, rows = np.arange(COLUMNS, dtype=np.float64), np.arange(_ROWS, dtype=np.float64)
     column = np.interp(x, surface_x[0].astype(np.float64), columns).astype(np.float32)
     row = np.interp(y, surface_y[:, 0].astype(np.float64), rows).astype(np.float32)
     return cv2.remap(height, column, row, cv2.INTER_LINEAR).astype(np.float64)

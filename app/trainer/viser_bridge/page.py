@@ -133,15 +133,17 @@ def watch_pace(
 def run_in_page(scene: viser.SceneApi, source: str) -> None:
     """Run a script in each page of a scene.
 
-    Its `viewer` has two functions: `scene()`, three.js's scene once there is one, and `node(name)`,
-    the three.js object of a scene node, or undefined.
+    Its `viewer` has three functions: `scene()`, three.js's scene once there is one; `node(name)`,
+    the three.js object of a scene node, or undefined; and `redraw()`, which draws a still picture
+    again.
     """
     queue_script(scene, f"(viewer => {{{source}\n}})({_VIEWER})")
 
 
 _VIEWER = (
     "{scene: () => window.__viserMutable?.scene, "
-    "node: name => window.__viserMutable.nodeRefFromName[name]}"
+    "node: name => window.__viserMutable.nodeRefFromName[name], "
+    "redraw: () => window.__viserMutable?.requestRender?.()}"
 )
 
 

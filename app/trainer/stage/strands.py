@@ -1,0 +1,194 @@
+"""The connective tissue between a duct and its bed: strands, and films between them.
+
+Streamed are five numbers for each strand: where it holds the duct (3), how taut it is, and which
+rod it lies against; and the rods. The page draws the rest from them (`strands.js`): threads, films,
+stubs of parted strands, and the bed, which the strands' feet lie in, drawn up and pressed in.
+"""
+
+import base64
+import json
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.trainer.viser_bridge import run_in_page
+from kernel_cache import njit
+from physics.bed import BeamOnBed, kernels
+
+__all__ = ["PARTED", "StrandsInBed"]
+
+PARTED = -9.0
+"""In place of how taut a strand is, of one that has parted."""
+NUMBERS = 5
+"""Streamed for each strand."""
+LEAST_CHANGE = 0.01
+"""mm, and of how taut: less cannot be seen."""
+WIDTH = 0.055
+"""Half of the width of a mean strand, mm."""
+FILM_ANGLES = (0.30, 0.65, 0.95, 1.25)
+"""Films join neighbours between two of these angles from straight down, on both flanks, rad."""
+FILM_WIDTH = 1.6
+"""Largest distance of two neighbours that a film joins, mm."""
+
+
+@cache
+def _script() -> str:
+    return Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
+
+
+class StrandsInBed:
+    """The strands of one client's duct, the scene node `name`, in the stage's coordinates.
+
+    `floor` and `scale` are the place and the scale of the stage's bed, and `bed_columns` how many
+    points a row of it has; `fibres` is how many threads a strand is drawn with.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        beam: BeamOnBed,
+        *,
+        floor: tuple[float, float, float],
+        scale: float,
+        bed_columns: int,
+        fibres: int,
+    ) -> None:
+        self._scene, self._name = scene, name
+        state = beam.state
+        strand = state.strand
+        count, rods = beam.strands.count, state.rods.shape[0]
+        self._header = state.rods.size
+        size = self._header + NUMBERS * count
+        self._sent = np.zeros((-(-size // 3), 3), np.float32)
+        self._new = self._sent.copy()
+        self._write(beam)
+        self._sent[:] = self._new
+        self._mesh = scene.add_mesh_simple(
+            name,
+            self._sent,
+            np.zeros((1, 3), np.uint32),  # nothing to be seen without the script
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        tough = strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.PART]
+        widths = WIDTH * np.clip((tough / np.median(tough)) ** 0.6, 0.45, 2.2)
+        wear = {
+            "count": count,
+            "rods": rods,
+            "header": self._header,
+            "fibres": fibres,
+            "feet": _text(strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T),
+            "widths": _text(widths),
+            "pairs": _text(film_pairs(beam)),
+            "floor": list(floor),
+            "scale": scale,
+            "columns": bed_columns,
+        }
+        run_in_page(
+            scene, f"{_script()}\nbluntdissectStrands.show({json.dumps(name)}, {json.dumps(wear)});"
+        )
+
+    @property
+    def whole(self) -> int:
+        """How many are drawn whole."""
+        return int((self._sent.reshape(-1)[self._header + 3 :: NUMBERS] > PARTED).sum())
+
+    def show(self, beam: BeamOnBed) -> None:
+        """Draw the strands as they are now, if that can be seen to differ."""
+        self._write(beam)
+        if np.abs(self._new - self._sent).max() > LEAST_CHANGE:
+            self._sent[:] = self._new
+            self._mesh.vertices = self._sent
+
+    def remove(self) -> None:
+        """Remove them from the scene."""
+        self._mesh.remove()
+        run_in_page(self._scene, f"bluntdissectStrands.remove({json.dumps(self._name)});")
+
+    def _write(self, beam: BeamOnBed) -> None:
+        s = beam.state
+        flat = self._new.reshape(-1)
+        flat[: self._header] = s.rods.reshape(-1)
+        _write(s.x, s.q, s.first, s.strand, s.damage, s.rods, s.side, flat[self._header :])
+
+
+def film_pairs(beam: BeamOnBed) -> NDArray[np.int64]:
+    """Return (P, 2) strands, in the order of the beam's state, that films join."""
+    arm = beam.state.strand[kernels.ARM_X : kernels.ARM_Z + 1]
+    angle = np.arctan2(arm[1], -arm[2])
+    nodes = np.repeat(np.arange(beam.stations.size), np.diff(beam.state.first))
+    along = beam.stations[nodes] + arm[0]
+    pairs = [np.empty((0, 2), np.int64)]
+    for flank in (-1.0, 1.0):
+        for low, high in pairwise(FILM_ANGLES):
+            band = np.flatnonzero((flank * angle >= low) & (flank * angle < high))
+            band = band[np.argsort(along[band], kind="stable")]
+            near = np.diff(along[band]) <= FILM_WIDTH
+            pairs.append(np.stack([band[:-1], band[1:]], axis=1)[near])
+    return np.concatenate(pairs)
+
+
+@njit(cache=True)
+def _write(
+    x: NDArray[np.float64],
+    q: NDArray[np.float64],
+    first: NDArray[np.int64],
+    strand: NDArray[np.float64],
+    damage: NDArray[np.float64],
+    rods: NDArray[np.float64],
+    side: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    for n in range(x.shape[0]):
+        w, a, b, c = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
+        for i in range(first[n], first[n + 1]):
+            u, v, z = strand[kernels.ARM_X, i], strand[kernels.ARM_Y, i], strand[kernels.ARM_Z, i]
+            end = (
+                x[n, 0]
+                + (1 - 2 * (b * b + c * c)) * u
+                + 2 * (a * b - w * c) * v
+                + 2 * (a * c + w * b) * z,
+                x[n, 1]
+                + 2 * (a * b + w * c) * u
+                + (1 - 2 * (a * a + c * c)) * v
+                + 2 * (b * c - w * a) * z,
+                x[n, 2]
+                + 2 * (a * c - w * b) * u
+                + 2 * (b * c + w * a) * v
+                + (1 - 2 * (a * a + b * b)) * z,
+            )
+            at = 5 * i
+            for k in range(3):
+                out[at + k] = end[k]
+            out[at + 4] = 0.0
+            if damage[i] >= 1.0:
+                out[at + 3] = PARTED
+                continue
+            foot = (
+                strand[kernels.FOOT_X, i],
+                strand[kernels.FOOT_Y, i],
+                strand[kernels.FOOT_Z, i],
+            )
+            length = np.sqrt(
+                (end[0] - foot[0]) ** 2 + (end[1] - foot[1]) ** 2 + (end[2] - foot[2]) ** 2
+            )
+            for m in range(rods.shape[0]):
+                if rods[m, kernels.IN_USE] != 0.0 and side[m, i] != 0:
+                    touch, way, _, _, _ = kernels.way_round(end, foot, rods[m], side[m, i])
+                    if touch != 0:
+                        length = way
+                        out[at + 4] = 1 + 2 * m + (1 if touch > 0 else 0)
+                        break
+            # Elongation over that at which it parts; below zero how slack it is, over its length.
+            elongation = length - strand[kernels.LENGTH, i]
+            scale = strand[kernels.PART, i] if elongation > 0.0 else strand[kernels.LENGTH, i]
+            out[at + 3] = elongation / scale
+
+
+def _text(numbers: NDArray[np.generic]) -> str:
+    return base64.b64encode(numbers.astype("<f4").tobytes()).decode()
