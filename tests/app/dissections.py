@@ -92,7 +92,7 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
     """Take a picture of each state."""
     folder.mkdir(parents=True, exist_ok=True)
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    server.gui.configure_theme(dark_mode=True, control_layout="collapsible")
+    server.gui.configure_theme(dark_mode=True)
     connected: list[viser.ClientHandle] = []
     server.on_client_connect(connected.append)
     try:

@@ -3,7 +3,16 @@
 Scenes of any beam on a bed are here too (docs/peel.md).
 """
 
-from app.simulation.bed.bedded_duct import BED_THEORY, ELEMENTS, HANDS, BeddedDuct, BedReading
+from app.simulation.bed.bedded_duct import (
+    BED_THEORY,
+    ELEMENTS,
+    HANDS,
+    JAW_RADIUS,
+    SWAB_RADIUS,
+    TOWARDS_HAND,
+    BeddedDuct,
+    BedReading,
+)
 from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
@@ -21,6 +30,9 @@ __all__ = [
     "HANDS",
     "HOLDING",
     "INSTRUMENTS",
+    "JAW_RADIUS",
+    "SWAB_RADIUS",
+    "TOWARDS_HAND",
     "BedExercise",
     "BedPreset",
     "BedReading",

@@ -8,10 +8,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation.bed import BedReading, BedSession
+from app.simulation.bed import HANDS, BedReading, BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
-from app.trainer.stage.hook import grip_solid
+from app.trainer.stage.contact import HookPlace, sink
+from app.trainer.stage.instruments import DrawnInstrument
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import StrandsInBed
@@ -21,55 +22,43 @@ __all__ = ["BedScene", "Colours"]
 
 Colours = Literal["tissue", "stress", "freed"]
 """How the duct is coloured: as tissue, by the stress in its wall, or by what is freed of it."""
+AWAY = (1e3, 0.0, 0.0)
+"""Where a hook throws no shadow that can be seen, mm."""
+LIFT = 0.3
+"""Height over the duct, in spans, that the camera keeps in its picture."""
 
 
 class BedScene(DuctOnStage[BedSession]):
     """One client's picture of its dissection; the look is "plain" for slow machines."""
 
     in_screen = True
+    elevation = 0.47
+    stage_hook = False
 
     def __init__(self, client: viser.ClientHandle, session: BedSession, look: Look) -> None:
         super().__init__(client, session, look)
         self._strands: StrandsInBed | None = None
         self._strands_of: Strands | None = None
+        self._instruments: list[DrawnInstrument | None] = [None] * HANDS
         self.draw(session.reading())
 
     def draw(self, reading: BedReading, colours: Colours = "tissue") -> None:
         """Draw the session as it is now."""
         with self._client.atomic():
             stage = self._set_stage()
+            stage.set_lift(LIFT * stage.span, self._client)
             self._set_surfaces()
             self._set_strands(stage)
-            stage.place_hook(self._session.duct.hands[0].place, (0.0, 0.0, 1.0))
+            depth = sink(reading.stress_share, stage.radius)
+            hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
+            # Light and shadow are those of one hook.
+            shading = [hand.place for hand in self._session.duct.hands if hand.instrument == "hook"]
+            stage.place_hook(shading[0] if shading else AWAY, (0.0, 0.0, 1.0))
+            rods = self._session.duct.beam.state.rods
             for drawn in self._drawn:
-                drawn.contact.mark(drawn.surface.vertices, None)
+                drawn.contact.mark(drawn.surface.vertices, *hooks)
+                drawn.contact.press_rods(rods, self._first)
             self._show(None)
-
-    def _set_strands(self, stage: Stage) -> None:
-        """Draw the strands as they are now."""
-        beam = self._session.duct.beam
-        if self._strands is not None and beam.strands is not self._strands_of:
-            self._strands.remove()
-            self._strands = None
-        if self._strands is None:
-            self._strands_of = beam.strands
-            self._strands = StrandsInBed(
-                self._client.scene,
-                "/bed/strands",
-                beam,
-                floor=stage.floor,
-                scale=stage.scale,
-                bed_columns=stage.bed_columns,
-                fibres=2 if self._look == "full" else 1,
-            )
-        else:
-            self._strands.show(beam)
-
-    def _clear(self) -> None:
-        super()._clear()
-        if self._strands is not None:
-            self._strands.remove()
-            self._strands = None
 
     def let_drag(
         self,
@@ -96,5 +85,65 @@ class BedScene(DuctOnStage[BedSession]):
         station = None if hold.station is None else hold.station - dissection.clamps[0]
         return replace(hold, station=station, start=place(hold.start), place=place(hold.place))
 
+    def _set_instrument(self, number: int, stage: Stage, depth: float) -> HookPlace | None:
+        """Draw a hand's instrument where it is; return where it is a hook that holds the duct."""
+        duct = self._session.duct
+        hand, drawn = duct.hands[number], self._instruments[number]
+        if drawn is None or drawn.instrument != hand.instrument:
+            if drawn is not None:
+                if self._hand is not None:
+                    self._hand.forget_instrument(drawn.name)
+                drawn.remove()
+            drawn = self._instruments[number] = DrawnInstrument(
+                self._client.scene,
+                f"/bed/hand_{number}",
+                hand.instrument,
+                duct_radius=stage.radius,
+                mirrored=number > 0,
+                look=self._look,
+            )
+            if self._hand is not None:
+                self._hand.set_instrument(number, drawn.name, drawn.grip)
+        hooked = hand.instrument == "hook" and hand.node is not None
+        drawn.show(hand, sunk=depth if hooked else 0.0)
+        if not hooked:
+            return None
+        frame = duct.dissection.frame
+        center = self._first + frame @ (hand.place + np.array([0.0, 0.0, depth]))
+        return HookPlace(center, frame, stage.radius)
+
     def _offer_instruments(self, hand: DragProxy) -> None:
-        hand.set_instrument(0, "/stage/hook", grip_solid(self._radius))
+        for number, drawn in enumerate(self._instruments):
+            if drawn is not None:
+                hand.set_instrument(number, drawn.name, drawn.grip)
+
+    def _set_strands(self, stage: Stage) -> None:
+        """Draw the strands as they are now."""
+        duct = self._session.duct
+        beam = duct.beam
+        if self._strands is not None and beam.strands is not self._strands_of:
+            self._strands.remove()
+            self._strands = None
+        if self._strands is None:
+            self._strands_of = beam.strands
+            self._strands = StrandsInBed(
+                self._client.scene,
+                "/bed/strands",
+                beam,
+                floor=stage.floor,
+                scale=stage.scale,
+                bed_columns=stage.bed_columns,
+                fibres=2 if self._look == "full" else 1,
+            )
+        else:
+            self._strands.show(beam)
+
+    def _clear(self) -> None:
+        super()._clear()
+        if self._strands is not None:
+            self._strands.remove()
+            self._strands = None
+        for drawn in self._instruments:
+            if drawn is not None:
+                drawn.remove()
+        self._instruments = [None] * HANDS

@@ -47,6 +47,7 @@ class DuctOnStage(Generic[AnySession]):
 
     in_screen = False  # whether a drag moves in the screen's plane, or in that of the pull
     elevation = ELEVATION  # of the camera, rad
+    stage_hook = True  # whether the stage has the hook
 
     def __init__(self, client: viser.ClientHandle, session: AnySession, look: Look) -> None:
         self._client, self._session = client, session
@@ -184,6 +185,7 @@ class DuctOnStage(Generic[AnySession]):
                 tissue=mean_color(appearance),
                 surroundings=appearance.surroundings,
                 elevation=self.elevation,
+                hook=self.stage_hook,
             )
             self._stage.frame_camera(self._client)
         # The browser compiles a shader when the camera first sees what uses it.

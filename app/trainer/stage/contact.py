@@ -16,6 +16,7 @@ from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
 from kernel_cache import njit
 from organ_geometry.mesh import Skin
+from physics.bed import kernels
 
 __all__ = ["BITE", "Contact", "HookPlace"]
 
@@ -110,7 +111,7 @@ class Contact:
         covered = np.exp(-((np.maximum(inside - 0.45 * radius, 0.0) / (0.7 * radius)) ** 2))
         self._jaw_shade = (1.0 - (1.0 - JAW_SHADE) * covered).astype(np.float32)
         self.stub_shade = JAW_SHADE  # light that reaches the stubs, 0 to 1
-        self.mark(skin.vertices, None)
+        self.mark(skin.vertices)
         stations = skin.grid(skin.stations)
         # (S, sides, 3) rings, mm, that carry the outer wall on into the first and into the last
         # clamp, in the order of stations; none where the wall does not end at the clamp
@@ -145,20 +146,25 @@ class Contact:
         np.matmul(self._smoothing, rings, out=self.vertices[:count].reshape(rings.shape))
         self.vertices[count:] = vertices[count:]
 
-    def mark(self, vertices: NDArray[np.float32], hook: HookPlace | None) -> None:
-        """Write `vertices` and `shade` for a deformed skin, with the hook if it holds the duct."""
+    def mark(self, vertices: NDArray[np.float32], *hooks: HookPlace | None) -> None:
+        """Write `vertices` and `shade` for a deformed skin, with the hooks that hold the duct."""
         self._smooth(vertices)
         self.vertices += self._pinch
         self.shade[:] = self._jaw_shade
-        if hook is not None:
-            _press(
-                self.vertices,
-                self.shade,
-                hook.center,
-                hook.frame,
-                bend_radius(hook.radius),
-                wire_radius(hook.radius),
-            )
+        for hook in hooks:
+            if hook is not None:
+                _press(
+                    self.vertices,
+                    self.shade,
+                    hook.center,
+                    hook.frame,
+                    bend_radius(hook.radius),
+                    wire_radius(hook.radius),
+                )
+
+    def press_rods(self, rods: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
+        """Press marked vertices in by rods, as `physics.bed` has them, in the frame of `origin`."""
+        _press_rods(self.vertices, self.shade, rods, origin, self.frame)
 
 
 @lru_cache(maxsize=16)
@@ -238,3 +244,41 @@ def _press(
         apart = radius * part - bend
         gap = max(np.sqrt(x * x + apart * apart) - wire, 0.0) / (1.25 * wire)
         shade[v] *= 1.0 - 0.62 * along_wire * np.exp(-gap * gap)
+
+
+@njit(cache=True)
+def _press_rods(
+    vertices: NDArray[np.float32],
+    shade: NDArray[np.float32],
+    rods: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    frame: NDArray[np.float64],
+) -> None:
+    tip, way, place, out = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for m in range(rods.shape[0]):
+        if rods[m, kernels.IN_USE] == 0.0:
+            continue
+        radius = rods[m, kernels.RADIUS]
+        for i in range(3):
+            tip[i], way[i] = origin[i], 0.0
+            for j in range(3):
+                tip[i] += frame[i, j] * rods[m, kernels.TIP + j]
+                way[i] += frame[i, j] * rods[m, kernels.SHAFT + j]
+        for v in range(vertices.shape[0]):
+            along = 0.0
+            for i in range(3):
+                place[i] = vertices[v, i] - tip[i]
+                along += place[i] * way[i]
+            along = max(along, 0.0)
+            square = 0.0
+            for i in range(3):
+                out[i] = place[i] - along * way[i]
+                square += out[i] * out[i]
+            if square > 9.0 * radius * radius or square < 1e-9:
+                continue
+            apart = np.sqrt(square)
+            if apart < radius:
+                for i in range(3):
+                    vertices[v, i] += out[i] * (radius / apart - 1.0)
+            gap = max(apart - radius, 0.0) / (0.8 * radius)
+            shade[v] *= 1.0 - 0.55 * np.exp(-gap * gap)

@@ -86,6 +86,8 @@ class Stage:
         What the duct lies in.
     elevation
         Of the camera when it is framed, rad.
+    hook
+        Whether the hook is the stage's own; otherwise only its light and shadow are.
 
     Raises
     ------
@@ -104,6 +106,7 @@ class Stage:
         tissue: tuple[int, int, int] = (205, 140, 92),
         surroundings: Surroundings = "liver",
         elevation: float = ELEVATION,
+        hook: bool = True,
     ) -> None:
         if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
@@ -148,12 +151,13 @@ class Stage:
                 radius=self.radius,
             )
         self._hook = scene.add_frame("/stage/hook", show_axes=False)
-        scene.add_glb(
-            "/stage/hook/instrument",
-            files["hook"],
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        if hook:
+            scene.add_glb(
+                "/stage/hook/instrument",
+                files["hook"],
+                cast_shadow=False,
+                receive_shadow=False,
+            )
         self._hook_point: NDArray[np.float64] | None = None
         self._hook_direction = np.array((0.0, 0.0, 1.0))  # as the instrument is made
         self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -14,7 +14,7 @@
   const PARTED = -9;
   const CELL = 1.0, MARGIN = 6.0;  // mm, of the grid on which the bed is drawn up
   const TENT = 1.9, TENT_REACH = 1.5;  // mm
-  const beds = new Map(), drawn = new Map();
+  const beds = new Map(), drawn = new Map(), glosses = new Map();
   const numbers = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
   const meshIn = node => {
     let found = null;
@@ -426,6 +426,13 @@
           drawn.set(name, strands = new Strands(source, bed));
         moving = strands.update(performance.now(), given[2]) || moving;
       }
+      for (const [name, gloss] of glosses) {
+        const node = viewer.node(name), mesh = node && meshIn(node);
+        if (mesh && mesh.material.userData.gloss !== gloss) {
+          Object.assign(mesh.material, gloss);
+          mesh.material.userData.gloss = gloss;
+        }
+      }
       if (moving) setTimeout(viewer.redraw, 30);
     };
   };
@@ -435,6 +442,7 @@
       const pairs = Array.from(numbers(bed.pairs), Math.round);
       beds.set(name, { ...bed, feet: numbers(bed.feet), widths: numbers(bed.widths), pairs });
     },
+    polish(name, gloss) { glosses.set(name, gloss); },
     remove(name) { beds.delete(name); drawn.delete(name); },
   };
   watch();
