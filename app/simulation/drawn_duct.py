@@ -7,8 +7,12 @@ vertex is the beam's at the vertex's place along the axis,
 
 with sigma_N the normal stress N/A, sigma_B the bending stress at the outermost fibre, M the moment
 (above zero where it stretches the side away from the pull) and s in [-1, 1] the vertex's height
-along the pull over the outermost fibre's. sigma_N and sigma_B are linear between the stations at
-which the beam is sampled. Well behind a clamp there is none.
+along the pull over the outermost fibre's. A beam in space bends across the pull as well,
+
+    sigma = sigma_N + s sigma_up - s' sigma_across,
+
+with s' the vertex's place across the pull over the outermost fibre's there. All are linear between
+the stations at which the beam is sampled. Well behind a clamp there is none.
 """
 
 import math
@@ -112,6 +116,20 @@ class DrawnDuct:
         part = 1.0 if tear is None else tear.stress_left
         return self._stress[surface].write(pulled, out, part=part)
 
+    def write_bed_stress(
+        self,
+        stations: NDArray[np.float64],
+        stresses: NDArray[np.float64],
+        out: NDArray[np.float32],
+        surface: int = 0,
+    ) -> NDArray[np.float32]:
+        """Write the stress along the organ, MPa, at each vertex, from `BeamOnBed.stresses`."""
+        if self._stress is None:
+            self._stress = tuple(
+                SurfaceStress(self._dissection, each.skin) for each in self.surfaces
+            )
+        return self._stress[surface].write_in_space(stations, stresses, out)
+
     def _show(self, surfaces: tuple[Surface, ...], pieces: tuple[TornPiece, ...] = ()) -> None:
         self.surfaces, self._pieces = surfaces, pieces
         self._bound = tuple(each.skin.bound_to(self._dissection.driving) for each in surfaces)
@@ -145,12 +163,28 @@ class SurfaceStress:
         self._across: NDArray[np.float64] | None = None  # as `_share`, across the pull
         self._places = skin.stations - first
         self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
+        self._organ, self._skin, self._lateral = dissection.organ, skin, dissection.frame[:, 1]
+        self._across: NDArray[np.float64] | None = None
         depth = CLAMP_DEPTH * (last - first)
         self._free = (skin.stations >= first - depth) & (skin.stations <= last + depth)
         self._stations: NDArray[np.float64] | None = None
         self._before = np.zeros(skin.stations.size, dtype=np.int32)
         self._after = np.zeros(skin.stations.size, dtype=np.int32)
         self._weight = np.zeros(skin.stations.size)
+
+    def write_in_space(
+        self,
+        stations: NDArray[np.float64],
+        stresses: NDArray[np.float64],
+        out: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Write the stress at each vertex of a beam in space, in mm from the first clamp."""
+        if self._across is None:
+            self._across = fibre_shares(self._organ, self._skin, self._lateral)
+        _write_in_space(
+            stations, stresses, self._places, self._share, self._across, self._free, out
+        )
+        return out
 
     def write(
         self, pulled: Equilibrium, out: NDArray[np.float32], *, part: float = 1.0
@@ -258,3 +292,30 @@ def _write(
         low = normal[i] - share[v] * np.sign(moment[i]) * bending[i]
         high = normal[j] - share[v] * np.sign(moment[j]) * bending[j]
         out[v] = part * (low + w * (high - low))
+
+
+@njit(cache=True)
+def _write_in_space(
+    stations: NDArray[np.float64],
+    stresses: NDArray[np.float64],
+    places: NDArray[np.float64],
+    up: NDArray[np.float64],
+    across: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    out: NDArray[np.float32],
+) -> None:
+    last = stations.size - 2
+    for v in range(out.shape[0]):
+        if not free[v]:
+            out[v] = 0.0
+            continue
+        e = last
+        while e > 0 and stations[e] > places[v]:
+            e -= 1
+        w = min(max((places[v] - stations[e]) / (stations[e + 1] - stations[e]), 0.0), 1.0)
+        total = 0.0
+        for end in range(2):
+            part = w if end else 1.0 - w
+            bending = up[v] * stresses[e, end, 1] - across[v] * stresses[e, end, 2]
+            total += part * (stresses[e, end, 0] + bending)
+        out[v] = total

@@ -97,7 +97,7 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
     server.on_client_connect(connected.append)
     try:
         with running_browser(drawing=True) as browser:
-            page = new_context(browser, 1200, 800).new_page()
+            page = new_context(browser, 960, 640).new_page()
             page.on("pageerror", lambda error: print("PAGE ERROR", error))
             page.on("console", lambda m: print("CONSOLE", m.text) if m.type == "error" else None)
             page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
@@ -113,9 +113,9 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
                 act(session)
                 scene.draw(session.reading(), colours)
                 last = b""
-                for _ in range(30):
-                    page.wait_for_timeout(1200)
-                    now = page.screenshot()
+                for _ in range(12):
+                    page.wait_for_timeout(1000)
+                    now = page.screenshot(timeout=180_000)
                     if now == last:
                         break
                     last = now

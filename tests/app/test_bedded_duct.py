@@ -151,3 +151,25 @@ def test_strands_are_drawn_from_the_surface_with_their_own_lengths(session: BedS
     drawn = (out @ frame) / np.sqrt((out**2).sum(axis=1))[:, None]
     wanted /= np.sqrt((wanted**2).sum(axis=1))[:, None]
     assert (drawn * wanted).sum(axis=1).min() > np.cos(np.radians(15.0))
+
+
+def test_the_skin_bears_the_stress_of_bending_up_and_across(session: BedSession) -> None:
+    """Its highest is that of the beam's wall, on the side and at the place that the beam names."""
+    session.grab(0, 25.4)
+    start = session.duct.hands[0].place.copy()
+    for tick in range(1, 61):
+        session.move_hand(0, start + np.array([0.0, 3.0, 6.0]) * min(1.0, tick / 40))
+        session.advance()
+    drawn, duct = session.drawn, session.duct
+    stress = session.stress(np.empty(len(drawn.skin.vertices), np.float32))
+    worst = duct.beam.worst_stress()
+    assert stress.max() == pytest.approx(worst.total, rel=0.05)
+    highest = int(np.argmax(stress))
+    places = drawn.skin.stations - duct.dissection.clamps[0]
+    assert places[highest] == pytest.approx(worst.station, abs=1.5)
+    out = drawn.skin.vertices[highest] - duct.dissection.organ.axis_at(
+        drawn.skin.stations[highest : highest + 1]
+    )
+    _, across, up = (out @ duct.dissection.frame)[0]
+    assert np.cos(np.arctan2(across, up) - worst.side) > 0.9
+    assert abs(np.sin(worst.side)) > 0.2  # else this would say nothing of bending across

@@ -165,6 +165,13 @@ class BedSession:
         with self._lock:
             return self.duct.reading()
 
+    def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
+        """Write the stress along the organ at each vertex of a drawn surface, MPa."""
+        with self._lock:
+            duct = self.duct
+            at = duct.beam.stations / duct.surface.scale
+            return self.drawn.write_bed_stress(at, duct.beam.stresses(), out, surface)
+
     # Exercises and runs.
 
     def start_exercise(

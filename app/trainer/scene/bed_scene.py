@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.simulation.bed import HANDS, BedReading, BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
+from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import HookPlace, sink
 from app.trainer.stage.instruments import DrawnInstrument
 from app.trainer.stage.lighting import Look
@@ -40,6 +41,7 @@ class BedScene(DuctOnStage[BedSession]):
         self._strands: StrandsInBed | None = None
         self._strands_of: Strands | None = None
         self._instruments: list[DrawnInstrument | None] = [None] * HANDS
+        self._shares: list[NDArray[np.float32]] = []
         self.draw(session.reading())
 
     def draw(self, reading: BedReading, colours: Colours = "tissue") -> None:
@@ -49,6 +51,11 @@ class BedScene(DuctOnStage[BedSession]):
             stage.set_lift(LIFT * stage.span, self._client)
             self._set_surfaces()
             self._set_strands(stage)
+            if reading.torn_at is None:
+                stage.wipe()
+            else:
+                look = appearance_of(self._session.duct.dissection.preset)
+                stage.spill(look, reading.torn_at)
             depth = sink(reading.stress_share, stage.radius)
             hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
             # Light and shadow are those of one hook.
@@ -58,7 +65,7 @@ class BedScene(DuctOnStage[BedSession]):
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, *hooks)
                 drawn.contact.press_rods(rods, self._first)
-            self._show(None)
+            self._show(None if colours == "tissue" else self._values(colours))
 
     def let_drag(
         self,
@@ -84,6 +91,23 @@ class BedScene(DuctOnStage[BedSession]):
 
         station = None if hold.station is None else hold.station - dissection.clamps[0]
         return replace(hold, station=station, start=place(hold.start), place=place(hold.place))
+
+    def _values(self, colours: Colours) -> list[NDArray[np.float32]]:
+        """Return what each surface's vertices are coloured by, 0 to 1."""
+        session, duct = self._session, self._session.duct
+        surfaces = session.drawn.surfaces
+        if len(self._shares) != len(surfaces) or any(
+            len(values) != len(surface.vertices)
+            for values, surface in zip(self._shares, surfaces, strict=True)
+        ):
+            self._shares = [np.empty(len(each.vertices), np.float32) for each in surfaces]
+        for number, (out, surface) in enumerate(zip(self._shares, surfaces, strict=True)):
+            if colours == "stress":
+                session.stress(out, number)
+                out /= duct.threshold
+            else:
+                out[:] = duct.freed_at(surface.skin.stations - duct.dissection.clamps[0])
+        return self._shares
 
     def _set_instrument(self, number: int, stage: Stage, depth: float) -> HookPlace | None:
         """Draw a hand's instrument where it is; return where it is a hook that holds the duct."""

@@ -1,44 +1,68 @@
-"""The key of the heat map: stress as colours, from zero to the threshold."""
+"""Keys of the heat maps: stress from zero to the threshold, and what is freed of a duct."""
 
 import html
+from collections.abc import Sequence
 
 import numpy as np
 
 from app.trainer.stage.tone import color_table
 from organ_geometry.mesh import COLOR_MAP
 
-__all__ = ["heat_legend_html"]
+__all__ = ["freed_legend_html", "heat_legend_html"]
 
 KPA_PER_MPA = 1000.0
 _STOPS = 24
+_BREAK = "#ff6b5e"
 
 
 def heat_legend_html(threshold: float) -> str:
     """Return the heat map's key: its colours, ticks in kPa and where the duct breaks."""
     if not (np.isfinite(threshold) and threshold > 0.0):
         raise ValueError(f"threshold must be above 0 MPa, got {threshold}")
+    end = KPA_PER_MPA * threshold
+    return _legend_html(
+        "Tensile stress at the wall",
+        "kPa",
+        [_figure(part * end, end) for part in (0.0, 0.25, 0.5, 0.75, 1.0)],
+        f"<span style='color:{_BREAK}'>&#9614;</span>breaks at {_figure(end, end)} kPa",
+        data=f"data-testid='heat-legend' data-threshold-kpa='{end:.6g}'",
+        end=f"border-right:3px solid {_BREAK};",
+    )
+
+
+def freed_legend_html() -> str:
+    """Return the key of the map of what is freed: the share of strands that have parted."""
+    return _legend_html(
+        "Freed: strands parted",
+        "%",
+        ["0", "25", "50", "75", "100"],
+        "0 % is held, 100 % is free",
+        data="data-testid='freed-legend'",
+    )
+
+
+def _legend_html(
+    title: str, unit: str, ticks: Sequence[str], note: str, *, data: str, end: str = ""
+) -> str:
     places = np.linspace(0, len(color_table()) - 1, _STOPS).round().astype(int)
     stops = ",".join(
         f"rgb({red},{green},{blue}) {100.0 * place / places[-1]:.2f}%"
         for place, (red, green, blue) in zip(places, color_table()[places].tolist(), strict=True)
     )
-    end = KPA_PER_MPA * threshold
-    ticks = "".join(
-        f"<span style='position:absolute;left:{100.0 * part:g}%;"
-        f"transform:translateX({-100.0 * part:g}%)'>{_figure(part * end, end)}</span>"
-        for part in (0.0, 0.25, 0.5, 0.75, 1.0)
+    marks = "".join(
+        f"<span style='position:absolute;left:{part:g}%;transform:translateX({-part:g}%)'>"
+        f"{tick}</span>"
+        for part, tick in zip(np.linspace(0.0, 100.0, len(ticks)).tolist(), ticks, strict=True)
     )
     return (
-        f"<div data-testid='heat-legend' data-threshold-kpa='{end:.6g}' "
-        "style='padding:8px 14px;font-size:12px;line-height:1.35'>"
+        f"<div {data} style='padding:8px 14px;font-size:12px;line-height:1.35'>"
         "<div style='display:flex;justify-content:space-between'>"
-        "<b>Tensile stress at the wall</b><span style='opacity:.75'>kPa</span></div>"
-        f"<div style='height:14px;margin-top:6px;border-radius:2px;border-right:3px solid #ff6b5e;"
+        f"<b>{title}</b><span style='opacity:.75'>{unit}</span></div>"
+        f"<div style='height:14px;margin-top:6px;border-radius:2px;{end}"
         f"background:linear-gradient(90deg,{stops})'></div>"
-        f"<div style='position:relative;height:16px;margin-top:3px'>{ticks}</div>"
+        f"<div style='position:relative;height:16px;margin-top:3px'>{marks}</div>"
         "<div style='display:flex;justify-content:space-between;margin-top:2px'>"
-        "<span><span style='color:#ff6b5e'>&#9614;</span>"
-        f"breaks at {_figure(end, end)} kPa</span>"
+        f"<span>{note}</span>"
         f"<span style='opacity:.6'>{html.escape(COLOR_MAP)}</span></div></div>"
     )
 

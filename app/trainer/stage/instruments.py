@@ -261,7 +261,7 @@ class Jaws:
         """Return a jaw, of a round section that thins out towards its end."""
         path = self._middle(0.5 * apart, side)
         at = np.linspace(0.0, 1.0, len(path))
-        radii = self.radius * np.interp(at, [0.0, 0.10, 0.5, 1.0], [0.72, 1.0, 1.0, 1.25])
+        radii = self.radius * np.interp(at, [0.0, 0.08, 0.5, 1.0], [0.72, 1.0, 1.0, 1.25])
         return swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=self._corners)
 
     def _middle(self, aside: float, side: float) -> NDArray[np.float64]:

@@ -128,12 +128,24 @@
       for (let p = 0; p < tent.length; p++) tent[p] = TENT * (1 - Math.exp(-tent[p]));
     }
 
+    // How far a place of the bed is raised, so that the feet lie in it.
+    towardsFeet(x, y, z) {
+      const { feet, count } = this.bed;
+      let sum = 1e-9, height = 1e-9 * z;
+      for (let i = 0; i < count; i++) {
+        const w = Math.exp(-((feet[3 * i] - x) ** 2 + (feet[3 * i + 1] - y) ** 2) / 8);
+        sum += w;
+        height += w * feet[3 * i + 2];
+      }
+      return 0.9 * (1 - Math.exp(-sum / 1.5)) * (height / sum - z);
+    }
+
     // The bed's own surface: its vertices near the feet, and how far each is from their surface.
     ownGround() {
       const node = viewer.node("/stage/tissue_bed"), mesh = node && meshIn(node);
       if (!mesh) return null;
       if (this.ground?.mesh === mesh) return this.ground;
-      const { feet, count, floor, scale } = this.bed, [columns, rows] = this.cells;
+      const { floor, scale } = this.bed;
       const place = mesh.geometry.attributes.position, normal = mesh.geometry.attributes.normal;
       const was = { place: place.array.slice(), normal: normal.array.slice() };
       const near = [], base = [];
@@ -145,21 +157,30 @@
           return Math.max(this.low[k] - p, p - end);
         });
         if (Math.max(...out) > 0) continue;
-        let sum = 0, height = 0;
-        for (let i = 0; i < count; i++) {
-          const d = (feet[3 * i] - x) ** 2 + (feet[3 * i + 1] - y) ** 2;
-          const w = Math.exp(-0.5 * d / 4);
-          sum += w;
-          height += w * feet[3 * i + 2];
-        }
-        const part = 1 - Math.exp(-sum / 1.5);
         near.push(v);
-        base.push(sum > 1e-6 ? 0.9 * part * (height / sum - z) : 0);
+        base.push(this.towardsFeet(x, y, z));
       }
       return this.ground = { mesh, place, normal, was, near, base };
     }
 
+    // What has run out of a torn duct lies on the bed as it is raised.
+    laySpill() {
+      const { floor, scale } = this.bed;
+      viewer.node("/stage/spill")?.traverse(mesh => {
+        const place = mesh.isMesh && mesh.geometry.attributes.position;
+        if (!place || mesh.userData.laid) return;
+        mesh.userData.laid = true;
+        for (let v = 0; v < place.count; v++) {
+          const [x, y, z] = [0, 1, 2].map(k => floor[k] + scale * place.array[3 * v + k]);
+          const raised = this.towardsFeet(x, y, z);
+          if (raised > 0) place.array[3 * v + 2] += (raised + 0.1) / scale;
+        }
+        place.needsUpdate = true;
+      });
+    }
+
     layBed() {
+      this.laySpill();
       const ground = this.ownGround();
       if (!ground) return;
       const { floor, scale } = this.bed, { place, normal, was, near, base } = ground;

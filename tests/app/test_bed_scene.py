@@ -1,0 +1,216 @@
+"""The scene of a dissection: strands, stubs, instruments and colours are those of the physics."""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import viser
+from browser import new_context
+from playwright.sync_api import Browser
+from simulated import phantom
+
+from app.simulation.bed import BedSession, Instrument
+from app.trainer.scene.bed_scene import BedScene
+from app.trainer.stage.strands import NUMBERS, PARTED
+from physics.bed import kernels
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def lift(session: BedSession, height: float) -> None:
+    """Lift the duct in the middle by the first hand's hook."""
+    session.grab(0, 25.4)
+    start = session.duct.hands[0].place.copy()
+    for tick in range(1, 46):
+        session.move_hand(0, start + height * min(1.0, tick / 30) * UP)
+        session.advance()
+
+
+def put(session: BedSession, instrument: Instrument, place: np.ndarray, opening: float) -> None:
+    """Lead an instrument of the first hand somewhere."""
+    session.choose_instrument(0, instrument)
+    session.move_hand(0, place)
+    session.open_jaws(0, opening)
+    for _ in range(90):
+        session.advance()
+
+
+@pytest.fixture
+def session() -> BedSession:
+    return BedSession(phantom(), vertices=600)
+
+
+@pytest.fixture
+def client(scene: viser.SceneApi) -> viser.ClientHandle:
+    """A client without a page: what the scene asks of one."""
+    camera = SimpleNamespace(
+        aspect=1.5, position=np.zeros(3), look_at=np.zeros(3), on_update=lambda _: None
+    )
+    found = SimpleNamespace(scene=scene, gui=scene, camera=camera, atomic=nullcontext)
+    return cast("viser.ClientHandle", found)
+
+
+@pytest.fixture
+def sent(scene: viser.SceneApi, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Every message that is sent to the page."""
+    messages: list[Any] = []
+    interface = scene._websock_interface
+    queue: Callable[[Any], None] = interface.queue_message
+
+    def keep(message: Any) -> None:
+        messages.append(message)
+        queue(message)
+
+    monkeypatch.setattr(interface, "queue_message", keep)
+    return messages
+
+
+def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
+    client: viser.ClientHandle, session: BedSession
+) -> None:
+    drawn = BedScene(client, session, "plain")
+    lift(session, 6.0)
+    reading, beam = session.reading(), session.duct.beam
+    drawn.draw(reading)
+    assert 0 < reading.parted < reading.strands
+    assert drawn._strands is not None
+    assert drawn._strands.whole == reading.strands - reading.parted
+    flat = drawn._strands._sent.reshape(-1)[beam.state.rods.size :]
+    rows = flat[: NUMBERS * reading.strands].reshape(-1, NUMBERS)
+    np.testing.assert_allclose(rows[:, :3], beam.strand_ends()[beam._order], atol=1e-5)
+    np.testing.assert_array_equal(rows[:, 3] == PARTED, beam.state.damage >= 1.0)
+    # What is half way to its parting is drawn half as taut as can be.
+    whole = rows[:, 3] != PARTED
+    feet = beam.state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
+    length = np.linalg.norm(rows[:, :3] - feet, axis=1)
+    past = length - beam.state.strand[kernels.LENGTH]
+    taut = whole & (past > 0.0)
+    assert taut.sum() > 20
+    np.testing.assert_allclose(
+        rows[taut, 3], (past / beam.state.strand[kernels.PART])[taut], atol=1e-4
+    )
+    assert (rows[whole & (past <= 0.0), 3] <= 0.0).all()
+
+
+@pytest.mark.parametrize("instrument", ["hook", "grasper", "dissector", "swab"])
+def test_instruments_are_where_the_hands_have_them(
+    client: viser.ClientHandle, session: BedSession, instrument: Instrument
+) -> None:
+    drawn = BedScene(client, session, "plain")
+    put(session, instrument, np.array([20.0, -9.0, 7.0]), 6.0)
+    drawn.draw(session.reading())
+    shown = drawn._instruments[0]
+    assert shown is not None
+    assert shown.instrument == instrument
+    hand = session.duct.hands[0]
+    np.testing.assert_allclose(shown._node.position, hand.place)
+    np.testing.assert_allclose(hand.place, [20.0, -9.0, 7.0])
+
+
+def test_a_dissectors_jaws_lie_along_its_rods(
+    client: viser.ClientHandle, session: BedSession
+) -> None:
+    drawn = BedScene(client, session, "plain")
+    put(session, "dissector", np.array([20.0, -14.0, -6.0]), 8.0)
+    drawn.draw(session.reading())
+    shown = drawn._instruments[0]
+    assert shown is not None
+    assert shown._jaws is not None
+    for number, mesh in enumerate(shown._jaws._meshes):
+        rod = session.duct.beam.state.rods[number]
+        vertices = shown._node.position + mesh.vertices
+        back = (vertices - rod[:3]) @ rod[3:6]
+        working = (back > 3.2) & (back < 12.0)
+        assert working.sum() > 30
+        out = vertices[working] - rod[:3] - back[working, None] * rod[3:6]
+        np.testing.assert_allclose(np.linalg.norm(out, axis=1), rod[kernels.RADIUS], rtol=0.06)
+        assert back.min() == pytest.approx(0.0, abs=0.1)
+
+
+def test_nothing_is_sent_when_nothing_changes(
+    client: viser.ClientHandle, session: BedSession, sent: list[Any]
+) -> None:
+    drawn = BedScene(client, session, "full")
+    lift(session, 4.0)
+    drawn.draw(session.reading())
+    before = len(sent)
+    drawn.draw(session.reading())
+    assert len(sent) == before
+    session.move_hand(0, session.duct.hands[0].place + UP)
+    for _ in range(10):
+        session.advance()
+    drawn.draw(session.reading())
+    assert len(sent) > before
+
+
+def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
+    client: viser.ClientHandle, session: BedSession, scene: viser.SceneApi
+) -> None:
+    drawn = BedScene(client, session, "full")
+    session.choose_bed("inflamed")
+    lift(session, 16.0)
+    assert session.reading().torn_at is not None
+    for look in ("full", "plain"):
+        drawn.set_look(look)
+        for colours in ("tissue", "stress", "freed"):
+            drawn.draw(session.reading(), colours)
+    assert {surface.surface.name for surface in drawn._drawn} == {"first_piece", "second_piece"}
+    session.reset()
+    drawn.draw(session.reading())
+    assert {surface.surface.name for surface in drawn._drawn} == {"skin"}
+    drawn.remove()
+    left = [name for name in scene._handle_from_node_name if name.startswith(("/bed/", "/stage"))]
+    assert left == []
+
+
+def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> None:
+    """A whole strand runs from foot to duct; a parted one's halves stay near their ends."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        connected: list[viser.ClientHandle] = []
+        server.on_client_connect(connected.append)
+        page = new_context(browser, 500, 400).new_page()
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
+        for _ in range(300):
+            if connected:
+                break
+            page.wait_for_timeout(100)
+        session = BedSession(phantom(), vertices=600)
+        drawn = BedScene(connected[0], session, "plain")
+        lift(session, 7.0)
+        reading = session.reading()
+        drawn.draw(reading)
+        ready = f"""() => {{
+            const strands = window.bluntdissectStrands?.drawn.get('/bed/strands');
+            if (!strands?.given || strands.moving) return false;
+            const parted = strands.parted.filter(at => !Number.isNaN(at)).length;
+            return parted === {reading.parted};
+        }}"""
+        page.wait_for_function(ready, timeout=60_000)
+        places = page.evaluate(
+            "() => Array.from("
+            "window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.position)"
+        )
+        assert not errors, errors
+    finally:
+        server.stop()
+    middles = np.array(places).reshape(reading.strands, 8, 2, 3).mean(axis=2)
+    state = session.duct.beam.state
+    ends = session.duct.beam.strand_ends()[session.duct.beam._order]
+    feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
+    parted = state.damage >= 1.0
+    assert 0 < parted.sum() < parted.size
+    # Feet are drawn on the bed, which taut strands draw up by less than two millimetres.
+    np.testing.assert_allclose(middles[:, 0], ends, atol=1.0)
+    np.testing.assert_allclose(middles[:, -1], feet, atol=2.2)
+    step = np.linalg.norm(middles[:, 4] - middles[:, 3], axis=1)
+    length = np.linalg.norm(ends - feet, axis=1)
+    assert (step[~parted] < 0.5 * length[~parted]).all()
+    assert np.linalg.norm(middles[parted, :4] - ends[parted, None], axis=2).max() < 2.5
+    on_bed = middles[parted, 4:] - middles[parted, -1:]
+    assert np.linalg.norm(on_bed, axis=2).max() < 2.5
