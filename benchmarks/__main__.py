@@ -19,6 +19,7 @@ from rich.table import Table
 
 from app.command_line.load import shipped_organ
 from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
+from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
 from benchmarks.exact_beam import exact_engines
@@ -149,6 +150,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "geometry": measure_geometry,
     "export": measure_export,
     "haptics": measure_haptics,
+    "exercises": measure_exercises,
 }
 
 

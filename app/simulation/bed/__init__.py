@@ -22,6 +22,7 @@ from app.simulation.bed.replay import DissectionReplay, DissectionSeries, dissec
 from app.simulation.bed.run import DissectionRun
 from app.simulation.bed.run_log import DissectionFile, read_any_run
 from app.simulation.bed.scene import PeelScene, read_scene
+from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
 from app.simulation.bed.session import BedSession
 
 __all__ = [
@@ -31,9 +32,11 @@ __all__ = [
     "HOLDING",
     "INSTRUMENTS",
     "JAW_RADIUS",
+    "MANNERS",
     "SWAB_RADIUS",
     "TOWARDS_HAND",
     "BedExercise",
+    "BedManner",
     "BedPreset",
     "BedReading",
     "BedSession",
@@ -53,4 +56,5 @@ __all__ = [
     "dissection_csv",
     "read_any_run",
     "read_scene",
+    "script",
 ]

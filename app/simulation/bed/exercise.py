@@ -1,7 +1,6 @@
 """Exercises in a bed: what is to be freed, within which limits, and what to say of a failed try.
 
-Limits follow from the duct and its bed: `app.simulation.bed.scripted_hand` has a steady hand do the
-exercise in an even bed of the same toughness, and a limit is what that took with `SPARE` on top.
+Where the limits come from is in `app.simulation.bed.exercise_limits`.
 """
 
 import math
@@ -36,12 +35,13 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: BedExerciseName
     bed: str | BedPreset
     bed_seed: int
-    free_mm: float  # length of a free stretch between `from_mm` and `to_mm` that is wanted
+    free_mm: float  # length that is to be free between `from_mm` and `to_mm`
     from_mm: float  # from the first clamp
     to_mm: float
     instruments: tuple[Instrument, ...]
     share_limit: float  # of the wall's stress over its threshold
     rate_limit_per_s: float  # of that share's growth
+    out_of_sight_limit: int  # strands
     instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
     opened_mm: tuple[float, float] | None = None  # free at the start
     time_limit_s: float = 120.0
@@ -61,6 +61,8 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
         ):
             raise ValueError(f"opened_mm must rise, got {self.opened_mm}")
+        if self.out_of_sight_limit < 0:
+            raise ValueError(f"out_of_sight_limit must be 0 or more, got {self.out_of_sight_limit}")
         if not 0.0 < self.time_limit_s <= LONGEST_SECONDS:
             raise ValueError(
                 f"time_limit_s must be above 0 and at most {LONGEST_SECONDS:g} s, "
@@ -101,7 +103,8 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (
             f"Never load the wall past {100.0 * self.share_limit:.0f} % of its break, nor faster "
             f"than by {100.0 * self.rate_limit_per_s:.0f} % in a second"
-            + (f", nor push the instrument with more than {force:.2g} N." if force else ".")
+            + (f", nor push the instrument with more than {force:.2g} N" if force else "")
+            + f"; tear no more than {self.out_of_sight_limit} strands out of sight."
         )
 
     @property
@@ -110,15 +113,16 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         found = {
             "peak_stress_share": self.share_limit,
             "maximum_stress_rate_per_s": self.rate_limit_per_s,
+            "strands_parted_out_of_sight": float(self.out_of_sight_limit),
         }
         if self.instrument_force_limit_N is not None:
             found["maximum_instrument_force_N"] = self.instrument_force_limit_N
         return found
 
     def freed(self, stretches: list[tuple[float, float]]) -> float:
-        """Return the longest of the free stretches within the goal's ends, mm."""
+        """Return the length of the free stretches within the goal's ends, mm."""
         inside = [min(b, self.to_mm) - max(a, self.from_mm) for a, b in stretches]
-        return max(0.0, *inside, 0.0)
+        return sum(each for each in inside if each > 0.0)
 
 
 class BedTrial(Trial[BeddedDuct]):
@@ -131,7 +135,7 @@ class BedTrial(Trial[BeddedDuct]):
         self._places = np.zeros((HANDS, 3))
         self._force = np.zeros(3)
         self._force_squared = self._station = 0.0
-        self._pulled, self._sweeps = -1, False
+        self._pulled = -1
         self.standing = f"0 of {exercise.free_mm:.0f} mm free"
 
     def judge(self, figures: BeddedDuct) -> Outcome | None:
@@ -154,6 +158,12 @@ class BedTrial(Trial[BeddedDuct]):
                 False,
                 f"The wall reached {100.0 * taker.peak:.0f} % of its break, past "
                 f"{100.0 * wanted.share_limit:.0f} %: {self._why()}.",
+            )
+        if taker.out_of_sight > wanted.out_of_sight_limit:
+            return Outcome(
+                False,
+                f"{taker.out_of_sight} strands tore out of sight, more than "
+                f"{wanted.out_of_sight_limit}: {self._why()}.",
             )
         force = wanted.instrument_force_limit_N
         if force is not None and taker.instrument_force > force:
@@ -187,7 +197,6 @@ class BedTrial(Trial[BeddedDuct]):
                 pulled, self._force_squared = hand, float(forces[hand] @ forces[hand])
         if duct.torn is not None:  # the hands have just slipped off: what they did stays
             return
-        self._sweeps = any(duct.rods_of(hand) for hand in range(HANDS))
         self._pulled = pulled if pulled >= 0 and self._force_squared > LEAST_FORCE**2 else -1
         if self._pulled >= 0:
             self._force = forces[self._pulled]
@@ -197,10 +206,10 @@ class BedTrial(Trial[BeddedDuct]):
         """Return what about the pull was most wrong when it passed a limit."""
         if self._pulled < 0:
             return "the instrument pushed the duct itself"
-        if self._exercise.name != "follow-front":
-            if self._sweeps:
-                return "the duct was lifted too high for what the dissector parts by itself"
-            return "the duct was pulled off instead of being freed by the dissector"
+        if self._exercise.name == "window":
+            return "the duct was lifted, which the dissector behind it does not need"
+        if self._exercise.name == "free-scar":
+            return "the duct was held up higher than the jaws need"
         up = float(self._force[2]) / math.sqrt(self._force_squared)
         angle = math.degrees(math.acos(max(-1.0, min(1.0, up))))
         at = self._station

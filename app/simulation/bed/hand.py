@@ -22,7 +22,7 @@ Instrument = Literal["hook", "grasper", "dissector", "swab"]
 """A hook and a grasper hold the duct; a grasper stays where it is left. A dissector's two jaws and
 a swab part strands without holding it."""
 INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper", "dissector", "swab")
-HOLDING = ("hook", "grasper")
+HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
 
 _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 

@@ -79,7 +79,7 @@ class DissectionMeasureTaker:
         self._pulled = self._turned = 0.0  # sums of force, and of force times angle
         self._duct_energy = 0.0
         self._by_hand = [0] * HANDS
-        self._hidden = 0
+        self.out_of_sight = 0
 
     def start(self, duct: BeddedDuct) -> None:
         """Start on a duct at rest, whose bed may be opened already."""
@@ -178,7 +178,7 @@ class DissectionMeasureTaker:
             nearest = np.minimum(nearest, away)
         for hand in range(HANDS):
             self._by_hand[hand] += int((owner == hand).sum())
-        self._hidden += int((~seen).sum())
+        self.out_of_sight += int((~seen).sum())
 
     def measures(self) -> DissectionMeasures:
         """Return the measures so far."""
@@ -191,7 +191,7 @@ class DissectionMeasureTaker:
             strands_parted=self._parted - self._before,
             strands_parted_by_hand=(self._by_hand[0], self._by_hand[1]),
             strands_parted_by_instrument=self._parted_by_rods,
-            strands_parted_out_of_sight=self._hidden,
+            strands_parted_out_of_sight=self.out_of_sight,
             peak_stress_share=self.peak,
             peak_stress_station_mm=self.peak_station,
             smallest_distance_to_break=1.0 - self.peak,

@@ -14,7 +14,14 @@ from assets import BEDS
 from physics.bed import Bed, Patch, SpaceBeam
 from physics.section import Ring
 
-__all__ = ["BedPreset", "PatchPreset", "beam_in_space", "bed_named", "bed_presets"]
+__all__ = [
+    "BedPreset",
+    "PatchPreset",
+    "beam_in_space",
+    "bed_named",
+    "bed_presets",
+    "named_or_whole",
+]
 
 
 class PatchPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -105,6 +112,11 @@ def bed_named(name: str) -> BedPreset:
     if name not in bed_presets():
         raise ValueError(f"unknown bed {name!r}; there are: {', '.join(bed_presets())}")
     return bed_presets()[name]
+
+
+def named_or_whole(bed: BedPreset) -> str | BedPreset:
+    """Return a shipped bed's name, or another in full, as files have it."""
+    return bed.name if bed_presets().get(bed.name) == bed else bed
 
 
 def beam_in_space(

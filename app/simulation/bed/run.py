@@ -4,7 +4,7 @@ from app.simulation.bed.bedded_duct import BeddedDuct
 from app.simulation.bed.exercise import BedExercise, BedTrial
 from app.simulation.bed.hand import INSTRUMENTS
 from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
-from app.simulation.bed.preset import bed_presets
+from app.simulation.bed.preset import named_or_whole
 from app.simulation.bed.run_log import (
     KINDS,
     DissectionInput,
@@ -63,13 +63,13 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
     def log(self, organ: OrganIdentity, seed: int) -> DissectionLog:
         """Return the log so far."""
         duct = self._started_on()
-        preset, bed = duct.dissection.preset, duct.bed
+        preset = duct.dissection.preset
         return DissectionLog(
             versions=versions(),
             organ=organ,
             start=DissectionStart(
                 preset=preset.name if preset.ships else preset,
-                bed=bed.name if bed_presets().get(bed.name) == bed else bed,
+                bed=named_or_whole(duct.bed),
                 bed_seed=duct.seed,
                 threshold_MPa=duct.threshold,
                 strands_sha256=strands_digest(duct.beam.strands),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading
 from app.simulation.bed.exercise import BedExercise
+from app.simulation.bed.exercise_limits import bed_exercises
 from app.simulation.bed.hand import INSTRUMENTS, Instrument
 from app.simulation.bed.measures import DissectionMeasures
 from app.simulation.bed.preset import BedPreset, bed_named
@@ -124,8 +125,8 @@ class BedSession:
     def reset(self) -> None:
         """Make the duct and its bed whole; the next input starts a run without an exercise."""
         with self._lock:
-            self._renew()
             self.run = DissectionRun()
+            self._renew()
 
     def choose_bed(self, bed: BedPreset | str, seed: int = 1) -> None:
         """Start anew in another bed."""
@@ -173,6 +174,13 @@ class BedSession:
             return self.drawn.write_bed_stress(at, duct.beam.stresses(), out, surface)
 
     # Exercises and runs.
+
+    def exercises_offered(self) -> tuple[BedExercise, ...]:
+        """Return the exercises for this duct: a second's work the first time."""
+        duct = self.duct
+        return bed_exercises(
+            self._organ, duct.dissection.preset, duct.bed, duct.seed, duct.threshold
+        )
 
     def start_exercise(
         self, exercise: BedExercise, feedback: Feedback = Feedback.CONTINUOUS

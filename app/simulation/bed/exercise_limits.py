@@ -1,0 +1,140 @@
+"""Exercises for a duct in its bed, with limits that follow from both.
+
+Good hands (`app.simulation.bed.scripted_hands`) do each exercise beforehand, in the same bed with
+strands of even strength: what they need, with `SPARE` on top, is the limit. In the window they
+hardly load the duct; there the limit is `WINDOW_PART` of what pulling it off takes. Growth of the
+stress is limited so that from the limit a reaction time is left to the break, as in a pull
+(docs/measures.md). The bed's seed is the first one with which good hands pass.
+"""
+
+from functools import lru_cache
+
+import msgspec
+
+from app.simulation.bed.bedded_duct import FREED_PART, BeddedDuct
+from app.simulation.bed.exercise import BedExercise, BedExerciseName, BedTrial
+from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Instrument
+from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
+from app.simulation.bed.preset import BedPreset, bed_named, named_or_whole
+from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
+from app.simulation.dissection import Dissection
+from app.simulation.exercise import REACTION_SECONDS, Outcome
+from app.simulation.preset import Preset
+from organ_geometry import Organ
+
+__all__ = ["bed_exercises", "rehearsed"]
+
+SPARE, SPARE_FORCE = 1.1, 1.25
+"""Limits of the stress and of an instrument's force, over what good hands need in an even bed;
+docs/measures.md has the scatter over other beds."""
+WINDOW_PART = 1.0 / 3.0
+WINDOW_SHARE, OPENED_SHARE, FOLLOW_SHARE = 0.25, 0.22, 0.4
+"""Lengths over the span: of the window to be freed, of one that is open, and of what is to be free
+then. More is not to be had by a hook without a tear: beyond that the clamps are too near."""
+HIDDEN_PART = 0.1
+"""Strands that may tear out of sight, of those to be parted."""
+LOOSEST = 0.95
+"""An exercise whose limit of stress comes out above this part of the break is not offered."""
+MOST_SEEDS = 20
+SCAR = "scar"
+
+
+def bed_exercises(
+    organ: Organ, preset: Preset, bed: BedPreset, seed: int, threshold: float
+) -> tuple[BedExercise, ...]:
+    """Return the exercises for a duct; the scar's, and others in a bed with one, in their own."""
+    plain = bed if bed.patch is None else bed_named("normal")
+    scarred = bed if bed.patch is not None else bed_named(SCAR)
+    found = [
+        _offered(organ, preset, name, each, seed, threshold)
+        for name, each in (("window", plain), ("follow-front", plain), ("free-scar", scarred))
+    ]
+    return tuple(each for each in found if each is not None)
+
+
+@lru_cache(maxsize=32)
+def _offered(
+    organ: Organ,
+    preset: Preset,
+    name: BedExerciseName,
+    bed: BedPreset,
+    seed: int,
+    threshold: float,
+) -> BedExercise | None:
+    """Return an exercise with its limits and a seed, or None where good hands cannot do it."""
+    dissection = Dissection.of(organ, preset)
+    goal = _goal(dissection.beam.span, name, bed, seed)
+    even = BeddedDuct(
+        dissection, msgspec.structs.replace(bed, scatter=0.0), seed=1, threshold=threshold
+    )
+    manners = MANNERS[name]
+    needed, outcome = rehearsed(even, goal, manners["good"])
+    if not outcome.passed:
+        return None
+    share = SPARE * needed.peak_stress_share
+    if name == "window":
+        pulled, _ = rehearsed(even, goal, BedManner(pulls=True))
+        share = max(share, WINDOW_PART * pulled.peak_stress_share)
+    if share > LOOSEST:
+        return None
+    force = SPARE_FORCE * needed.maximum_instrument_force_N
+    strands = even.beam.strands.count / dissection.beam.span
+    opened = 0.0 if goal.opened_mm is None else goal.opened_mm[1] - goal.opened_mm[0]
+    for each in range(seed, seed + MOST_SEEDS):
+        exercise = msgspec.structs.replace(
+            goal,
+            bed_seed=each,
+            share_limit=share,
+            rate_limit_per_s=(1.0 - share) / REACTION_SECONDS,
+            out_of_sight_limit=round(HIDDEN_PART * strands * (goal.free_mm - opened)),
+            instrument_force_limit_N=force if name == "free-scar" else None,
+        )
+        duct = BeddedDuct(dissection, bed, seed=each, threshold=threshold)
+        if rehearsed(duct, exercise, manners["good"])[1].passed:
+            return exercise
+    return None
+
+
+def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedExercise:
+    """Return what is to be freed, with limits that hardly limit."""
+    middle = 0.5 * span
+    a, b, free, opened = 0.0, span, FOLLOW_SHARE * span, None
+    instruments: tuple[Instrument, ...] = INSTRUMENTS
+    if name == "window":
+        free = WINDOW_SHARE * span
+    elif name == "follow-front":
+        half = 0.5 * OPENED_SHARE * span
+        opened, instruments = (middle - half, middle + half), HOLDING
+    else:
+        assert bed.patch is not None  # noqa: S101 (the caller has looked)
+        a, b = bed.patch.from_share * span, bed.patch.to_share * span
+        free = FREED_PART * (b - a)
+    return BedExercise(
+        name=name,
+        bed=named_or_whole(bed),
+        bed_seed=seed,
+        free_mm=free,
+        from_mm=a,
+        to_mm=b,
+        instruments=instruments,
+        share_limit=0.999,
+        rate_limit_per_s=1e6,
+        out_of_sight_limit=10**6,
+        opened_mm=opened,
+    )
+
+
+def rehearsed(
+    duct: BeddedDuct, exercise: BedExercise, manner: BedManner
+) -> tuple[DissectionMeasures, Outcome]:
+    """Do an exercise with scripted hands on a duct by itself."""
+    taker = DissectionMeasureTaker()
+    trial = BedTrial(exercise, taker)
+    duct.reset(exercise.opened_mm)
+    taker.start(duct)
+    for _ in script(duct, duct, exercise, manner):
+        taker.take(moved=duct.advance())
+        trial.take(duct)
+        if trial.outcome is not None:
+            return taker.measures(), trial.outcome
+    return taker.measures(), Outcome(False, f"The hands were done with {trial.standing}.")

@@ -1,0 +1,138 @@
+"""Exercises in a bed: offered with limits from the duct and the bed, passed by good hands only."""
+
+import msgspec
+import pytest
+from simulated import phantom
+
+from app.simulation import preset_named, run_json
+from app.simulation.bed import (
+    MANNERS,
+    BedExercise,
+    BedManner,
+    BedSession,
+    DissectionReplay,
+    bed_named,
+    read_any_run,
+    script,
+)
+
+WHY = {
+    ("window", "hasty"): "the duct was lifted, which the dissector behind it does not need",
+    ("window", "clumsy"): "the duct was lifted, which the dissector behind it does not need",
+    ("follow-front", "hasty"): "the pull was too fast",
+    ("follow-front", "clumsy"): "mm behind the front",
+    ("follow-front", "sideways"): "the pull was sideways",
+    ("free-scar", "hasty"): "the duct was not held up",
+    ("free-scar", "clumsy"): "the duct was held up higher than the jaws need",
+}
+
+
+def session_in(bed: str, seed: int) -> BedSession:
+    """A session on the shipped duct."""
+    return BedSession(phantom(), bed=bed_named(bed), bed_seed=seed, vertices=300)
+
+
+def offered(session: BedSession) -> dict[str, BedExercise]:
+    """The exercises of a session, by name."""
+    return {each.name: each for each in session.exercises_offered()}
+
+
+def do(session: BedSession, manner: BedManner) -> None:
+    """Do the exercise that was started with scripted hands."""
+    exercise = session.run.exercise
+    assert exercise is not None
+    for _ in script(session, session.duct, exercise, manner):
+        session.advance()
+        if session.run.over:
+            return
+
+
+@pytest.mark.parametrize("seed", [1, 12])
+@pytest.mark.parametrize("bed", ["normal", "firm"])
+def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) -> None:
+    session = session_in(bed, seed)
+    for name, exercise in offered(session).items():
+        for label, manner in MANNERS[exercise.name].items():
+            session.start_exercise(exercise)
+            do(session, manner)
+            outcome = session.run.outcome
+            assert outcome is not None, (name, label)
+            if label == "good":
+                assert outcome.passed, outcome
+                assert session.run.progress == 1.0
+                measures = session.measures()
+                assert measures.longest_freed_stretch_mm <= measures.freed_mm + 2.0
+            else:
+                assert not outcome.passed
+                assert WHY[name, label] in outcome.reason
+                assert outcome.reason.count(".") - outcome.reason.count("0.") == 1
+
+
+def test_an_exercise_made_again_ends_with_the_same_words() -> None:
+    session = session_in("firm", 3)
+    exercise = offered(session)["follow-front"]
+    session.start_exercise(exercise)
+    session.choose_instrument(0, "dissector")
+    assert not session.run.started, "the exercise is for hooks and graspers"
+    do(session, MANNERS["follow-front"]["clumsy"])
+    content = run_json(session.run_file())
+    read = read_any_run(content)
+    again = DissectionReplay(read.log, phantom(), vertices=300)  # pyright: ignore
+    assert run_json(again.run_file()) == content
+    session.reset()
+    assert session.run.exercise is None
+    assert session.reading().parted == 0
+
+
+def test_limits_follow_the_bed_and_not_its_seed() -> None:
+    loose, firm, again = (
+        offered(session_in(*each)) for each in (("loose", 1), ("firm", 1), ("firm", 9))
+    )
+    assert loose["window"].share_limit < firm["window"].share_limit
+    for name in ("window", "follow-front"):
+        assert firm[name].limits == again[name].limits
+    assert loose["free-scar"].bed == "scar"
+    # Pulled from the open window, an inflamed bed leaves good hands no reaction time to the break.
+    assert "follow-front" not in offered(session_in("inflamed", 1))
+
+
+@pytest.mark.parametrize("preset", ["porcine-bile-duct", "thesis-rubber"])
+def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
+    session = BedSession(phantom(), preset_named(preset), vertices=300)
+    found = offered(session)
+    assert "window" in found
+    for exercise in found.values():
+        session.start_exercise(exercise)
+        do(session, MANNERS[exercise.name]["good"])
+        outcome = session.run.outcome
+        assert outcome is not None
+        assert outcome.passed, (exercise.name, outcome)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"from_mm": 40.0}, "must rise"),
+        ({"free_mm": 60.0}, "free_mm must be above 0"),
+        ({"share_limit": 1.5}, "share_limit must be above 0 and below 1"),
+        ({"rate_limit_per_s": 0.0}, "rate_limit_per_s must be above 0"),
+        ({"out_of_sight_limit": -1}, "out_of_sight_limit must be 0 or more"),
+        ({"opened_mm": (9.0, 3.0)}, "opened_mm must rise"),
+        ({"time_limit_s": 1e9}, "time_limit_s must be above 0 and at most"),
+    ],
+)
+def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, object], words: str) -> None:
+    exercise = BedExercise(
+        name="window",
+        bed="normal",
+        bed_seed=1,
+        free_mm=12.0,
+        from_mm=10.0,
+        to_mm=40.0,
+        instruments=("hook",),
+        share_limit=0.2,
+        rate_limit_per_s=1.0,
+        out_of_sight_limit=5,
+    )
+    with pytest.raises(ValueError, match=words):
+        msgspec.structs.replace(exercise, **changed)
