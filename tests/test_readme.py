@@ -78,6 +78,25 @@ def test_python_example_gives_its_figures() -> None:
     assert f"# {solid.deflection:.2f} mm" in example  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def test_peel_s_python_example_gives_its_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the figures are those that `solve --bed` prints of the same pull."""
+    monkeypatch.chdir(tmp_path)
+    (example,) = blocks((ROOT / "docs" / "peel.md").read_text(), "python")
+    names: dict[str, object] = {}
+    exec(example, names)
+    history = names["history"]
+    assert f"# {history.freed[-1]:.2f} mm" in example  # pyright: ignore[reportAttributeAccessIssue]
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 21
+    done = run_process(
+        *("solve", "--bed", "firm", "--seed", 7, "--hook", 31, "--lift", 6),
+        *("--steps", 20, "--threshold", 0.17, "-o", "solve.csv"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "solve.csv").read_text() == (tmp_path / "history.csv").read_text()
+
+
 @pytest.mark.parametrize(
     "document", sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").glob("*.md"))
 )

@@ -8,6 +8,7 @@ import typer
 
 from app.command_line.load import (
     BED_NAMES,
+    PATH_HELP,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
@@ -90,7 +91,9 @@ def export(
     ] = None,
     bed: Annotated[
         str | None,
-        typer.Option(help=f"Free the duct from a bed of strands that part: {BED_NAMES}."),
+        typer.Option(
+            help=f"Free the duct from a bed of strands that part: {BED_NAMES}; `info --beds` has their sources."
+        ),
     ] = None,
     seed: Annotated[
         int, typer.Option("--seed", "--bed-seed", help="Bed: chooses its scattered strands.")
@@ -104,7 +107,7 @@ def export(
     ] = None,
     path: Annotated[
         str | None,
-        typer.Option(help="Bed: the hook's displacements [[x,y,z],...], mm, from rest, as JSON."),
+        typer.Option(help=PATH_HELP),
     ] = None,
     steps: Annotated[
         int, typer.Option(help="Bed: steps along the path; a motion has a key after each.")

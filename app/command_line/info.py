@@ -1,4 +1,4 @@
-"""`bluntdissect info`: what is in an organ file."""
+"""`bluntdissect info`: what is in an organ file, and which beds there are."""
 
 import json
 from pathlib import Path
@@ -13,13 +13,21 @@ __all__ = ["info"]
 
 
 def info(
-    organ: Annotated[Path, typer.Argument(help="The .organ file.")],
+    organ: Annotated[Path | None, typer.Argument(help="The .organ file.")] = None,
+    beds: Annotated[
+        bool, typer.Option("--beds", help="The beds of a duct, their sources and confidence.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say what is in an organ file.
+    """Say what is in an organ file, or which beds a duct can be laid in.
 
-    Example: bluntdissect info duct.organ
+    Examples: bluntdissect info duct.organ, or bluntdissect info --beds
     """
+    if beds == (organ is not None):
+        raise ValueError("give either an .organ file or --beds")
+    if organ is None:
+        _list_beds(as_json=as_json)
+        return
     from organ_geometry import FILE_VERSION, code_from_bytes, read_organ
 
     read = read_organ(organ)
@@ -74,6 +82,28 @@ def info(
     )
     for name, value in lines:
         print(f"{name:<10} {value}")
+
+
+def _list_beds(*, as_json: bool) -> None:
+    import textwrap
+
+    import msgspec
+
+    from app.simulation.bed import bed_presets
+
+    if as_json:
+        print(json.dumps(msgspec.to_builtins(list(bed_presets().values()))))
+        return
+    for bed in bed_presets().values():
+        print(f"{bed.name:<10} {bed.title}: {bed.toughness_J_m2:g} J/m2 to part it")
+        for name, words in (
+            ("", bed.description),
+            ("source", bed.source),
+            ("confidence", f"{bed.confidence}. {bed.confidence_note}"),
+        ):
+            print(
+                textwrap.fill(words, 100, initial_indent=f"{name:<10} ", subsequent_indent=" " * 11)
+            )
 
 
 def _point(organ: "Organ", place: int) -> list[float]:

@@ -16,12 +16,16 @@ PRESET_NAMES = (
 
 PRESET_HELP = f"{PRESET_NAMES}; or a preset file, .toml."
 BED_NAMES = "normal, loose, firm, inflamed or scar"
-"""As for the presets."""
+"""As for the presets; `bluntdissect info --beds` says where they are from."""
+PATH_HELP = (
+    "Bed: the hook's displacements from rest, mm, as JSON: a list of points of three numbers each."
+)
 
 THEORY_HELP = "cubic, string, exact, fem or mass-spring."
 
 __all__ = [
     "BED_NAMES",
+    "PATH_HELP",
     "PRESET_HELP",
     "PRESET_NAMES",
     "THEORY_HELP",

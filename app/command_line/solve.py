@@ -9,6 +9,7 @@ import typer
 
 from app.command_line.load import (
     BED_NAMES,
+    PATH_HELP,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
@@ -63,7 +64,9 @@ def solve(
     ] = None,
     bed: Annotated[
         str | None,
-        typer.Option(help=f"Lay the duct in a bed of strands that part: {BED_NAMES}."),
+        typer.Option(
+            help=f"Lay the duct in a bed of strands that part: {BED_NAMES}; `info --beds` has their sources."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Bed: chooses its scattered strands.")] = 1,
     hook: Annotated[
@@ -75,7 +78,7 @@ def solve(
     ] = None,
     path: Annotated[
         str | None,
-        typer.Option(help="Bed: the hook's displacements [[x,y,z],...], mm, from rest, as JSON."),
+        typer.Option(help=PATH_HELP),
     ] = None,
     steps: Annotated[int, typer.Option(help="Bed: steps along the path.")] = 60,
     elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80,
