@@ -559,6 +559,11 @@ class BeamOnBed:
         return self._rest_q
 
     @property
+    def order(self) -> NDArray[np.intp]:
+        """(S,) numbers in `strands` of the strands as they are stored in `state`."""
+        return self._order
+
+    @property
     def damage(self) -> Floats:
         """(S,) from 0, whole, to 1, parted, in the order of `strands`."""
         out = np.empty(self.strands.count)

@@ -80,12 +80,15 @@ def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
     assert drawn._strands.whole == reading.strands - reading.parted
     flat = drawn._strands._sent.reshape(-1)[beam.state.rods.size :]
     rows = flat[: NUMBERS * reading.strands].reshape(-1, NUMBERS)
-    np.testing.assert_allclose(rows[:, :3], beam.strand_ends()[beam._order], atol=1e-5)
+    # On the skin, which is near to the beam's surface.
+    aside = drawn._strands._aside
+    assert np.abs(aside).max() < 0.4
+    np.testing.assert_allclose(rows[:, :3], beam.strand_ends()[beam.order] + aside, atol=1e-5)
     np.testing.assert_array_equal(rows[:, 3] == PARTED, beam.state.damage >= 1.0)
     # What is half way to its parting is drawn half as taut as can be.
     whole = rows[:, 3] != PARTED
     feet = beam.state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
-    length = np.linalg.norm(rows[:, :3] - feet, axis=1)
+    length = np.linalg.norm(beam.strand_ends()[beam.order] - feet, axis=1)
     past = length - beam.state.strand[kernels.LENGTH]
     taut = whole & (past > 0.0)
     assert taut.sum() > 20
@@ -201,12 +204,12 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         server.stop()
     middles = np.array(places).reshape(reading.strands, 8, 2, 3).mean(axis=2)
     state = session.duct.beam.state
-    ends = session.duct.beam.strand_ends()[session.duct.beam._order]
+    ends = session.duct.beam.strand_ends()[session.duct.beam.order]
     feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
     parted = state.damage >= 1.0
     assert 0 < parted.sum() < parted.size
     # Feet are drawn on the bed, which taut strands draw up by less than two millimetres.
-    np.testing.assert_allclose(middles[:, 0], ends, atol=1.0)
+    np.testing.assert_allclose(middles[:, 0], ends, atol=1.2)
     np.testing.assert_allclose(middles[:, -1], feet, atol=2.2)
     step = np.linalg.norm(middles[:, 4] - middles[:, 3], axis=1)
     length = np.linalg.norm(ends - feet, axis=1)

@@ -154,6 +154,7 @@ class BedScene(DuctOnStage[BedSession]):
                 self._client.scene,
                 "/bed/strands",
                 beam,
+                aside=self._aside(),
                 floor=stage.floor,
                 scale=stage.scale,
                 bed_columns=stage.bed_columns,
@@ -161,6 +162,12 @@ class BedScene(DuctOnStage[BedSession]):
             )
         else:
             self._strands.show(beam)
+
+    def _aside(self) -> NDArray[np.float64]:
+        """Return how far off its place each strand is drawn, mm: the skin is not the beam's."""
+        duct = self._session.duct
+        _, ends, _ = duct.surface.strands_at_rest()
+        return (ends - self._first) @ duct.dissection.frame - duct.beam.strands.ends
 
     def _clear(self) -> None:
         super()._clear()

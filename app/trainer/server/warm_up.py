@@ -12,17 +12,19 @@ import numpy as np
 import viser
 
 from app.simulation import THESIS_PRESET, Dissection, Preset, Session, preset_named
+from app.simulation.bed import BedSession
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import stage_files
+from app.trainer.stage.strands import write_strands
 from app.trainer.stage.wall_texture import mean_color, wall_texture
 from app.trainer.viser_bridge import read_icons
 from organ_geometry import Organ
 from physics import Cubic
 
-__all__ = ["ICONS", "WarmUp", "warm_session"]
+__all__ = ["ICONS", "WarmUp", "warm_bed", "warm_session"]
 
 ICONS = (
     viser.Icon.ARROW_BACK_UP,
@@ -61,6 +63,23 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
     while session.advance():
         pass
     _write_stress(session)
+    session.reading()
+
+
+def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
+    """Compile, or load, what a duct in its bed and its drawing need."""
+    session = BedSession(organ, preset)
+    session.grab(0, 0.5 * session.duct.dissection.beam.span)
+    session.choose_instrument(1, "dissector")
+    session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 1.0, 2.0]))
+    session.advance(5)
+    skin, dissection = session.drawn.skin, session.duct.dissection
+    session.stress(np.empty(len(skin.vertices), np.float32))
+    axis = dissection.organ.axis_at(skin.stations)
+    contact = Contact(skin, axis, dissection.frame, dissection.clamps, dissection.organ.mean_radius)
+    contact.mark(session.drawn.surfaces[0].vertices)
+    contact.press_rods(session.duct.beam.state.rods, dissection.axis_point(0.0))
+    write_strands(session.duct.beam)
     session.reading()
 
 

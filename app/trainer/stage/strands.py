@@ -19,7 +19,7 @@ from app.trainer.viser_bridge import run_in_page
 from kernel_cache import njit
 from physics.bed import BeamOnBed, kernels
 
-__all__ = ["PARTED", "StrandsInBed"]
+__all__ = ["PARTED", "StrandsInBed", "write_strands"]
 
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
@@ -43,8 +43,10 @@ def _script() -> str:
 class StrandsInBed:
     """The strands of one client's duct, the scene node `name`, in the stage's coordinates.
 
-    `floor` and `scale` are the place and the scale of the stage's bed, and `bed_columns` how many
-    points a row of it has; `fibres` is how many threads a strand is drawn with.
+    `aside`, (S, 3) mm in the order of `beam.strands`, is how far off its place each is drawn, where
+    the duct's skin is not the beam's. `floor` and `scale` are the place and the scale of the
+    stage's bed, `bed_columns` how many points a row of it has, and `fibres` how many threads a
+    strand is drawn with.
     """
 
     def __init__(
@@ -53,20 +55,21 @@ class StrandsInBed:
         name: str,
         beam: BeamOnBed,
         *,
+        aside: NDArray[np.float64],
         floor: tuple[float, float, float],
         scale: float,
         bed_columns: int,
         fibres: int,
     ) -> None:
         self._scene, self._name = scene, name
-        state = beam.state
-        strand = state.strand
-        count, rods = beam.strands.count, state.rods.shape[0]
-        self._header = state.rods.size
+        strand, order = beam.state.strand, beam.order
+        self._aside = aside[order]
+        count, rods = beam.strands.count, beam.state.rods.shape[0]
+        self._header = beam.state.rods.size
         size = self._header + NUMBERS * count
         self._sent = np.zeros((-(-size // 3), 3), np.float32)
         self._new = self._sent.copy()
-        self._write(beam)
+        write_strands(beam, self._aside, self._new.reshape(-1))
         self._sent[:] = self._new
         self._mesh = scene.add_mesh_simple(
             name,
@@ -82,7 +85,7 @@ class StrandsInBed:
             "rods": rods,
             "header": self._header,
             "fibres": fibres,
-            "feet": _text(strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T),
+            "feet": _text(strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T + self._aside),
             "widths": _text(widths),
             "pairs": _text(film_pairs(beam)),
             "floor": list(floor),
@@ -100,7 +103,7 @@ class StrandsInBed:
 
     def show(self, beam: BeamOnBed) -> None:
         """Draw the strands as they are now, if that can be seen to differ."""
-        self._write(beam)
+        write_strands(beam, self._aside, self._new.reshape(-1))
         if np.abs(self._new - self._sent).max() > LEAST_CHANGE:
             self._sent[:] = self._new
             self._mesh.vertices = self._sent
@@ -110,11 +113,21 @@ class StrandsInBed:
         self._mesh.remove()
         run_in_page(self._scene, f"bluntdissectStrands.remove({json.dumps(self._name)});")
 
-    def _write(self, beam: BeamOnBed) -> None:
-        s = beam.state
-        flat = self._new.reshape(-1)
-        flat[: self._header] = s.rods.reshape(-1)
-        _write(s.x, s.q, s.first, s.strand, s.damage, s.rods, s.side, flat[self._header :])
+
+def write_strands(
+    beam: BeamOnBed,
+    aside: NDArray[np.float64] | None = None,
+    out: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """Write the numbers that are streamed: all rods, then all strands in the beam's own order."""
+    s = beam.state
+    if aside is None:
+        aside = np.zeros((beam.strands.count, 3))
+    if out is None:
+        out = np.zeros(s.rods.size + NUMBERS * beam.strands.count, np.float32)
+    out[: s.rods.size] = s.rods.reshape(-1)
+    _write(s.x, s.q, s.first, s.strand, s.damage, s.rods, s.side, aside, out[s.rods.size :])
+    return out
 
 
 def film_pairs(beam: BeamOnBed) -> NDArray[np.int64]:
@@ -142,6 +155,7 @@ def _write(
     damage: NDArray[np.float64],
     rods: NDArray[np.float64],
     side: NDArray[np.int64],
+    aside: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
     for n in range(x.shape[0]):
@@ -164,7 +178,7 @@ def _write(
             )
             at = 5 * i
             for k in range(3):
-                out[at + k] = end[k]
+                out[at + k] = end[k] + aside[i, k]
             out[at + 4] = 0.0
             if damage[i] >= 1.0:
                 out[at + 3] = PARTED
