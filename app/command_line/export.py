@@ -92,7 +92,7 @@ def export(
     bed: Annotated[
         str | None,
         typer.Option(
-            help=f"Free the duct from a bed of strands that part: {BED_NAMES}; `info --beds` has their sources."
+            help=f"Free the duct from a bed of strands that part: {BED_NAMES} (`info --beds`)."
         ),
     ] = None,
     seed: Annotated[

@@ -65,7 +65,7 @@ def solve(
     bed: Annotated[
         str | None,
         typer.Option(
-            help=f"Lay the duct in a bed of strands that part: {BED_NAMES}; `info --beds` has their sources."
+            help=f"Lay the duct in a bed of strands that part: {BED_NAMES} (`info --beds`)."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Bed: chooses its scattered strands.")] = 1,

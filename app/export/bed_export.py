@@ -13,7 +13,6 @@ from app.export.snapshot import DissectedOrgan, Snapshot
 from app.export.strands import BedRecorder
 from app.simulation import Phase, Reading
 from app.simulation.bed import BED_THEORY, BeddedSurface, BedPreset, beam_in_space
-from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
 
 __all__ = ["BedExport"]
@@ -59,7 +58,7 @@ class BedExport(OrganExport):
         hand = Hand(at=self.hook, path=self.path, steps=self.steps)
         displaced = np.vstack([np.zeros(3), step_places(hand.path, hand.steps, "a hand's path")])
         surface = BeddedSurface(dissection, rest, bed.strands_under(rest))
-        recorder = BedRecorder(dissection, surface)
+        recorder = BedRecorder(surface)
         node = int(np.argmin(np.abs(rest.stations - self.hook)))
         axis = (dissection.axis_point(self.hook) - dissection.axis_point(0.0)) @ dissection.frame
         seconds = np.sqrt((np.diff(displaced, axis=0) ** 2).sum(axis=1)).sum() / HAND_SPEED
@@ -68,14 +67,7 @@ class BedExport(OrganExport):
 
         def watch(beam: BeamOnBed) -> None:
             step = len(keys)
-            worst = beam.worst_stress()
-            check = RuptureCheck(
-                station=worst.station / surface.scale,
-                tension_side=1 if np.cos(worst.side) >= 0.0 else -1,
-                normal_stress=worst.normal,
-                bending_stress=worst.bending,
-                threshold=threshold,
-            )
+            check = recorder.check(beam, threshold)
             if check.broken:
                 words = ", ".join(f"{each:.4g}" for each in displaced[step])
                 raise ValueError(

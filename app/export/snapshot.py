@@ -95,7 +95,7 @@ class DissectedOrgan:
         vertices = self._bound.deform(motion.transforms[key], np.empty_like(self.skin.vertices))
         reading = motion.readings[key]
         stress = self._stress.in_space(
-            motion.bed.stations, motion.bed.stresses[key], reading.check.threshold
+            motion.bed.stations[key], motion.bed.stresses[key], reading.check.threshold
         )
         return Snapshot(
             (Surface("organ", self.skin, vertices),),

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import Dissection
 from app.simulation.bed import BeddedSurface
 from organ_geometry import DrivingPoints
+from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
 __all__ = ["BedRecorder", "BedTrack", "StrandsSnapshot"]
@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 
 STUB_MM, STUB_SHARE = 1.0, 0.35
 """Length of a stub, and most of its strand's length at rest."""
-STRESS_STATIONS = 121
-"""Stations along the span at which stress is kept: two for each driving point."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,9 +56,8 @@ class BedTrack:
     damage: Floats  # (T, S) 0 whole to 1 parted
     force: Floats  # (T, S) N
     freed: Floats  # (T,) length of organ whose strands have parted, mm
-    stations: Floats  # (N,) mm from the first clamp
-    # (T, N, 3) MPa: normal, and of bending at the outermost fibres (`BeamOnBed.stresses`)
-    stresses: Floats
+    stations: Floats  # (T, N) of the beam's nodes, mm from the first clamp
+    stresses: Floats  # (T, N - 1, 2, 3) MPa (`BeamOnBed.stresses`)
 
     def strands_at(self, key: int, driving: DrivingPoints, transforms: Floats) -> StrandsSnapshot:
         """Return the strands at a key, moved by the driving points' transforms there."""
@@ -79,18 +76,26 @@ class BedTrack:
 class BedRecorder:
     """Takes down key by key what becomes of a bed."""
 
-    def __init__(self, dissection: Dissection, surface: BeddedSurface) -> None:
+    def __init__(self, surface: BeddedSurface) -> None:
         self._surface = surface
-        self._stations = np.linspace(0.0, dissection.beam.span, STRESS_STATIONS)
-        self._keys: list[tuple[Floats, Floats, float, Floats]] = []
+        self._keys: list[tuple[Floats, Floats, float, Floats, Floats]] = []
+
+    def check(self, beam: BeamOnBed, threshold: float) -> RuptureCheck:
+        """Return the highest stress of a beam, held against the threshold, MPa."""
+        worst = beam.worst_stress()
+        return RuptureCheck(
+            station=worst.station / self._surface.scale,
+            tension_side=1 if np.cos(worst.side) >= 0.0 else -1,
+            normal_stress=worst.normal,
+            bending_stress=worst.bending,
+            threshold=threshold,
+        )
 
     def add(self, beam: BeamOnBed) -> None:
         """Take down the bed as it is now."""
-        at = np.stack([beam.stations[:-1], beam.stations[1:]], axis=1).ravel()
-        stresses = beam.stresses().reshape(-1, 3)
-        sampled = [np.interp(self._surface.scale * self._stations, at, part) for part in stresses.T]
         force = beam.strands.forces(beam.strand_ends(), beam.damage)
-        self._keys.append((beam.damage, force, beam.freed, np.stack(sampled, axis=1)))
+        at = beam.stations / self._surface.scale
+        self._keys.append((beam.damage, force, beam.freed, at, beam.stresses()))
 
     def track(self) -> BedTrack:
         """Return what was taken down."""
@@ -98,7 +103,7 @@ class BedRecorder:
         way = feet - ends
         length = np.sqrt((way**2).sum(axis=1, keepdims=True))
         stub = way * np.minimum(STUB_SHARE, STUB_MM / length)
-        damage, force, freed, stresses = (np.array(each) for each in zip(*self._keys, strict=True))
+        damage, force, freed, at, stresses = map(np.array, zip(*self._keys, strict=True))
         return BedTrack(
             self._surface,
             stations,
@@ -107,6 +112,6 @@ class BedRecorder:
             damage,
             force,
             freed,
-            self._stations,
+            at,
             stresses,
         )

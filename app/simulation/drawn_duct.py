@@ -159,12 +159,10 @@ class SurfaceStress:
 
     def __init__(self, dissection: Dissection, skin: Skin) -> None:
         first, last = dissection.clamps
-        self._dissection, self._skin = dissection, skin
-        self._across: NDArray[np.float64] | None = None  # as `_share`, across the pull
         self._places = skin.stations - first
         self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
         self._organ, self._skin, self._lateral = dissection.organ, skin, dissection.frame[:, 1]
-        self._across: NDArray[np.float64] | None = None
+        self._across: NDArray[np.float64] | None = None  # as `_share`, across the pull
         depth = CLAMP_DEPTH * (last - first)
         self._free = (skin.stations >= first - depth) & (skin.stations <= last + depth)
         self._stations: NDArray[np.float64] | None = None
@@ -205,18 +203,11 @@ class SurfaceStress:
     def in_space(
         self, stations: NDArray[np.float64], stresses: NDArray[np.float64], threshold: float
     ) -> Stresses:
-        """Return the stresses at each vertex of a beam in space, given at growing stations."""
-        # (N, 3) MPa: normal, and of bending at the outermost fibres up and across the beam
-        # (`physics.bed.BeamOnBed.stresses`).
-        if self._across is None:
-            frame = self._dissection.frame
-            self._across = fibre_shares(self._dissection.organ, self._skin, frame[:, 1])
-        parts = np.empty((3, self._places.size))
-        for part, along in zip(parts, stresses.T, strict=True):
-            part[:] = np.interp(self._places, stations, along)
-        parts *= self._free
-        normal = parts[0].astype(np.float32)
-        bending = (parts[1] * self._share - parts[2] * self._across).astype(np.float32)
+        """Return normal and bending stress at each vertex of a beam in space."""
+        normal, bending = (
+            self.write_in_space(stations, stresses * each, np.empty(self._share.size, np.float32))
+            for each in np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+        )
         total = normal + bending
         return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
 
