@@ -93,7 +93,7 @@ def main() -> None:
         tracemalloc.start()
     from app.trainer.server.trainer import Trainer
 
-    trainer = Trainer(shipped_organ(), port=0)
+    trainer = Trainer(shipped_organ(), port=0, mode="pull")
     print(trainer.address, flush=True)
     for _ in sys.stdin:
         print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)

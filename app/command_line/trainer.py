@@ -45,6 +45,13 @@ def trainer(
             show_default="of the shipped duct the first, of any other organ assumed-duct",
         ),
     ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(
+            help="What the page opens on: dissect, a duct in its bed, or pull, one without.",
+            show_default="dissect; pull with --haptics, which drives it",
+        ),
+    ] = None,
     look: Annotated[
         str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
     ] = "auto",
@@ -93,6 +100,8 @@ def trainer(
 
     With --host 0.0.0.0 other machines get in too, by the link with a token that it prints.
     """
+    if mode not in (None, "dissect", "pull"):
+        raise ValueError(f"--mode must be dissect or pull, not {mode}")
     if look not in ("auto", "full", "plain"):
         raise ValueError(f"--look must be auto, full or plain, not {look}")
     if exercise_inputs not in ("hand", "any"):
@@ -124,7 +133,7 @@ def trainer(
 
     set_up_log(log_format)
     running = Trainer(
-        tissue, chosen, host=host, token=token, port=port, look=look, bounds=bounds,
+        tissue, chosen, host=host, token=token, port=port, mode=mode, look=look, bounds=bounds,
         build_process=builds, metrics=metrics,
         exercise_inputs=exercise_inputs, haptics=servo,
     )  # fmt: skip

@@ -34,7 +34,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.replay import AFTER_TEAR, Replay, Series, loading_rates, series_csv
+from app.simulation.replay import AFTER_TEAR, BaseReplay, Replay, Series, loading_rates, series_csv
 from app.simulation.run import Run
 from app.simulation.run_log import (
     MOST_BYTES,
@@ -47,7 +47,7 @@ from app.simulation.run_log import (
     versions,
 )
 from app.simulation.scripted_hand import CAREFUL, do_exercise
-from app.simulation.session import Session
+from app.simulation.session import VERTICES, Session
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 
 __all__ = [
@@ -62,7 +62,9 @@ __all__ = [
     "THESIS_PRESET",
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
+    "VERTICES",
     "ApproachBreak",
+    "BaseReplay",
     "BeamModel",
     "Clock",
     "Dissection",

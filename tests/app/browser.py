@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, sync_playwright
 
-from app.trainer.server.client_view import ClientView
+from app.trainer.server.dissect_view import DissectView
+from app.trainer.server.pull_view import PullView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 
@@ -116,6 +117,7 @@ def trainer_page(
     width: int = 1280,
     height: int = 800,
     first_minute: bool = False,
+    query: str = "",
 ) -> Iterator["TrainerPage"]:
     """A tab of its own on the trainer, with the duct in it; fails on any error in the page.
 
@@ -129,9 +131,9 @@ def trainer_page(
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("request", lambda request: requests.append(request.url))
     try:
-        page.goto(f"{address}/?fixedDpr=1")
+        page.goto(f"{address}/?fixedDpr=1{query}")
         trainer = TrainerPage(page)
-        trainer.wait_for_node("skin")
+        trainer.wait_for_node("skin", 3 * PATIENCE)  # it may be compiling yet
         if not first_minute:
             trainer.start()
         yield trainer
@@ -197,10 +199,12 @@ class TrainerPage:
         """Press a button by its whole name."""
         self.page.get_by_role("button", name=button, exact=True).click()
 
-    def wait_for_node(self, name: str) -> None:
-        """Wait until a part of the organ is in the scene."""
+    def wait_for_node(self, name: str, patience: float = PATIENCE) -> None:
+        """Wait, at most so many ms, until a part of the organ is in the scene."""
         self.page.wait_for_function(
-            "name => window.__viserMutable?.nodeRefFromName?.['/organ/' + name]", arg=name
+            "name => window.__viserMutable?.nodeRefFromName?.['/organ/' + name]",
+            arg=name,
+            timeout=patience,
         )
 
     def nodes(self) -> set[str]:
@@ -248,9 +252,18 @@ class TrainerPage:
         self.page.locator(f"[data-testid=readout][data-force-n='{force:.6g}']").wait_for()
 
 
-def newest(trainer: Trainer) -> ClientView:
-    """The view of the client that came last."""
-    return trainer._views[max(trainer._views)]
+def newest(trainer: Trainer) -> PullView:
+    """What the client that came last sees of its pull."""
+    view = trainer._views[max(trainer._views)].view
+    assert isinstance(view, PullView)
+    return view
+
+
+def newest_dissection(trainer: Trainer) -> DissectView:
+    """What the client that came last sees of its dissection."""
+    view = trainer._views[max(trainer._views)].view
+    assert isinstance(view, DissectView)
+    return view
 
 
 def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:

@@ -30,7 +30,8 @@ def drawing_browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def trainer() -> Iterator[Trainer]:
     """The plain look; each page has a session of its own."""
-    running = Trainer(phantom(), port=0, look="plain")
+    running = Trainer(phantom(), port=0, look="plain", mode="pull")
+    running.warm_up.wait("pull")
     yield running
     running.stop()
 

@@ -62,7 +62,7 @@ def take_exercise(tab: TrainerPage, session: Session, folder: Path) -> None:
 def main(folder: Path) -> None:
     """Take a picture of each state and size."""
     folder.mkdir(parents=True, exist_ok=True)
-    trainer = Trainer(phantom(), port=0)
+    trainer = Trainer(phantom(), port=0, mode="pull")
     try:
         with running_browser(drawing=True) as browser:
             for size, (width, height) in SIZES.items():

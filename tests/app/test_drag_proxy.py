@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from browser import RADIUS, stage_pixel, trainer_page
+from browser import RADIUS, newest, stage_pixel, trainer_page
 from playwright.sync_api import Browser
 
 from app.trainer.scene.drag_proxy import Hold
@@ -24,7 +24,7 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
     station: float | None,
 ) -> None:
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
-        view = trainer._views[max(trainer._views)]
+        view = newest(trainer)
         holds: list[Hold] = []
         phases: list[str] = []
 

@@ -13,8 +13,8 @@ from app.haptics.hand import HandScript, SimulatedHand, Waypoint
 from app.haptics.servo_loop import LoopSettings
 from app.haptics.servo_process import FeltSetting, HookSnapshot, ServoProcess
 from app.simulation import Phase, Replay, Session
-from app.trainer.client.client_state import ClientState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
+from app.trainer.client.pull_state import PullState
 from physics import Exact, TautString
 
 REST = HookSnapshot(0, 0.0, 0.0, 0.0, False)
@@ -78,13 +78,13 @@ class Page:
 def led() -> tuple[HapticHand, Servo, Page]:
     servo, page = Servo(), Page(Session(phantom(), vertices=300))
     hand = HapticHand(cast(ServoProcess, servo))
-    hand.attend(cast(ClientState, page))
+    hand.attend(cast(PullState, page))
     return hand, servo, page
 
 
 def go(hand: HapticHand, page: Page, ticks: int = 30) -> None:
     for _ in range(ticks):
-        hand.attend(cast(ClientState, page))
+        hand.attend(cast(PullState, page))
         page.session.advance()
 
 
@@ -163,7 +163,7 @@ def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, Pa
     assert page.device is None
     assert page.said == ["The service has gone. The mouse has the hook again."]
     other = Page(Session(phantom(), vertices=300))
-    hand.attend(cast(ClientState, other))
+    hand.attend(cast(PullState, other))
     assert other.device is None
     hand.stop()
     assert servo.stopped

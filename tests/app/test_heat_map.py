@@ -7,7 +7,7 @@ from threading import Thread
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, trainer_page
+from browser import TrainerPage, newest, trainer_page
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser
@@ -63,10 +63,10 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
 
 @pytest.mark.parametrize("look", ["plain", "full"])
 def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Look) -> None:
-    trainer = Trainer(phantom(), port=0, look=look)
+    trainer = Trainer(phantom(), port=0, mode="pull", look=look)
     try:
         with trainer_page(drawing_browser, trainer.address, width=900, height=600) as tab:
-            (view,) = trainer._views.values()
+            view = newest(trainer)
             session = view.session
             (surface,) = session.drawn.surfaces
             skin = surface.skin

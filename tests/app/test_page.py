@@ -30,7 +30,7 @@ from app.simulation import (
     series_csv,
 )
 from app.simulation.scripted_hand import HASTY
-from app.trainer.client.client_state import HAND_ONLY
+from app.trainer.client.pull_state import HAND_ONLY
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server.bounds import Bounds
@@ -709,7 +709,12 @@ def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Traine
 
 def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Browser) -> None:
     trainer = Trainer(
-        phantom(), port=0, look="plain", bounds=Bounds(most_clients=1), exercise_inputs="any"
+        phantom(),
+        port=0,
+        mode="pull",
+        look="plain",
+        bounds=Bounds(most_clients=1),
+        exercise_inputs="any",
     )
     try:
         with trainer_page(browser, trainer.address) as tab:
@@ -728,12 +733,12 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
 
 
 def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browser) -> None:
-    first = Trainer(phantom(), port=0, look="plain")
+    first = Trainer(phantom(), port=0, mode="pull", look="plain")
     port = first.port
     try:
         with trainer_page(browser, first.address) as tab:
             first.stop()
-            first = Trainer(phantom(), port=port, look="plain")
+            first = Trainer(phantom(), port=port, mode="pull", look="plain")
             told = tab.page.get_by_role("alert").filter(has_text="A new duct")
             expect(told).to_contain_text("the trainer was started anew", timeout=PATIENCE)
             tab.page.reload()  # its new session is known: nothing to tell

@@ -22,7 +22,7 @@ def a_run() -> RunFile:
     return session.run_file()
 
 
-def reached(playback: ReplayPlayback) -> int:
+def reached(playback: ReplayPlayback[Session]) -> int:
     """Tick until the moment that was asked for is seen, and return how often."""
     for count in range(1, 1000):
         if playback.tick(0):
@@ -35,7 +35,7 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
     monkeypatch: pytest.MonkeyPatch, quick: bool
 ) -> None:
     monkeypatch.setattr(replay_playback, "SEEK_SECONDS", 60.0 if quick else 0.0)
-    playback, again = ReplayPlayback(a_run(), phantom()), Replay(a_run().log, phantom())
+    playback, again = ReplayPlayback(Replay(a_run().log, phantom())), Replay(a_run().log, phantom())
     assert playback.tick(0)  # its first picture
     assert not playback.tick(0)
     for ticks in (80, 35, 90):
@@ -55,7 +55,7 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
 
 
 def test_it_plays_to_its_end_and_from_its_start_again() -> None:
-    playback = ReplayPlayback(a_run(), phantom())
+    playback = ReplayPlayback(Replay(a_run().log, phantom()))
     playback.tick(0)  # its first picture
     playback.seek(1e9)
     playback.play()

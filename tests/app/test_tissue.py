@@ -207,7 +207,7 @@ def fine_surface(tab: TrainerPage) -> dict[str, Any]:
 
 
 def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: Browser) -> None:
-    trainer = Trainer(phantom(), port=0)
+    trainer = Trainer(phantom(), port=0, mode="pull")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
             (session,) = trainer.sessions.values()
@@ -250,7 +250,7 @@ def test_slow_page_gets_the_simple_picture_and_a_way_back(
 ) -> None:
     least = "app.trainer.server.client_view.LEAST_PICTURES"
     monkeypatch.setattr(least, 1000.0)  # no page draws as many
-    trainer = Trainer(phantom(), port=0, look="auto")
+    trainer = Trainer(phantom(), port=0, mode="pull", look="auto")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
             expect(tab.page.get_by_text("software mode")).to_contain_text("--look plain")

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from browser import TrainerPage, trainer_page
+from browser import newest as newest_view
 from playwright.sync_api import Browser, expect
 from program import ENTRY, command, refused, started
 from simulated import phantom
@@ -40,7 +41,7 @@ def newest(trainer: Trainer) -> Session:
 
 def drawn(trainer: Trainer) -> list[np.ndarray]:
     """The surfaces of the client that came last as they are drawn: smooth, and marked."""
-    view = trainer._views[max(trainer._views)]
+    view = newest_view(trainer)
     return [each.contact.vertices for each in view._scene._drawn]
 
 
@@ -335,7 +336,7 @@ def test_one_camera_callback_whatever_the_duct(
 
     monkeypatch.setattr(CameraHandle, "on_update", counted)
     with trainer_page(browser, trainer.address, width=640, height=480) as tab:
-        view = trainer._views[max(trainer._views)]
+        view = newest_view(trainer)
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
             tab.wait_until(
@@ -378,9 +379,10 @@ def test_a_tab_that_closes_while_it_connects_leaves_nothing(
 ) -> None:
     """viser calls in a pool: a client may be disconnected before its view is made."""
     view = Ticked()
-    monkeypatch.setattr(server, "ClientView", lambda *_: view)
+    monkeypatch.setattr(server, "ClientView", lambda *_, **__: view)
     monkeypatch.setattr(server, "prepare_page", lambda _: None)
     monkeypatch.setattr(server, "kept_by_tab", lambda _: None)
+    monkeypatch.setattr(server, "asked_by_address", lambda *_: None)
     tokens: list[str] = []
     monkeypatch.setattr(server, "tab_keeps", lambda _, token: tokens.append(token))
     storage = SimpleNamespace(get_item=lambda *_: "1")  # it has seen the first minute

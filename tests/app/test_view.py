@@ -10,7 +10,7 @@ from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation import Session
-from app.trainer.server.client_view import ClientView
+from app.trainer.server.pull_view import PullView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 
@@ -40,7 +40,7 @@ def settled(tab: TrainerPage) -> np.ndarray:
     return before
 
 
-def home_of(tab: TrainerPage, view: ClientView) -> np.ndarray:
+def home_of(tab: TrainerPage, view: PullView) -> np.ndarray:
     """Where the camera belongs that shows the whole duct."""
     stage = view._scene._stage
     canvas = tab.page.locator("canvas[data-engine]").bounding_box()

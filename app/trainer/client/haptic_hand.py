@@ -9,7 +9,7 @@ generation number, and what the servo reports of an older one is ignored.
 
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import Phase, Session
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 
 __all__ = ["HapticHand", "felt_in"]
 
@@ -33,13 +33,13 @@ class HapticHand:
 
     def __init__(self, servo: ServoProcess) -> None:
         self._servo = servo
-        self._state: ClientState | None = None
+        self._state: PullState | None = None
         self._setting: FeltSetting | None = None
         self._generation = 0
         self._holds = self._torn = False
         self._told: str | None = None
 
-    def attend(self, state: ClientState | None) -> None:
+    def attend(self, state: PullState | None) -> None:
         """Advance by one tick, for the page that has the device, or for none."""
         servo = self._servo
         if state is not self._state:
@@ -77,7 +77,7 @@ class HapticHand:
             self._setting = setting
             self._generation = self._servo.feel(setting)
 
-    def _lead(self, state: ClientState) -> None:
+    def _lead(self, state: PullState) -> None:
         hook = self._servo.snapshot()
         if hook.generation != self._generation or self._setting is None:
             return

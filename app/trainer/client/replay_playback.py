@@ -2,9 +2,10 @@
 
 import math
 import time
+from typing import Any, Generic, TypeVar
 
-from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Replay, RunFile, Session
-from organ_geometry import Organ
+from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, BaseReplay, Session
+from app.simulation.bed import BedSession
 
 __all__ = ["ReplayPlayback"]
 
@@ -14,16 +15,17 @@ SEEK_TICKS = 5
 """Ticks replayed between two readings of the clock: about a millisecond of work."""
 
 
-class ReplayPlayback:
+SessionT = TypeVar("SessionT", Session, BedSession)
+
+
+class ReplayPlayback(Generic[SessionT]):
     """A replayed run. Any thread may ask for a moment; only the clock's `tick` goes there.
 
-    A jump back replays the run from its start, over several ticks if that takes long. A
-    `RunFileError` says that the run was made on another organ or cannot be replayed here.
+    A jump back replays the run from its start, over several ticks if that takes long.
     """
 
-    def __init__(self, run: RunFile, organ: Organ) -> None:
-        self.run = run
-        self._replay = Replay(run.log, organ)
+    def __init__(self, replay: BaseReplay[SessionT, Any]) -> None:
+        self._replay = replay
         self._last = self._replay.ticks
         self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces
         self.playing = False  # whether it advances by itself
@@ -33,7 +35,7 @@ class ReplayPlayback:
         self._moved = True
 
     @property
-    def session(self) -> Session:
+    def session(self) -> SessionT:
         """The session that is taken through the run; to be read only."""
         return self._replay.session
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.simulation import GhostReading, Phase, Reading
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import figure, heading, note, on_work, set_if_changed
 from physics import Cubic, Exact, Fem, NeoHooke, TautString, Theory
 
@@ -35,7 +35,7 @@ _CHAIN = (
 class CompareTab:
     """The tab of theories."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         self._choosing = 0
         session = state.session

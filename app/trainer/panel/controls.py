@@ -1,12 +1,17 @@
 """What the tabs share: callbacks of inputs, and pieces of HTML."""
 
-from collections.abc import Callable
-from typing import Any
+import html
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Generic, TypeVar
 
 import viser
 
+from app.trainer.viser_bridge import command_number
+
 __all__ = [
     "KPA_PER_MPA",
+    "Choice",
     "figure",
     "heading",
     "note",
@@ -92,3 +97,67 @@ def note(text: str, name: str = "") -> str:
         f"<div{found} style='padding:2px 12px 8px;font-size:13px;line-height:1.4;opacity:.9'>"
         f"{text}</div>"
     )
+
+
+Value = TypeVar("Value", bound=str)
+
+
+class Choice(Generic[Value]):
+    """Buttons in a row of which one is chosen; each runs a command, which all commands list too.
+
+    `options` has their labels and hints by value; `hidden` says the row's name to screen readers
+    only. `take` is called with a value, in a thread of its own if it is slow.
+    """
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        label: str,
+        options: Mapping[Value, tuple[str, str]],
+        take: Callable[[Value], None],
+        *,
+        slow: bool = False,
+        hidden: bool = False,
+        large: bool = False,
+    ) -> None:
+        self._label, self._hidden, self._large = label, hidden, large
+        self._options = [
+            (
+                value,
+                text,
+                hint,
+                self._command(gui, f"{label}: {text}", hint, partial(take, value), slow),
+            )
+            for value, (text, hint) in options.items()
+        ]
+        self._row = gui.add_html("")
+
+    @staticmethod
+    def _command(
+        gui: viser.GuiApi, name: str, hint: str, take: Callable[[], None], slow: bool
+    ) -> str:
+        command = gui.add_command(name, description=hint)
+        if slow:
+            command.on_trigger(lambda _: take())
+        else:
+
+            @command.on_trigger
+            async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+                take()
+
+        return command_number(command)
+
+    def show(self, chosen: Value, *, active: bool = True) -> None:
+        """Show which one is chosen, and whether this row is the one in use."""
+        buttons = "".join(
+            f"<button type='button' data-command='{number}' title='{html.escape(hint, quote=True)}'"
+            f" aria-pressed='{'true' if value == chosen else 'false'}'>{html.escape(text)}</button>"
+            for value, text, hint, number in self._options
+        )
+        look = f"bd-choice{'' if active else ' bd-idle'}{' bd-large' if self._large else ''}"
+        name = "" if self._hidden else f"<span>{html.escape(self._label)}</span>"
+        set_if_changed(
+            self._row,
+            content=f"<div class='{look}' role='group' aria-label='{html.escape(self._label)}'>"
+            f"{name}<div>{buttons}</div></div>",
+        )

@@ -5,7 +5,7 @@ import html
 import viser
 
 from app.simulation import Exercise, ExerciseInputs, Feedback, RunFile
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
 __all__ = ["ExerciseTab"]
@@ -25,7 +25,7 @@ NONE = "This duct cannot break"
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         self._offered: dict[str, Exercise] = {}
         self._key: object = None

@@ -2,7 +2,7 @@
 
 import viser
 
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.controls import on_click
 
@@ -12,7 +12,7 @@ __all__ = ["ExportBox"]
 class ExportBox:
     """A choice of file type and a button that sends the file."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         self._suffixes = {label: suffix for suffix, label in SUFFIXES.items()}
         self._kind = gui.add_dropdown(

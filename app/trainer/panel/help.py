@@ -1,33 +1,92 @@
 """Help: three lines for the first minute, and the rest on request."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import viser
 
+from app.trainer.client.client_state import Mode
 from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import Dialog
 from app.trainer.viser_bridge import letter_keys_on, set_letter_keys
 
-__all__ = ["HELP", "HOTKEYS", "SEEN", "show_first_minute", "show_help"]
+__all__ = ["DISSECT_KEYS", "HELP", "PULL_KEYS", "SEEN", "Key", "show_first_minute", "show_help"]
 
-HOTKEYS: tuple[tuple[Literal["R", "T", "P", "H", "V"], str, str], ...] = (
-    ("R", "Reset", "a new, whole duct, and the view home"),
-    ("T", "Ramp to tear", "an even pull until the duct tears"),
-    ("P", "Pause or go on", "time stands still"),
-    ("H", "Heat map", "stress on the surface, on or off"),
-    ("V", "View home", "the camera back to where it shows the whole duct"),
-)
-"""Key, command and what it does."""
+Hotkey = Literal[
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C",
+    "arrowup", "arrowdown", "arrowleft", "arrowright",
+]  # fmt: skip
 
-_FIRST_MINUTE = (
-    "<ol data-testid='first-minute' style='margin:0;padding:0 12px 4px 30px;font-size:16px;"
-    "line-height:1.6'><li><b>Drag the duct</b> upwards with the mouse or a finger; it pulls back."
-    "</li><li>Watch <b>Distance to break</b>: at 0 % the duct tears.</li>"
-    "<li><b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.</li></ol>"
+
+class Key(NamedTuple):
+    """A key, the command that it runs and what that does."""
+
+    name: str  # as the help writes it
+    hotkey: Hotkey
+    title: str
+    meaning: str
+    modifier: Literal["shift"] | None = None
+
+
+_PAUSE = Key("P", "P", "Pause or go on", "time stands still")
+_RESET = Key("R", "R", "Reset", "a new, whole duct, and the view home")
+_HOME = Key("V", "V", "View home", "the camera back to where it shows the whole duct")
+PULL_KEYS = (
+    _RESET,
+    Key("T", "T", "Ramp to tear", "an even pull until the duct tears"),
+    _PAUSE,
+    Key("H", "H", "Heat map", "stress on the surface, on or off"),
+    _HOME,
 )
-HELP = (
-    """\
-**Goal.** Free the duct without tearing it.
+DISSECT_KEYS = (
+    Key("Left", "arrowleft", "Move left", "the active hand's tip along the duct"),
+    Key("Right", "arrowright", "Move right", "the active hand's tip along the duct"),
+    Key("Up", "arrowup", "Move up", "the active hand's tip off the bed"),
+    Key("Down", "arrowdown", "Move down", "the active hand's tip towards the bed"),
+    Key("Shift+Up", "arrowup", "Move away", "the active hand's tip into the picture", "shift"),
+    Key("Shift+Down", "arrowdown", "Move near", "the active hand's tip towards you", "shift"),
+    Key("G", "G", "Take hold or let go", "the active hand, at the duct below its tip"),
+    Key("O", "O", "Open the jaws", "of the active hand's dissector"),
+    Key("C", "C", "Close the jaws", "of the active hand's dissector"),
+    Key("X", "X", "Other hand", "the mouse and the keys lead the other hand"),
+    Key("N", "N", "Next instrument", "for the active hand"),
+    Key("H", "H", "Colours", "tissue, stress, or what is freed"),
+    _PAUSE,
+    _RESET,
+    _HOME,
+)
+
+_LINES: dict[Mode, tuple[str, str, str]] = {
+    "dissect": (
+        "<b>Drag the duct</b> off its bed with the mouse or a finger: strands stretch, and part.",
+        "Watch <b>Distance to break</b>: at 0 % the duct tears. Pull <b>straight up</b>, <b>close "
+        "to where it is still held</b>.",
+        "Each hand has an <b>instrument</b>; <b>Reset</b> makes all whole. <b>Pull</b> has a duct "
+        "without a bed.",
+    ),
+    "pull": (
+        "<b>Drag the duct</b> upwards with the mouse or a finger; it pulls back.",
+        "Watch <b>Distance to break</b>: at 0 % the duct tears.",
+        "<b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.",
+    ),
+}
+_HOW: dict[Mode, str] = {
+    "dissect": """\
+**Goal.** Free the duct from its bed without tearing it. A good hand frees most at the least stress:
+close to the front where strands still hold, straight off the bed, without haste.
+
+**The hands.** A **hook** takes the duct where you press and lets go with the mouse. A **grasper**
+takes it likewise, and stays where it is left until it is told to let go. A **dissector** parts
+strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
+and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**
+or the right button into the picture and out of it. Drag beside the duct to look around, scroll to
+come nearer.
+
+**What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
+heals; the duct tears where normal stress + bending stress > threshold T. Strands part only as far
+as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and tissue that creeps.
+""",
+    "pull": """\
+**Goal.** Find how far the duct can be pulled before it tears.
 
 **By hand** the mouse leads the hook, and the beam answers with its force, shown at the arrow.
 **By the slider** the force is set, and the duct gives as far as it must. Drag beside the duct
@@ -35,20 +94,42 @@ to look around, scroll to come nearer.
 
 **What is computed.** The duct is one beam between two clamps. It tears where normal stress +
 bending stress > threshold T. How the torn ends gape and swing is drawn, not computed.
-
-**Words** with dots under them, and measures with a question mark, explain themselves: rest the
-mouse on them, or click.
-
-**Keys**
-
-"""
-    + "\n".join(f"- **{key}** {name}: {what}" for key, name, what in HOTKEYS)
-    + "\n- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; elsewhere "
-    "they turn the view\n- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
-)
+""",
+}
+_ARROWS: dict[Mode, str] = {
+    "dissect": "- **Ctrl+Arrows** turn the view; **Arrows** on a slider move it",
+    "pull": (
+        "- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; elsewhere "
+        "they turn the view"
+    ),
+}
 
 
-def show_first_minute(client: viser.ClientHandle) -> None:
+def _help(mode: Mode, keys: tuple[Key, ...]) -> str:
+    listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in keys)
+    return (
+        f"{_HOW[mode]}\n**Words** with dots under them, and measures with a question mark, explain "
+        "themselves: rest the\nmouse on them, or click.\n\n**Keys**\n\n"
+        f"{listed}\n- **M** Dissect or Pull\n{_ARROWS[mode]}\n"
+        "- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
+    )
+
+
+HELP: dict[Mode, str] = {
+    "dissect": _help("dissect", DISSECT_KEYS),
+    "pull": _help("pull", PULL_KEYS),
+}
+
+
+def _first_minute(mode: Mode) -> str:
+    lines = "".join(f"<li>{line}</li>" for line in _LINES[mode])
+    return (
+        "<ol data-testid='first-minute' style='margin:0;padding:0 12px 4px 30px;font-size:16px;"
+        f"line-height:1.6'>{lines}</ol>"
+    )
+
+
+def show_first_minute(client: viser.ClientHandle, mode: Mode) -> None:
     """Show the three lines for the first minute over the page, until they are dismissed."""
     gui = client.gui
     dialog = Dialog(
@@ -57,7 +138,7 @@ def show_first_minute(client: viser.ClientHandle) -> None:
         closed=lambda: client.local_storage.set_item(SEEN, "1"),
     )
     with dialog:
-        gui.add_html(_FIRST_MINUTE)
+        gui.add_html(_first_minute(mode))
         start = gui.add_button("Start", icon=viser.Icon.HAND_MOVE)
     on_click(start, dialog.close)
 
@@ -66,12 +147,12 @@ SEEN = "first-minute"
 """Key under which the browser remembers that it has shown the first minute."""
 
 
-def show_help(client: viser.ClientHandle) -> None:
+def show_help(client: viser.ClientHandle, mode: Mode) -> None:
     """Show the whole help over the page, until it is closed."""
     gui = client.gui
     with Dialog(gui, "Help"):
-        gui.add_html(_FIRST_MINUTE)
-        gui.add_markdown(HELP)
+        gui.add_html(_first_minute(mode))
+        gui.add_markdown(HELP[mode])
         letters = gui.add_checkbox(
             "Letter keys",
             initial_value=letter_keys_on(client),

@@ -1,11 +1,10 @@
-"""The heat map's legend: over the picture where there is room, else in the panel."""
+"""The legend of the colours: over the picture where there is room, else in the panel."""
 
 import viser
 
 from app.trainer.panel.controls import set_if_changed
-from app.trainer.stage.heat_map import heat_legend_html
 
-__all__ = ["HeatLegend"]
+__all__ = ["Legend"]
 
 NARROW = 0.8
 """Below this width by height of the picture a floating legend would cover the duct."""
@@ -13,7 +12,7 @@ WIDTH, HEIGHT, GAP = 290, 154, 16
 """px."""
 
 
-class HeatLegend:
+class Legend:
     """One client's legend, hidden at first; in `gui` where it does not float."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
@@ -23,11 +22,10 @@ class HeatLegend:
         self._beside: viser.GuiHtmlHandle | None = None
         self._content = ""
 
-    def show(self, wanted: bool, threshold: float, aspect: float) -> None:
-        """Show or hide the legend, for a threshold, MPa, and the picture's width by height."""
-        narrow = aspect < NARROW
+    def show(self, content: str, aspect: float) -> None:
+        """Show this HTML, or hide the legend for none, in a picture of this width by height."""
+        wanted, narrow = bool(content), aspect < NARROW
         if wanted:
-            content = heat_legend_html(threshold)
             if not narrow and self._panel is None:
                 self._panel = self._gui.add_panel(visible=False)
                 with self._panel.add_tab("Colour scale"):

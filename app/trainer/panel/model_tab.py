@@ -5,7 +5,7 @@ import html
 import viser
 
 from app.simulation import BeamModel, Phase, Preset, Reading, fits
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.panel.controls import (
     KPA_PER_MPA,
@@ -33,7 +33,7 @@ _POINTS = (
 class ModelTab:
     """The tab of the model."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         session = state.session
         self._own: Preset | None = None

@@ -15,7 +15,7 @@ from app.simulation import (
     preset_toml,
     read_preset,
 )
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import (
     KPA_PER_MPA,
     figure,
@@ -41,7 +41,7 @@ class PresetForm:
     The session is not changed before the user applies them: a half-typed number is not a duct.
     """
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         self._dissection: Dissection | None = None
         self._shown: dict[str, float] = {}

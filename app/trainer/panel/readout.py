@@ -5,7 +5,23 @@ import html
 from app.simulation import Phase, Reading, Session
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = ["duct_html", "hidden_readout_html", "readout_html", "zone", "zone_told"]
+__all__ = [
+    "CAREFUL",
+    "COLOURS",
+    "SAFE",
+    "STOP",
+    "TORN",
+    "cell",
+    "cells_html",
+    "distance_html",
+    "distance_zone",
+    "duct_html",
+    "hidden_html",
+    "hidden_readout_html",
+    "readout_html",
+    "zone",
+    "zone_told",
+]
 
 CAREFUL_BELOW = 0.40
 STOP_BELOW = 0.15
@@ -34,7 +50,11 @@ def zone(reading: Reading) -> str:
         return TORN
     if reading.phase is Phase.TEARING:
         return TEARING
-    distance = reading.check.distance_to_break
+    return distance_zone(reading.check.distance_to_break)
+
+
+def distance_zone(distance: float) -> str:
+    """Return the word for the distance to break of a whole duct."""
     return STOP if distance < STOP_BELOW else CAREFUL if distance < CAREFUL_BELOW else SAFE
 
 
@@ -45,51 +65,57 @@ def zone_told(phase: Phase) -> str:
 
 def readout_html(reading: Reading, state: str = "") -> str:
     """Return the read-out as HTML."""
-    word = zone(reading)
-    colour = COLOURS[word]
-    word = f"{state}: {word.lower()}" if state else word
     check, phase = reading.check, reading.phase
-    distance = max(0.0, check.distance_to_break)
-    used = 100.0 * min(1.0, 1.0 - distance)
     torn = phase is Phase.TORN
-    if torn:
-        used = 100.0
     stressed = 0.0 if torn else 1.0
     normal = stressed * check.normal_stress * KPA_PER_MPA
     bending = stressed * check.bending_stress * KPA_PER_MPA
     event = reading.breaks_at
     breaks_at = "never" if event is None else f"{event.force:.6g}"
-    big = (
-        "torn"
-        if torn
-        else f"{100.0 * distance:.0f}<span style='font-size:18px;font-weight:500'> %</span>"
-    )
     rows = "".join(
         (
-            _cell(term("Force F", FORCE), figure(reading.force), "N"),
-            _cell(term("Deflection", DEFLECTION), figure(reading.deflection), "mm"),
-            _cell(
+            cell(term("Force F", FORCE), figure(reading.force), "N"),
+            cell(term("Deflection", DEFLECTION), figure(reading.deflection), "mm"),
+            cell(
                 term("Broke at" if torn else "Breaks at", BREAKS),
                 figure(event.force if event else None),
                 "N",
             ),
-            _cell(term("Normal stress", NORMAL), figure(normal), "kPa"),
-            _cell(term("Bending stress", BENDING), figure(bending), "kPa"),
-            _cell(
+            cell(term("Normal stress", NORMAL), figure(normal), "kPa"),
+            cell(term("Bending stress", BENDING), figure(bending), "kPa"),
+            cell(
                 term("Threshold T", THRESHOLD),
                 figure(check.threshold * KPA_PER_MPA),
                 "kPa",
             ),
         )
     )
-    label = f"Distance to break {'none, the duct is torn' if torn else f'{100 * distance:.0f} %'}"
     return (
         f"<div data-testid='readout' data-phase='{phase.value}' data-force-n='{reading.force:.6g}'"
         f" data-deflection-mm='{reading.deflection:.6g}' data-normal-stress-kpa='{normal:.6g}'"
         f" data-bending-stress-kpa='{bending:.6g}'"
         f" data-threshold-kpa='{check.threshold * KPA_PER_MPA:.6g}'"
         f" data-distance-to-break='{0.0 if torn else check.distance_to_break:.6g}'"
-        f" data-breaks-at-n='{breaks_at}' role='group' aria-label='{label}'"
+        f" data-breaks-at-n='{breaks_at}'"
+        f"{distance_html(None if torn else check.distance_to_break, zone(reading), state)}"
+        f"{cells_html(rows)}</div>"
+    )
+
+
+def distance_html(distance: float | None, word: str, state: str = "", mark: str = "") -> str:
+    """Return a read-out's head, from within its first `<div`; a torn duct has no distance."""
+    colour = COLOURS[word]
+    word = f"{state}: {word.lower()}" if state else word
+    left = 0.0 if distance is None else max(0.0, distance)
+    figure = f"{100.0 * left:.0f}"
+    big = (
+        "torn"
+        if distance is None
+        else f"{figure}<span style='font-size:18px;font-weight:500'> %</span>"
+    )
+    label = "none, the duct is torn" if distance is None else f"{figure} %"
+    return (
+        f" role='group' aria-label='Distance to break {label}'"
         " style='padding:8px 14px 2px;font-variant-numeric:tabular-nums'>"
         "<div style='display:flex;align-items:flex-end;justify-content:space-between'><div>"
         "<div style='font-size:11px;opacity:.75'>"
@@ -98,9 +124,15 @@ def readout_html(reading: Reading, state: str = "") -> str:
         f"color:{colour}'>{big}</div></div>"
         f"<div style='border:1px solid {colour};color:{colour};border-radius:99px;"
         f"padding:2px 12px;font-weight:600;font-size:13px;margin-bottom:6px'>{word}</div></div>"
-        f"{_bar(used)}"
+        f"{_bar(100.0 * min(1.0, 1.0 - left), mark)}"
+    )
+
+
+def cells_html(cells: str) -> str:
+    """Return the figures of a read-out in three columns, as HTML."""
+    return (
         "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
-        f"{rows}</div></div>"
+        f"{cells}</div>"
     )
 
 
@@ -132,8 +164,13 @@ def duct_html(session: Session, *, figures: bool) -> str:
 
 def hidden_readout_html(phase: Phase) -> str:
     """Return the HTML in the read-out's place while its figures are hidden."""
+    return hidden_html(phase.value)
+
+
+def hidden_html(phase: str) -> str:
+    """Return the HTML in a read-out's place while its figures are hidden."""
     return (
-        f"<div data-testid='readout' data-phase='{phase.value}' data-hidden='1'"
+        f"<div data-testid='readout' data-phase='{phase}' data-hidden='1'"
         " style='padding:8px 14px 2px'><div style='font-size:11px;opacity:.75'>"
         f"{term('Distance to break', DISTANCE)}</div>"
         "<div style='font-size:38px;line-height:1.05;font-weight:700;opacity:.35'>–</div>"
@@ -142,13 +179,13 @@ def hidden_readout_html(phase: Phase) -> str:
     )
 
 
-def _bar(used: float) -> str:
-    """Return the three-zone bar with its mark at the used part, %."""
+def _bar(used: float, mark: str) -> str:
+    """Return the three-zone bar with its pointer at the used part, %, and a further mark."""
     careful, stop = 100.0 * (1.0 - CAREFUL_BELOW), 100.0 * (1.0 - STOP_BELOW)
     return (
         "<div style='position:relative;height:10px;border-radius:5px;margin:8px 0 4px;"
         f"background:linear-gradient(90deg,#1f6f55 0 {careful:.0f}%,#8a6318 {careful:.0f}%"
-        f" {stop:.0f}%,#8c2c26 {stop:.0f}%)'><div style='position:absolute;"
+        f" {stop:.0f}%,#8c2c26 {stop:.0f}%)'>{mark}<div style='position:absolute;"
         f"left:calc({used:.1f}% - 2px);top:-4px;width:4px;height:18px;border-radius:2px;"
         "background:#fff;box-shadow:0 0 0 1px #000'></div></div>"
         "<div style='display:flex;font-size:10px;opacity:.7;justify-content:space-between'>"
@@ -156,7 +193,8 @@ def _bar(used: float) -> str:
     )
 
 
-def _cell(name: str, value: str, unit: str) -> str:
+def cell(name: str, value: str, unit: str) -> str:
+    """Return one figure of a read-out, as HTML."""
     return (
         f"<div><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"
         f"<div style='font-size:16px;font-weight:600;white-space:nowrap'>{value}"

@@ -1,19 +1,21 @@
 """Replay: a run replayed in the picture, with a slider over its time."""
 
 from collections.abc import Callable
+from typing import Any
 
 import viser
 
-from app.simulation import RunFile, read_run, run_json
+from app.simulation import RunFile, run_json
+from app.simulation.bed import DissectionFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
-from app.trainer.panel.result_page import run_csv, run_name
+from app.trainer.panel.result_page import run_name
 
 __all__ = ["ReplayTab"]
 
 _TELLING = (
     "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
-    "pull after a reset; <code>bluntdissect replay run.json</code> prints its measures."
+    "input after a reset; <code>bluntdissect replay run.json</code> prints its measures."
 )
 STEP = 0.01
 """Step of the time slider, s."""
@@ -22,7 +24,7 @@ STEP = 0.01
 class ReplayTab:
     """The tab of replays."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState[Any, Any]) -> None:
         self._state = state
         self._time = gui.add_slider(
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
@@ -59,9 +61,9 @@ class ReplayTab:
         @self._open.on_upload
         def _(_: object) -> None:
             content = self._open.value.content
-            self.replay(lambda: read_run(content))
+            self.replay(lambda: state.read_run(content))
 
-    def replay(self, read: Callable[[], RunFile]) -> None:
+    def replay(self, read: Callable[[], RunFile | DissectionFile]) -> None:
         """Replay a run, or say why that is not possible."""
         start = self._state.start_replay
         self._state.attempt("Making the run again.", lambda: start(read()))
@@ -106,17 +108,17 @@ class ReplayTab:
         if run is not None:
             self.replay(lambda: run)
 
-    def _run(self) -> RunFile | None:
+    def _run(self) -> RunFile | DissectionFile | None:
         """Return the run in progress, or the last one."""
         if self._state.session.run.started:
-            return self._state.session.run_file()
+            return self._state.run_so_far()
         return self._state.last_run
 
     def _download(self, kind: str) -> None:
         run = self._run()
         if run is None:
             return
-        content = run_json(run) if kind == "json" else run_csv(run, self._state)
+        content = run_json(run) if kind == "json" else self._state.run_csv(run)
         self._state.client.send_file_download(
             f"{run_name(run)}.{kind}", content, save_immediately=True
         )

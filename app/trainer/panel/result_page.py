@@ -13,21 +13,20 @@ from app.simulation import (
     Measures,
     Replay,
     RunFile,
-    Series,
     do_exercise,
     run_json,
     series_csv,
 )
-from app.trainer.client.client_state import ClientState
+from app.simulation.bed import DissectionFile
+from app.trainer.client.client_state import FEW
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 
-__all__ = ["ResultPage", "run_csv", "run_name"]
+__all__ = ["ResultPage", "run_name"]
 
-FEW = 300
-"""Vertices of the skin of a duct that is replayed for its numbers only."""
 TRIES_BESIDE = 2
 """Earlier tries shown beside a result."""
 _BESIDE = (
@@ -37,12 +36,7 @@ _BESIDE = (
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _series(run: RunFile, state: ClientState) -> Series:
-    organ = state.session.duct.dissection.organ
-    return Replay(run.log, organ, vertices=FEW).series()
-
-
-def _expert(run: RunFile, state: ClientState) -> Measures | None:
+def _expert(run: RunFile, state: PullState) -> Measures | None:
     """Return the measures of a careful scripted hand in the same exercise; None for free pulls."""
     if run.log.exercise is None:
         return None
@@ -54,7 +48,7 @@ def _expert(run: RunFile, state: ClientState) -> Measures | None:
     return session.measures()
 
 
-def _beside(run: RunFile, state: ClientState) -> dict[str, Measures]:
+def _beside(run: RunFile, state: PullState) -> dict[str, Measures]:
     """Return the runs shown beside a result: the last tries, newest first, and the expert."""
     tries = state.session.earlier_tries(run)
     found = {
@@ -65,15 +59,11 @@ def _beside(run: RunFile, state: ClientState) -> dict[str, Measures]:
     return found if expert is None else {**found, "expert": expert}
 
 
-def run_csv(run: RunFile, state: ClientState) -> bytes:
-    """Return a run tick by tick, as comma-separated values."""
-    return series_csv(_series(run, state)).encode()
-
-
-def run_name(run: RunFile) -> str:
-    """Return a name for a run's files: its exercise, or "pull", and the time now."""
+def run_name(run: RunFile | DissectionFile) -> str:
+    """Return a name for a run's files: its exercise, or what it was, and the time now."""
     exercise = run.log.exercise
-    what = "pull" if exercise is None else exercise.title.lower().replace(" ", "-")
+    free = "pull" if isinstance(run, RunFile) else "dissection"
+    what = free if exercise is None else exercise.title.lower().replace(" ", "-")
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
@@ -86,7 +76,7 @@ class ResultPage:
 
     def __init__(
         self,
-        state: ClientState,
+        state: PullState,
         run: RunFile,
         *,
         again: Callable[[], object] | None,
@@ -94,7 +84,7 @@ class ResultPage:
     ) -> None:
         gui, client = state.client.gui, state.client
         self._gui = gui
-        series = _series(run, state)
+        series = state.replay_of(run, vertices=FEW).series()
         exercise = run.log.exercise
         title = "Free pull" if exercise is None else exercise.title
         beside = _beside(run, state)

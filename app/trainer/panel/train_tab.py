@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.simulation import Phase, Reading
-from app.trainer.client.client_state import HAND_ONLY, ClientState
+from app.trainer.client.pull_state import HAND_ONLY, PullState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.pull_plot import PullPlot
 from app.trainer.viser_bridge import set_arrow_step
@@ -18,7 +18,7 @@ ARROW = 0.01
 class TrainTab:
     """The tab that the page opens on."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
         session = state.session
         self._scale = 0.0

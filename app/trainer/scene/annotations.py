@@ -37,7 +37,7 @@ class Annotations:
         dissection, whole = session.duct.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
             if dissection is not self._dissection:
-                self._remove()
+                self.remove()
                 self._dissection = dissection
                 organ = dissection.organ
                 self._radius = organ.mean_radius
@@ -120,7 +120,8 @@ class Annotations:
             self._nodes += self._first - aside
             self._chain.show(self._nodes)
 
-    def _remove(self) -> None:
+    def remove(self) -> None:
+        """Remove all annotations from the scene."""
         for aid in (self._arrow, self._goal, self._overlay, self._ghost, self._chain):
             if aid is not None:
                 aid.remove()

@@ -4,9 +4,10 @@ The duct itself is sent again at every frame, so viser cannot pick it. A coarse,
 inside it follows it instead, and others are about the instruments.
 """
 
+import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import viser
@@ -20,6 +21,8 @@ __all__ = ["DragProxy", "Hold"]
 RINGS, SIDES = 25, 8
 SLACK = 1.0
 """mm that the duct moves before its tube is sent again: less than anybody can aim."""
+SWITCH_SECONDS = 0.25
+"""s after the end of a drag in which another with Shift, or without it, goes on with it."""
 SHRUNK = 0.9
 """The tube's radius over the duct's: inside it, the tube covers nothing, but can be picked. The
 page also accepts a press some pixels beside it (`viser_bridge`)."""
@@ -99,6 +102,8 @@ class DragProxy:
         self._tubes: list[_Tube] = []
         self._instruments: dict[str, viser.MeshHandle] = {}
         self._hold: Hold | None = None
+        self._depth = False  # whether the last drag was one into the picture
+        self._ending: asyncio.TimerHandle | None = None
         self._frame, self._origin = np.eye(3), np.zeros(3)
 
     def set_duct(
@@ -154,24 +159,78 @@ class DragProxy:
         mesh: viser.MeshHandle,
         start: Callable[[NDArray[np.float64], NDArray[np.float64]], Hold],
     ) -> None:
-        @mesh.on_drag("left", modifier=None)
+        self._lead(mesh, start, button="left", modifier=None)
+        if self._in_screen:
+            self._lead(mesh, start, button="left", modifier="shift", depth=True)
+            self._lead(mesh, start, button="right", modifier=None, depth=True)
+
+    def _lead(
+        self,
+        mesh: viser.MeshHandle,
+        start: Callable[[NDArray[np.float64], NDArray[np.float64]], Hold],
+        *,
+        button: Literal["left", "right"],
+        modifier: Literal["shift"] | None,
+        depth: bool = False,
+    ) -> None:
+        """Let a button lead what it takes of a mesh; with `depth`, up is into the picture."""
+        # viser ends a drag when Shift is pressed or released within it, and starts another one a
+        # moment later: that one goes on with what is held, from where it was.
+        begun = at = np.zeros(3)
+
+        @mesh.on_drag(button, modifier=modifier)
         async def _(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            nonlocal begun, at
             hand = np.asarray(event.end_position, np.float64)
             if not np.isfinite(hand).all():
                 return
             if event.phase == "start":
+                going_on = self._hold if self._ending is not None and depth != self._depth else None
+                self._end_now(released=going_on is None)
+                self._depth = depth
                 grip = self._organ_place(np.asarray(event.start_position, np.float64))
-                self._hold = start(grip, self._place_of(hand, grip))
+                begun, at = self._organ_place(hand), grip
+                if going_on is not None:
+                    at = going_on.place
+                    return
+                place = grip if depth else self._place_of(hand, grip)
+                self._hold = start(grip, place)
+                at = at if depth else place
                 self._grabbed(self._hold)
             elif self._hold is not None:
                 held = self._hold
-                place = self._place_of(hand, held.start)
-                self._hold = replace(held, place=place)
-                if event.phase == "end":
-                    self._hold = None
-                    self._released()
+                if self._in_screen:
+                    moved = self._organ_place(hand) - begun
+                    place = at + (self._into_picture(moved) if depth else moved)
                 else:
+                    place = self._place_of(hand, held.start)
+                self._hold = replace(held, place=place)
+                if event.phase != "end":
                     self._moved(self._hold)
+                elif self._in_screen:
+                    self._ending = asyncio.get_running_loop().call_later(
+                        SWITCH_SECONDS, self._end_now
+                    )
+                else:
+                    self._end_now()
+
+    def _end_now(self, *, released: bool = True) -> None:
+        """Release what is held, if a drag of it has ended; or let another drag go on with it."""
+        if self._ending is not None:
+            self._ending.cancel()
+            self._ending = None
+        if released and self._hold is not None:
+            self._hold = None
+            self._released()
+
+    def _into_picture(self, moved: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the way into the picture, across the duct, for one up in the screen's plane."""
+        up, lateral = self._frame[:, 2], self._frame[:, 1]
+        eye = self._client.camera
+        sight = self._frame @ (np.asarray(eye.look_at) - np.asarray(eye.position))
+        above = up - sight * (up @ sight) / (sight @ sight)
+        size = float(np.linalg.norm(above))
+        return lateral * (float(moved @ above) / size if size > _LEAST_FACING else 0.0)
 
     def _organ_place(self, stage_place: NDArray[np.float64]) -> NDArray[np.float64]:
         return self._origin + self._frame @ stage_place

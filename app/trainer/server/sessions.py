@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
-
-from app.simulation import Session
+from typing import Generic, TypeVar
 
 __all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
 
@@ -20,22 +19,25 @@ class SessionsFullError(ValueError):
     """The largest number of sessions is in use."""
 
 
+Kept = TypeVar("Kept")
+
+
 @dataclass(slots=True)
-class _Kept:
-    session: Session
+class _Kept(Generic[Kept]):
+    session: Kept
     left_at: float | None = None
 
 
-class Sessions:
+class Sessions(Generic[Kept]):
     """The sessions of all clients, each under a token that only its client knows.
 
-    `make` makes a new session. There are `most` at most; one that was left is kept for
+    `make` makes what a new client has. There are `most` at most; one that was left is kept for
     `kept_seconds`, or until its place is needed. `clock` gives the time, s.
     """
 
     def __init__(
         self,
-        make: Callable[[], Session],
+        make: Callable[[], Kept],
         *,
         most: int = MOST_SESSIONS,
         kept_seconds: float = KEPT_SECONDS,
@@ -44,7 +46,7 @@ class Sessions:
         self._make, self._clock = make, clock
         self._most, self._kept_seconds = most, kept_seconds
         self._lock = Lock()
-        self._kept: dict[str, _Kept | None] = {}
+        self._kept: dict[str, _Kept[Kept] | None] = {}
 
     def __len__(self) -> int:
         with self._lock:
@@ -55,7 +57,7 @@ class Sessions:
             self._expire()
             return token in self._kept
 
-    def claim(self, token: str | None = None) -> tuple[str, Session]:
+    def claim(self, token: str | None = None) -> tuple[str, Kept]:
         """Return the session that a client left, or a new one."""
         with self._lock:
             self._expire()

@@ -12,9 +12,11 @@ import viser
 
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
-from app.simulation import TICK_SECONDS, Dissection, ExerciseInputs, Preset, Session, default_preset
-from app.trainer.client.client_state import ClientState, Workers, explained
+from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session
+from app.trainer.client.client_state import MODES, Mode, Workers, explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
+from app.trainer.client.practice import Practice
+from app.trainer.client.pull_state import PullState
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.bounds import Bounds, Connections, PageConnection, socket_options
 from app.trainer.server.client_view import ClientView
@@ -22,10 +24,11 @@ from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
 from app.trainer.server.guard import Guard
 from app.trainer.server.sessions import Sessions, SessionsFullError
-from app.trainer.server.warm_up import WarmUp, warm_session
+from app.trainer.server.warm_up import WarmUp
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import (
+    asked_by_address,
     close_page,
     kept_by_tab,
     page_of,
@@ -74,6 +77,9 @@ class Trainer:
         What the link must have; made when None, where the address is not loopback.
     port
         Port to serve; 0 takes a free one.
+    mode
+        What a page opens on, if its address does not say `?mode=`; None for "dissect", or "pull"
+        where there is a device, which holds the hook of a pull.
     look
         "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
     bounds
@@ -114,6 +120,7 @@ class Trainer:
         host: str = "127.0.0.1",
         token: str | None = None,
         port: int,
+        mode: Mode | None = None,
         look: LookChoice = "full",
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
@@ -125,17 +132,17 @@ class Trainer:
         self.connections = Connections(bounds, self._tell_refusal)
         self._guard = Guard(host, token, self.connections)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
-        self._organ, self._host = organ, host
+        self._host = host
+        self._mode: Mode = mode or ("dissect" if haptics is None else "pull")
         self._look: LookChoice = look
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
-        self._kept = Sessions(lambda: Session(organ, preset), most=bounds.most_clients)
+        self._kept = Sessions(lambda: Practice(organ, preset), most=bounds.most_clients)
         self._workers = Workers(build_process=build_process or BuildProcess())
         self._stopping = threading.Event()
         self._ticked = time.monotonic()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()
-        warm_session(organ, preset)
         self._guard.healthy = self._goes_on
         if metrics:
             from app.trainer.server.metrics import trainer_metrics
@@ -149,6 +156,7 @@ class Trainer:
             except ValueError:
                 self._server.stop()
                 raise
+        self.warm_up = WarmUp(organ, preset, "plain" if look == "plain" else "full", self._mode)
         # What "reset view" goes to; each client's own camera is set when its scene is drawn.
         overview = viewpoint(organ.length, organ.mean_radius, 1.3)
         camera = self._server.initial_camera
@@ -165,10 +173,6 @@ class Trainer:
         self._expiry = time.monotonic() + EXPIRY_SECONDS
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
-        self.warm_up = WarmUp(
-            Dissection.of(organ, preset or default_preset(organ)),
-            "plain" if look == "plain" else "full",
-        )
 
     @property
     def port(self) -> int:
@@ -189,9 +193,10 @@ class Trainer:
 
     @property
     def sessions(self) -> dict[int, Session]:
-        """The sessions by client number."""
+        """The sessions of the pages that show a pull, by client number."""
         with self._views_lock:
-            return {number: view.session for number, view in self._views.items()}
+            views = list(self._views.items())
+        return {number: view.session for number, view in views if isinstance(view.session, Session)}
 
     @property
     def frames(self) -> dict[int, int]:
@@ -227,14 +232,23 @@ class Trainer:
                 prepare_page(client)
                 before = kept_by_tab(client)
                 lost = before is not None and before not in self._kept
-                token, session = self._kept.claim(before)
+                token, practice = self._kept.claim(before)
                 tab_keeps(client, token)
-                state = ClientState(client, session, self._workers, self._exercise_inputs)
-                view = ClientView(state, self._look)
+                if practice.mode is None:
+                    asked = asked_by_address(client, "mode")
+                    practice.mode = asked if asked in MODES else self._mode
+                view = ClientView(
+                    client,
+                    practice,
+                    self._workers,
+                    self._look,
+                    exercise_inputs=self._exercise_inputs,
+                    ready=self.warm_up.wait,
+                )
                 if lost:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):
-                    show_first_minute(client)
+                    show_first_minute(client, view.mode)
         except TimeoutError:
             close_page(self._server, number, "a page that does not answer")
             return
@@ -301,7 +315,9 @@ class Trainer:
             views = list(self._views.items())
         self._budget.begin_tick(self.timer.load)
         if self._hand is not None:
-            self._attend(self._hand, views[0][1] if views else None)
+            states = (view.state for _, view in views)
+            pulls = (state for state in states if isinstance(state, PullState))
+            self._attend(self._hand, next(pulls, None))
         for place, (number, view) in enumerate(views):
             try:
                 view.tick(seconds, draws=self._budget.draws(place))
@@ -319,10 +335,10 @@ class Trainer:
         if there:
             self._tell_fault(view.client)
 
-    def _attend(self, hand: HapticHand, view: ClientView | None) -> None:
-        """Let the hand on the device lead the first page."""
+    def _attend(self, hand: HapticHand, state: PullState | None) -> None:
+        """Let the hand on the device lead the first page that shows a pull."""
         try:
-            hand.attend(None if view is None else view.state)
+            hand.attend(state)
         except Exception:
             log.exception("the hand on the device has stopped")
             self._hand = None

@@ -1,9 +1,8 @@
 """Warm-up: kernels are compiled and static meshes made before they are needed.
 
-What a session needs of the theory that it starts with is compiled before the first page is served,
-so that no tick of the clock compiles. A thread then makes the static meshes and compiles the other
-theories. This takes half a minute on a first start, and a client that chooses one of them meanwhile
-is told to wait. Later starts load them from numba's cache.
+A thread compiles what the mode that pages open on needs, then makes the static meshes, and then
+compiles what the other mode and the other theories need. This takes a minute on a first start, and
+a client that is faster is told to wait. Later starts load all from numba's cache.
 """
 
 import threading
@@ -11,8 +10,16 @@ import threading
 import numpy as np
 import viser
 
-from app.simulation import THESIS_PRESET, Dissection, Preset, Session, preset_named
+from app.simulation import (
+    THESIS_PRESET,
+    Dissection,
+    Preset,
+    Session,
+    default_preset,
+    preset_named,
+)
 from app.simulation.bed import BedSession
+from app.trainer.client.client_state import MODES, Mode
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
@@ -25,6 +32,9 @@ from organ_geometry import Organ
 from physics import Cubic
 
 __all__ = ["ICONS", "WarmUp", "warm_bed", "warm_session"]
+
+MOST_LIFT = 40.0
+"""mm by which a duct is lifted that is to tear."""
 
 ICONS = (
     viser.Icon.ARROW_BACK_UP,
@@ -67,39 +77,78 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
 
 
 def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
-    """Compile, or load, what a duct in its bed and its drawing need."""
+    """Compile, or load, what a session in a bed and its drawing need, until the duct is torn."""
     session = BedSession(organ, preset)
+    _warm_drawing(session)
     session.grab(0, 0.5 * session.duct.dissection.beam.span)
     session.choose_instrument(1, "dissector")
+    session.open_jaws(1, 1.0)
     session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 1.0, 2.0]))
     session.advance(5)
     skin, dissection = session.drawn.skin, session.duct.dissection
     session.stress(np.empty(len(skin.vertices), np.float32))
+    session.duct.freed_at(skin.stations)
     axis = dissection.organ.axis_at(skin.stations)
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, dissection.organ.mean_radius)
     contact.mark(session.drawn.surfaces[0].vertices)
     contact.press_rods(session.duct.beam.state.rods, dissection.axis_point(0.0))
     write_strands(session.duct.beam)
     session.reading()
+    while session.duct.torn is None and session.duct.hands[0].place[2] < MOST_LIFT:
+        session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 5.0]))
+        session.advance()
+    session.advance(3)
+    _write_stress(session)
 
 
 class WarmUp:
-    """A thread that makes the static meshes and compiles the theories, and then ends."""
+    """A thread that makes ready what clients need, and then ends.
 
-    def __init__(self, dissection: Dissection, look: Look) -> None:
-        self.done = threading.Event()  # set when all is ready
-        self._dissection = dissection
+    `mode` is made ready first. `done` is set when all is ready.
+    """
+
+    def __init__(
+        self, organ: Organ, preset: Preset | None, look: Look, mode: Mode = "dissect"
+    ) -> None:
+        self.done = threading.Event()
+        self._organ, self._preset = organ, preset
+        self._mode: Mode = mode
         self._look: Look = look
+        self._ready = {each: threading.Event() for each in MODES}
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="warm-up", daemon=True)
         self._thread.start()
 
+    def wait(self, mode: Mode) -> None:
+        """Wait until a mode is ready."""
+        self._ready[mode].wait()
+
     def stop(self) -> None:
-        """End the thread after the theory that it is compiling, without waiting for it."""
+        """End the thread after what it is compiling, without waiting for it."""
         self._stopping = True
+        for ready in self._ready.values():
+            ready.set()
 
     def _run(self) -> None:
-        look, radius = appearance_of(self._dissection.preset), drawn_radius(self._dissection)
+        try:
+            self._warm(self._mode)
+            self._make_static()
+            if not self._stopping:
+                self._warm("pull" if self._mode == "dissect" else "dissect")
+        finally:  # after a fault a client meets it where it can be told
+            for ready in self._ready.values():
+                ready.set()
+        self._warm_theories()
+
+    def _warm(self, mode: Mode) -> None:
+        """Compile what a mode needs."""
+        (warm_session if mode == "pull" else warm_bed)(self._organ, self._preset)
+        self._ready[mode].set()
+
+    def _make_static(self) -> None:
+        """Make the meshes and textures of the stage, and read the panel's icons."""
+        dissection = Dissection.of(self._organ, self._preset or default_preset(self._organ))
+        look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
         stage_files(
             radius=radius,
             look=self._look,
@@ -110,6 +159,9 @@ class WarmUp:
         if self._look == "full":
             wall_texture(look, radius)
         read_icons(ICONS)
+
+    def _warm_theories(self) -> None:
+        """Compile the theories that a pull offers."""
         beam = preset_named(THESIS_PRESET).round_beam()
         middle = 0.5 * beam.span
         for theory in OFFERED_THEORIES.values():
@@ -121,12 +173,12 @@ class WarmUp:
         self.done.set()
 
 
-def _write_stress(session: Session) -> None:
+def _write_stress(session: Session | BedSession) -> None:
     for index, surface in enumerate(session.drawn.surfaces):
         session.stress(np.empty(len(surface.vertices), np.float32), index)
 
 
-def _warm_drawing(session: Session) -> None:
+def _warm_drawing(session: Session | BedSession) -> None:
     dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
     organ, radius = dissection.organ, dissection.organ.mean_radius
     axis = organ.axis_at(skin.stations)

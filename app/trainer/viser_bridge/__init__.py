@@ -6,7 +6,9 @@ test of each that fails with a clear message if another version of viser breaks 
 
 from app.trainer.viser_bridge.page import (
     announce,
+    asked_by_address,
     closer_html,
+    command_number,
     keep_in_sight,
     kept_by_tab,
     letter_keys_on,
@@ -17,6 +19,7 @@ from app.trainer.viser_bridge.page import (
     set_arrow_step,
     set_letter_keys,
     tab_keeps,
+    take_arrows,
     watch_pace,
 )
 from app.trainer.viser_bridge.page_messages import page_message_decoder
@@ -31,8 +34,10 @@ from app.trainer.viser_bridge.recording import recording_page, write_caption
 
 __all__ = [
     "announce",
+    "asked_by_address",
     "close_page",
     "closer_html",
+    "command_number",
     "keep_in_sight",
     "kept_by_tab",
     "letter_keys_on",
@@ -49,6 +54,7 @@ __all__ = [
     "start_server",
     "stop_server",
     "tab_keeps",
+    "take_arrows",
     "watch_pace",
     "write_caption",
 ]

@@ -22,10 +22,11 @@ page.say = words => { said.textContent = words; };
 
 // What this tab keeps for itself.
 page.keep = value => { try { sessionStorage.setItem("bd-kept", value); } catch (error) {} };
-page.showKept = name => {
-  try { localStorage.setItem(STORED + name, sessionStorage.getItem("bd-kept") ?? ""); }
-  catch (error) {}
+const show = (name, value) => {
+  try { localStorage.setItem(STORED + name, value() ?? ""); } catch (error) {}
 };
+page.showKept = name => show(name, () => sessionStorage.getItem("bd-kept"));
+page.showAsked = (name, key) => show(name, () => new URLSearchParams(location.search).get(key));
 
 // A button over the picture; a command of viser's is what it does.
 const home = document.createElement("button");
@@ -37,6 +38,30 @@ page.offerHome = (uuid, label, hint) => {
   home.onclick = () => viewer().sendMessage({type: "CommandTriggerMessage", uuid});
   later(() => viewer()?.canvas2d, () => viewer().canvas2d.parentElement.append(home));
 };
+
+// A button in the panel's HTML that names a command of viser's runs it, and keeps the focus when its
+// HTML is replaced.
+let chosen = null;
+document.addEventListener("click", event => {
+  const uuid = event.target.closest?.("button[data-command]")?.dataset.command;
+  if (!uuid) return;
+  chosen = uuid;
+  viewer().sendMessage({type: "CommandTriggerMessage", uuid});
+});
+document.addEventListener("focusin", event => {
+  if (event.target.dataset?.command !== chosen) chosen = null;
+});
+const keepFocus = () => {
+  if (chosen && document.activeElement === document.body)
+    document.querySelector(`button[data-command="${chosen}"]`)?.focus();
+};
+
+// Arrows that are keys of their own turn no view, but with Ctrl.
+let arrowsTaken = false;
+page.takeArrows = taken => { arrowsTaken = taken; };
+document.documentElement.addEventListener("keydown", event => {
+  if (arrowsTaken && event.key.startsWith("Arrow") && !event.ctrlKey) event.stopPropagation();
+});
 
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
 page.openTab = (label, until = performance.now() + 5000) => {
@@ -290,7 +315,7 @@ const tend = () => {
   }
   const canvas = viewer()?.canvas;
   canvas?.setAttribute("role", "img");
-  name(canvas, "The duct between its clamps, and the hook that pulls it");
+  name(canvas, "The duct between its clamps, and the instruments at it");
 };
 
 // viser's images do not say where they were clicked: the pixel goes into the next text field.
@@ -314,7 +339,7 @@ let due = false;
 new MutationObserver(() => {
   if (due) return;
   due = true;
-  setTimeout(() => { due = false; tend(); }, 100);
+  setTimeout(() => { due = false; tend(); keepFocus(); }, 100);
 }).observe(document.body, {childList: true, subtree: true, attributeFilter: ["aria-disabled"]});
 tend();
 }

@@ -12,7 +12,9 @@ from app.trainer.viser_bridge.private_api import page_number, queue_script
 
 __all__ = [
     "announce",
+    "asked_by_address",
     "closer_html",
+    "command_number",
     "keep_in_sight",
     "kept_by_tab",
     "letter_keys_on",
@@ -23,6 +25,7 @@ __all__ = [
     "set_arrow_step",
     "set_letter_keys",
     "tab_keeps",
+    "take_arrows",
     "watch_pace",
 ]
 
@@ -48,6 +51,16 @@ def prepare_page(client: viser.ClientHandle) -> None:
 def announce(client: viser.ClientHandle, words: str) -> None:
     """Have a screen reader say something, after what it is saying now."""
     _call(client, "say", words)
+
+
+def command_number(command: viser.CommandHandle) -> str:
+    """Return what a button of the panel's HTML has as `data-command` to run a command."""
+    return page_number(command)
+
+
+def take_arrows(client: viser.ClientHandle, taken: bool) -> None:
+    """Let the arrow keys be keys of commands, and turn the view only with Ctrl; or not any more."""
+    _call(client, "takeArrows", taken)
 
 
 def offer_home(
@@ -87,16 +100,12 @@ def keep_in_sight(
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
     """Return the text stored by `tab_keeps`, if any; TimeoutError from a page that is mute."""
-    # viser reads only the browser's storage, which all tabs share. So the script copies the tab's
-    # own value into it for a moment, under a name that no other page knows.
-    name = f"tab-{secrets.token_hex(8)}"
-    _call(client, "showKept", name)
-    try:
-        return client.local_storage.get_item(name, OPENING_SECONDS) or None
-    except RuntimeError:
-        return None
-    finally:
-        client.local_storage.remove_item(name)
+    return _answer(client, "showKept")
+
+
+def asked_by_address(client: viser.ClientHandle, key: str) -> str | None:
+    """Return what a page's address says of a key, as in `/?key=value`; else as `kept_by_tab`."""
+    return _answer(client, "showAsked", key)
 
 
 def tab_keeps(client: viser.ClientHandle, value: str) -> None:
@@ -150,3 +159,17 @@ _VIEWER = (
 def _call(client: viser.ClientHandle, name: str, *arguments: Any) -> None:
     given = ", ".join(json.dumps(each) for each in arguments)
     queue_script(client.gui, f"window.bluntdissect?.{name}({given})")
+
+
+def _answer(client: viser.ClientHandle, name: str, *arguments: Any) -> str | None:
+    """Return the text that a function of the page shows; TimeoutError from a page that is mute."""
+    # viser reads only the browser's storage, which all tabs share. So the script copies the tab's
+    # own value into it for a moment, under a name that no other page knows.
+    place = f"tab-{secrets.token_hex(8)}"
+    _call(client, name, place, *arguments)
+    try:
+        return client.local_storage.get_item(place, OPENING_SECONDS) or None
+    except RuntimeError:
+        return None
+    finally:
+        client.local_storage.remove_item(place)

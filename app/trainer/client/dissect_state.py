@@ -1,0 +1,205 @@
+"""Dissect: a page that shows a duct in its bed, the two hands at it, and its choices."""
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.simulation import VERTICES, Feedback, Preset
+from app.simulation.bed import (
+    HOLDING,
+    INSTRUMENTS,
+    BedExercise,
+    BedSession,
+    DissectionFile,
+    DissectionReplay,
+    Instrument,
+    bed_named,
+    dissection_csv,
+    read_any_run,
+)
+from app.trainer.client.client_state import FEW, ClientState, Workers
+from app.trainer.scene.bed_scene import Colours
+from app.trainer.scene.drag_proxy import Hold
+
+__all__ = ["COLOURS", "NUDGE", "DissectState"]
+
+COLOURS: tuple[Colours, ...] = ("tissue", "stress", "freed")
+NUDGE = 0.5
+"""mm that a key moves the tip, or opens the jaws by."""
+NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
+TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
+
+
+class DissectState(ClientState[BedSession, DissectionFile]):
+    """What the parts of a page share while it shows a duct in its bed.
+
+    `hand` is the number of the active hand, which the mouse on the duct and the keys lead;
+    `colours` the client's choice of what colours the duct.
+    """
+
+    def __init__(self, client: viser.ClientHandle, session: BedSession, workers: Workers) -> None:
+        super().__init__(client, session, workers)
+        self.hand = 0
+        self.colours: Colours = "tissue"
+        self._dragged: int | None = None  # the hand that the mouse leads
+        self._led_from = np.zeros(3)  # where its tip was when the drag began, mm
+        self.keep_run()
+
+    @property
+    def instrument(self) -> Instrument:
+        """What the active hand has."""
+        return self.session.duct.hands[self.hand].instrument
+
+    def show(self, *, colours: Colours | None = None, plain: bool | None = None) -> None:
+        """Choose what is shown; None leaves a choice as it is."""
+        self.colours = self.colours if colours is None else colours
+        super().show(plain=plain)
+
+    def show_next(self) -> None:
+        """Show the next colours."""
+        self.show(colours=COLOURS[(COLOURS.index(self.colours) + 1) % len(COLOURS)])
+
+    # Runs
+
+    def run_so_far(self) -> DissectionFile:
+        """Return the run in progress; a `ValueError` before its start."""
+        return self.session.run_file()
+
+    def read_run(self, content: bytes) -> DissectionFile:
+        """Return the run in a file; a `ValueError` if it is not one of this mode."""
+        run = read_any_run(content)
+        if not isinstance(run, DissectionFile):
+            raise ValueError("This run is a pull. Choose Pull at the top, then open it.")
+        return run
+
+    def replay_of(self, run: DissectionFile, *, vertices: int = VERTICES) -> DissectionReplay:
+        """Return a replay of a run, whose skin has about so many vertices."""
+        return DissectionReplay(run.log, self.session.duct.dissection.organ, vertices=vertices)
+
+    def run_csv(self, run: DissectionFile) -> bytes:
+        """Return a run tick by tick, as comma-separated values."""
+        return dissection_csv(self.replay_of(run, vertices=FEW).series()).encode()
+
+    def start_exercise(self, exercise: BedExercise, feedback: Feedback) -> None:
+        """Start anew with an exercise, in its bed."""
+        self.release_hand()
+        self.keep_run()
+        self.leave_replay()
+        self.session.start_exercise(exercise, feedback)
+        self._begin()
+
+    # Choices
+
+    def choose_hand(self, hand: int) -> None:
+        """Let the mouse and the keys lead this hand."""
+        self.hand = hand
+        self._changed = True
+
+    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
+        self.choose_hand(hand)
+        if self.instrument != instrument:
+            self.session.choose_instrument(hand, instrument)
+
+    def next_instrument(self) -> None:
+        """Give the active hand the next instrument."""
+        following = INSTRUMENTS.index(self.instrument) + 1
+        self.choose_instrument(self.hand, INSTRUMENTS[following % len(INSTRUMENTS)])
+
+    def choose_bed(self, name: str, seed: int) -> None:
+        """Start anew in another bed."""
+        self.release_hand()
+        self.keep_run()
+        self.session.choose_bed(bed_named(name), seed)
+        self._begin()
+
+    def choose_preset(self, preset: Preset) -> None:
+        """Start anew with another duct."""
+        self.release_hand()
+        self.keep_run()
+        self.session.choose_preset(preset)
+        self._begin()
+
+    def reset(self) -> None:
+        """Make the duct and its bed whole, and bring the view home."""
+        self.release_hand()
+        self.keep_run()
+        self.session.reset()
+        self._begin()
+        self.bring_home()
+
+    def _begin(self) -> None:
+        self._paused = False
+        self._changed = True
+
+    # The mouse
+
+    def grab(self, hold: Hold) -> None:
+        """Take the duct with the active hand, or an instrument where it is."""
+        self._dragged = None
+        if self.playback is not None:
+            return
+        if hold.hand is not None:
+            self.choose_hand(hold.hand)
+        holder = self.session.duct.hands[self.hand]
+        self._led_from = holder.place.copy()
+        if hold.station is not None and holder.instrument in HOLDING:
+            place = self._take(hold.station)
+            if place is None:
+                return
+            self._led_from = place
+        self._dragged = self.hand
+        self.move_hand(hold)
+
+    def move_hand(self, hold: Hold) -> None:
+        """Lead the hand that the mouse has."""
+        if self._dragged is not None:
+            self.session.move_hand(self._dragged, self._led_from + hold.moved)
+
+    def release_hand(self) -> None:
+        """Let the mouse go: a hook lets go of the duct, any other instrument stays."""
+        hand, self._dragged = self._dragged, None
+        if hand is not None and self.session.duct.hands[hand].instrument == "hook":
+            self.session.release(hand)
+
+    # The keys
+
+    def nudge(self, way: NDArray[np.float64]) -> None:
+        """Move the active hand's tip, (3,) mm in the duct's frame."""
+        if self._dragged is None:
+            holder = self.session.duct.hands[self.hand]
+            self.session.move_hand(self.hand, holder.target + way)
+
+    def open_jaws(self, opening: float) -> None:
+        """Open or close the active hand's dissector, mm between its jaws."""
+        self.session.open_jaws(self.hand, opening)
+
+    def open_more(self, more: float) -> None:
+        """Open the active hand's dissector by some mm more, or less."""
+        if self.instrument == "dissector":
+            self.open_jaws(self.session.duct.hands[self.hand].target_opening + more)
+        else:
+            self.refuse("Only a dissector opens. Press N for the next instrument.")
+
+    def let_go(self, hand: int) -> None:
+        """Let a hand go of the duct."""
+        if self._dragged == hand:
+            self._dragged = None
+        self.session.release(hand)
+
+    def take_or_let_go(self) -> None:
+        """Let the active hand take the duct below its tip, or let go of what it holds."""
+        holder = self.session.duct.hands[self.hand]
+        if holder.node is not None:
+            self.let_go(self.hand)
+        elif holder.instrument in HOLDING:
+            self._take(float(holder.place[0]))
+        else:
+            self.refuse("Only a hook and a grasper hold. Press N for the next instrument.")
+
+    def _take(self, station: float) -> NDArray[np.float64] | None:
+        """Let the active hand take the duct; say why where it cannot."""
+        place = self.session.grab(self.hand, station)
+        if place is None:
+            self.refuse(NOWHERE if self.session.duct.torn is None else TORN)
+        return place

@@ -1,0 +1,221 @@
+"""Pull: a page that shows a duct without a bed, its choices, and the run that it replays."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.simulation import (
+    VERTICES,
+    Exercise,
+    ExerciseInputs,
+    Feedback,
+    Phase,
+    Replay,
+    RunFile,
+    Session,
+    series_csv,
+)
+from app.simulation.bed import read_any_run
+from app.trainer.client.client_state import FEW, ClientState, Workers
+from app.trainer.scene.drag_proxy import Hold
+from organ_geometry import Organ
+
+__all__ = ["HAND_ONLY", "PullState"]
+
+PAST_BREAK = 1.05
+"""Target of a ramp to the tear, over the force at break."""
+HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
+
+
+class PullState(ClientState[Session, RunFile]):
+    """What the parts of a page share while it shows a duct without a bed.
+
+    `heat` and `overlay` are the client's choices: stress on the surface, the model's points.
+    `exercise_inputs` says which inputs count in exercises.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        session: Session,
+        workers: Workers,
+        exercise_inputs: ExerciseInputs = "hand",
+    ) -> None:
+        super().__init__(client, session, workers)
+        self.exercise_inputs: ExerciseInputs = exercise_inputs
+        self.heat = self.overlay = False
+        self.pulls = 0  # number of changes of the pull that no slider has made
+        self.device: str | None = None  # the haptic device that holds the hook, or None
+        self._device_notice: viser.NotificationHandle | None = None
+        self._held_from: float | None = None
+        self._other_organ: Callable[[], None] | None = None
+        self.keep_run()
+
+    def show(
+        self,
+        *,
+        heat: bool | None = None,
+        overlay: bool | None = None,
+        plain: bool | None = None,
+    ) -> None:
+        """Choose what is shown; None leaves a choice as it is."""
+        self.heat = self.heat if heat is None else heat
+        self.overlay = self.overlay if overlay is None else overlay
+        super().show(plain=plain)
+
+    def run_so_far(self) -> RunFile:
+        """Return the run in progress; a `ValueError` before its start."""
+        return self.session.run_file()
+
+    def read_run(self, content: bytes) -> RunFile:
+        """Return the run in a file; a `ValueError` if it is not one of this mode."""
+        run = read_any_run(content)
+        if not isinstance(run, RunFile):
+            raise ValueError(
+                "This run is a dissection. Choose Dissect at the top, and open it there."
+            )
+        return run
+
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
+        """Return a replay of a run, whose skin has about so many vertices."""
+        return Replay(run.log, self.session.duct.dissection.organ, vertices=vertices)
+
+    def run_csv(self, run: RunFile) -> bytes:
+        """Return a run tick by tick, as comma-separated values."""
+        return series_csv(self.replay_of(run, vertices=FEW).series()).encode()
+
+    def reset(self) -> None:
+        """Make the duct whole and bring the view home; the next pull starts a run."""
+        self._renew()
+        self.pulls += 1
+        self.bring_home()
+
+    def practise_on(self, organ: Organ) -> None:
+        """Ask for another organ; the next `take_organ` starts anew on it."""
+        if self.in_exercise:
+            raise ValueError("An exercise goes on until it is over. Stop it first.")
+        self._other_organ = self.session.prepare_organ(organ)
+
+    def take_organ(self) -> None:
+        """Start anew on the organ asked for, if there is one; called by the thread that draws."""
+        start, self._other_organ = self._other_organ, None
+        if start is None or self.in_exercise:
+            return
+        self.leave_replay()
+        self._held_from = None
+        start()
+        self.last_run = None
+        self.pulls += 1
+        self._paused = False
+        self._changed = True
+
+    def start_exercise(
+        self, exercise: Exercise, feedback: Feedback, grasp: float | None = None
+    ) -> None:
+        """Start anew with an exercise."""
+        self.keep_run()
+        self.leave_replay()
+        self.session.start_exercise(exercise, feedback, grasp, self.exercise_inputs)
+        self.pulls += 1
+        self._paused = False
+        self._changed = True
+
+    def give_hook(self, device: str) -> None:
+        """Give the hook to a device and say so; mouse and sliders cannot pull then."""
+        self.release_hand()
+        self.device = device
+        self._device_notice = self.client.add_notification(
+            "The device holds the hook", f"{device}: pull up to pull the duct.", color="green"
+        )
+
+    def take_hook_back(self, why: str | None) -> None:
+        """Give the hook back to mouse and sliders."""
+        self.device = None
+        if self._device_notice is not None:
+            self._device_notice.remove()
+            self._device_notice = None
+        if why is not None:
+            self.client.add_notification("The device has let go", why, color="yellow")
+
+    def grab_by_device(self) -> bool:
+        """Grab the duct with the device's hand, at the hook; return whether it holds."""
+        self._begin_anew(True)
+        return self.session.grab(self.session.duct.grasp) is not None
+
+    def set_target_force(self, force: float) -> None:
+        """Pull with the slider's force; once a run is over, this starts a new one."""
+        if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
+            renewed = self._begin_anew(force > 0.0)
+            self.session.set_target_force(force)
+            # Counted after the force is set: before, the slider would go back to zero.
+            self.pulls += renewed
+
+    def ramp_to_tear(self) -> None:
+        """Pull at a constant rate until the duct tears."""
+        if self._playback is not None or self._refuses_mouse() or self._refuses_force():
+            return
+        self._begin_anew(True)
+        event = self.session.reading().breaks_at
+        if event is not None:
+            self.session.set_target_force(PAST_BREAK * event.force)
+            self._paused = False
+        self.pulls += 1
+
+    def grab(self, hold: Hold) -> None:
+        """Grab the duct by hand."""
+        if self._playback is not None or self._refuses_mouse():
+            return
+        session = self.session
+        if session.reading().phase is not Phase.INTACT:
+            self.refuse("A torn duct holds no pull. Press Reset (R) for a new one.")
+            return
+        self._begin_anew(True)
+        first = session.duct.dissection.clamps[0]
+        station = session.duct.grasp if hold.station is None else hold.station - first
+        self._held_from = session.grab(station)
+        self.move_hand(hold)
+
+    def move_hand(self, hold: Hold) -> None:
+        """Move the hand that has grabbed the duct."""
+        if self._held_from is not None:
+            along_pull = float(hold.moved @ self.session.duct.dissection.frame[:, 2])
+            self.session.move_hand(self._held_from + along_pull)
+
+    def release_hand(self) -> None:
+        """Release the duct, if a hand holds it."""
+        if self._held_from is not None:
+            self._held_from = None
+            self.release()
+
+    def release(self) -> None:
+        """Release the duct from the hand or the force."""
+        self.session.release()
+        self.pulls += 1
+
+    def _refuses_mouse(self) -> bool:
+        """Return whether a device has the hook; then tell the client so."""
+        if self.device is not None:
+            self.refuse(f"The hand on the device has the hook ({self.device}).")
+            return True
+        return False
+
+    def _refuses_force(self) -> bool:
+        """Return whether only the hand counts now; then tell the client so."""
+        if self.session.run.hand_only:
+            self.refuse(HAND_ONLY)
+            return True
+        return False
+
+    def _renew(self) -> None:
+        self.keep_run()
+        self.session.reset()
+        self._paused = False
+        self._changed = True
+
+    def _begin_anew(self, pulls: bool) -> bool:
+        """Reset for a new run when the last one is over and the duct is still whole."""
+        session = self.session
+        renew = pulls and session.run.over and session.reading().phase is Phase.INTACT
+        if renew:
+            self._renew()
+        return renew

@@ -1,0 +1,93 @@
+"""Dissect: what the hands have, how far the jaws are open, and what colours the duct."""
+
+from functools import partial
+
+import viser
+
+from app.simulation.bed import BedReading, Instrument
+from app.trainer.client.dissect_state import DissectState
+from app.trainer.panel.bed_readout import HANDS
+from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
+from app.trainer.scene.bed_scene import Colours
+
+__all__ = ["HandsTab"]
+
+OFFERED: dict[Instrument, tuple[str, str]] = {
+    "hook": ("Hook", "Takes the duct where you press, and lets go with the mouse"),
+    "grasper": ("Grasper", "Takes the duct where you press, and stays where it is left"),
+    "dissector": ("Dissector", "Two jaws behind the duct that part strands by opening"),
+    "swab": ("Swab", "A soft tip that parts strands by sweeping"),
+}
+COLOURED: dict[Colours, tuple[str, str]] = {
+    "tissue": ("Tissue", "The duct as it looks"),
+    "stress": ("Stress", "Tensile stress at the wall, from none to the threshold"),
+    "freed": ("Freed", "Where the strands about the duct have parted"),
+}
+HOW: dict[Instrument, str] = {
+    "hook": "Press the duct to take it, drag to pull. It lets go with the mouse.",
+    "grasper": "Press the duct to take it, drag to pull. It stays until it is told to let go.",
+    "dissector": "Drag it behind the duct, then open its jaws.",
+    "swab": "Drag it along the side of the duct.",
+}
+MOST_OPENING = 40.0
+
+
+class HandsTab:
+    """The tab that the page opens on."""
+
+    def __init__(self, gui: viser.GuiApi, state: DissectState) -> None:
+        self._state = state
+        self._hands = [
+            Choice(gui, name, OFFERED, partial(state.choose_instrument, hand))
+            for hand, name in enumerate(HANDS)
+        ]
+        self._how = gui.add_html("")
+        self._jaws = gui.add_slider(
+            "Jaws (mm)",
+            min=0.0,
+            max=MOST_OPENING,
+            step=0.5,
+            initial_value=0.0,
+            visible=False,
+            hint="Between the dissector's jaws (O opens, C closes)",
+        )
+        self._colours = Choice(gui, "Colours", COLOURED, lambda value: state.show(colours=value))
+        self._pause = gui.add_button(
+            "Pause (P)", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint="Let time stand still"
+        )
+        self._reset = gui.add_button(
+            "Reset (R)", icon=viser.Icon.REFRESH, hint="Make the duct and its bed whole"
+        )
+        self._release = [
+            gui.add_button(
+                f"{name}: let go",
+                icon=viser.Icon.HAND_GRAB,
+                color="gray",
+                visible=False,
+                hint="Let go of the duct (G)",
+            )
+            for name in HANDS
+        ]
+        on_input(self._jaws, lambda value: state.open_jaws(number(value)))
+        on_click(self._pause, lambda: state.set_paused(not state.paused))
+        on_click(self._reset, state.reset)
+        for hand, button in enumerate(self._release):
+            on_click(button, partial(state.let_go, hand))
+
+    def show(self, reading: BedReading) -> None:
+        """Show a reading."""
+        state = self._state
+        hands = state.session.duct.hands
+        for number_, (choice, hand) in enumerate(zip(self._hands, hands, strict=True)):
+            choice.show(hand.instrument, active=number_ == state.hand)
+        holder = hands[state.hand]
+        set_if_changed(
+            self._how, content=note(f"<b>{HANDS[state.hand]}.</b> {HOW[holder.instrument]}", "how")
+        )
+        set_if_changed(self._jaws, visible=holder.instrument == "dissector")
+        if self._jaws.value != holder.target_opening:
+            self._jaws.value = holder.target_opening
+        for button, held in zip(self._release, reading.held, strict=True):
+            set_if_changed(button, visible=held)
+        self._colours.show(state.colours)
+        set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")

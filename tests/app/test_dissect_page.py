@@ -1,0 +1,305 @@
+"""A duct in its bed in a real browser: hands, read-out, tear, bed, and the page's two modes."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from browser import TrainerPage, newest, newest_dissection, trainer_page
+from playwright.sync_api import Browser, expect
+from simulated import phantom
+
+from app.simulation.bed import BedSession, Hand, bed_named
+from app.trainer.client.dissect_state import NUDGE
+from app.trainer.server.dissect_view import DissectView
+from app.trainer.server.trainer import Trainer
+from app.trainer.stage.camera import Viewpoint
+
+
+@pytest.fixture(scope="module")
+def dissections() -> Iterator[Trainer]:
+    """A trainer as it starts by itself, in the plain look."""
+    running = Trainer(phantom(), port=0, look="plain")
+    running.warm_up.wait("dissect")
+    yield running
+    running.stop()
+
+
+def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float, float]:
+    """Where a place of the duct's frame is in the window, px."""
+    canvas = tab.page.locator("canvas[data-engine]").bounding_box()
+    assert canvas is not None
+    camera = view.client.camera
+    seen = Viewpoint(camera.position, camera.look_at, camera.up_direction, camera.fov)
+    aspect = canvas["width"] / canvas["height"]
+    right, up = seen.picture_points(place[None], aspect)[0]
+    return (
+        canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
+        canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
+    )
+
+
+def drag(tab: TrainerPage, view: DissectView, place: np.ndarray, way: tuple[float, float]) -> None:
+    """Press at a place of the duct's frame and move the mouse by pixels, without letting go."""
+    tab.wait_for_node("grip")
+    tab.page.wait_for_timeout(1000)
+    start = pixel(tab, view, place)
+    mouse = tab.page.mouse
+    mouse.move(*start)
+    tab.page.wait_for_timeout(300)
+    mouse.down()
+    for step in range(1, 9):
+        mouse.move(start[0] + way[0] * step / 8, start[1] + way[1] * step / 8)
+        tab.page.wait_for_timeout(60)
+
+
+def still(session: BedSession) -> bool:
+    """Whether both hands are where they are wanted and nothing yields any more."""
+    return not session.advance(0) and all(hand.arrived for hand in session.duct.hands)
+
+
+def aside(view: DissectView, station: float) -> np.ndarray:
+    """A place of the duct's wall that the viewer sees and no instrument covers."""
+    radius = view.session.duct.dissection.organ.mean_radius
+    return np.array([station, -0.7 * radius, 0.0])
+
+
+def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session = view.session
+        drag(tab, view, aside(view, 15.0), (0.0, -110.0))
+        tab.wait_until(lambda: session.reading().parted > 20)
+        assert session.reading().held == (True, False)
+        node = session.duct.hands[0].node
+        assert session.duct.beam.stations[node] == pytest.approx(15.0, abs=1.5)
+        tab.page.wait_for_timeout(1200)
+        reading = session.reading()
+        assert reading.torn_at is None
+        shown = {
+            "distance-to-break": reading.distance_to_break,
+            "freed-mm": reading.freed,
+            "parted": reading.parted,
+            "peak": reading.peak_share,
+            "worst-mm": reading.station,
+            "force-left-n": np.linalg.norm(reading.forces[0]),
+            "force-right-n": 0.0,
+            "into-strands-mj": reading.books.dissipated,
+            "work-mj": reading.books.work,
+        }
+        for name, value in shown.items():
+            assert tab.figure(name) == pytest.approx(value, rel=1e-4, abs=1e-9), name
+        assert reading.forces[0][2] > 0.1
+        expect(tab.readout).to_contain_text(f"of {reading.strands}")
+
+        # The hook lets go with the mouse; what has parted stays parted.
+        tab.page.mouse.up()
+        tab.wait_until(lambda: session.reading().held == (False, False))
+        tab.wait_until(lambda: session.reading().stress_share < 0.3)
+        assert session.reading().parted >= reading.parted
+        assert session.reading().peak_share >= reading.peak_share
+
+
+def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session, page = view.session, tab.page
+        page.keyboard.press("x")  # the right hand, which has a grasper
+        tab.wait_until(lambda: view.state.hand == 1)
+        drag(tab, view, aside(view, 36.0), (0.0, -60.0))
+        tab.wait_until(lambda: session.reading().forces[1][2] > 0.1)
+        page.mouse.up()
+        page.wait_for_timeout(800)
+        assert session.reading().held == (False, True)
+        left = session.duct.hands[1].place.copy()
+        assert left[2] > 1.0
+        # The other hand works meanwhile.
+        page.keyboard.press("x")
+        tab.wait_until(lambda: view.state.hand == 0)
+        drag(tab, view, aside(view, 12.0), (0.0, -50.0))
+        tab.wait_until(lambda: session.reading().held == (True, True))
+        page.mouse.up()
+        tab.wait_until(lambda: session.reading().held == (False, True))
+        np.testing.assert_array_equal(session.duct.hands[1].place, left)
+        tab.press("Right hand: let go")
+        tab.wait_until(lambda: session.reading().held == (False, False))
+
+
+def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session, keyboard = view.session, tab.page.keyboard
+        camera = view.client.camera.position.copy()
+
+        def hand() -> Hand:
+            return session.duct.hands[0]
+
+        before = hand().target.copy()
+        for key, times in (("ArrowRight", 3), ("ArrowUp", 2), ("Shift+ArrowUp", 4)):
+            for _ in range(times):
+                keyboard.press(key)
+        wanted = before + NUDGE * np.array([3.0, 4.0, 2.0])
+        tab.wait_until(lambda: np.allclose(hand().target, wanted))
+        keyboard.press("ArrowLeft")
+        keyboard.press("ArrowDown")
+        keyboard.press("Shift+ArrowDown")
+        tab.wait_until(lambda: np.allclose(hand().target, wanted - NUDGE))
+        np.testing.assert_allclose(view.client.camera.position, camera)
+
+        keyboard.press("g")
+        tab.wait_until(lambda: session.reading().held[0])
+        keyboard.press("g")
+        tab.wait_until(lambda: not session.reading().held[0])
+
+        keyboard.press("o")
+        expect(tab.page.get_by_text("Only a dissector opens")).to_be_visible()
+        for _ in range(2):
+            keyboard.press("n")
+        tab.wait_until(lambda: session.duct.hands[0].instrument == "dissector")
+        for _ in range(5):
+            keyboard.press("o")
+        tab.wait_until(lambda: hand().target_opening == 10.0 * NUDGE)
+        keyboard.press("c")
+        tab.wait_until(lambda: tab.slider("Jaws (mm)") == 8.0 * NUDGE)
+        # Behind the duct, opening frees it, at a fraction of what its wall bears.
+        session.move_hand(0, hand().place + np.array([0.0, 25.0, 0.0]))
+        tab.wait_until(lambda: still(session))
+        tab.slide("Jaws (mm)", 16.0)
+        tab.wait_until(lambda: session.reading().parted > 60)
+        assert session.reading().peak_share < 0.3
+
+
+def test_a_torn_duct_is_told_and_a_reset_makes_all_whole(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session = view.session
+        place = session.grab(0, 25.0)
+        assert place is not None
+        session.move_hand(0, place + np.array([0.0, 0.0, 40.0]))
+        tab.wait_for_phase("torn")
+        at = session.reading().torn_at
+        notice = tab.page.get_by_text(f"It tore {at:.1f} mm from the left clamp", exact=False)
+        expect(notice).to_be_visible()
+        expect(tab.readout).to_contain_text("torn")
+        tab.wait_for_node("first_piece")
+        tab.page.keyboard.press("g")  # nothing can be held now
+        expect(tab.page.get_by_text("A torn duct holds no pull")).to_be_visible()
+        tab.press("Reset (R)")
+        tab.wait_for_phase("intact")
+        expect(notice).to_have_count(0)
+        reading = session.reading()
+        assert (reading.parted, reading.freed, reading.peak_share) == (0, 0.0, 0.0)
+        tab.wait_for_node("skin")
+
+
+def test_pause_and_colours(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        tab.page.keyboard.press("p")
+        tab.wait_until(lambda: view.state.paused)
+        expect(tab.readout).to_contain_text("Paused: safe")
+        tab.press("Go on (P)")
+        tab.wait_until(lambda: not view.state.paused)
+        stress = tab.page.get_by_test_id("heat-legend")
+        freed = tab.page.get_by_test_id("freed-legend")
+        tab.page.keyboard.press("h")
+        expect(stress).to_be_visible()
+        expect(tab.page.get_by_role("button", name="Stress", exact=True)).to_have_attribute(
+            "aria-pressed", "true"
+        )
+        tab.press("Freed")
+        expect(freed).to_be_visible()
+        expect(stress).to_have_count(0)
+        tab.press("Tissue")
+        expect(freed).to_have_count(0)
+
+
+def test_a_bed_is_chosen_with_its_source_and_its_number(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session, firm = view.session, bed_named("firm")
+        tab.open("Bed")
+        tab.choose("Bed", firm.title)
+        tab.wait_until(lambda: session.duct.bed == firm)
+        expect(tab.page.get_by_text(firm.source.split(",")[0])).to_be_visible()
+        expect(tab.page.get_by_text(f"Confidence: {firm.confidence}").first).to_be_visible()
+        tab.slide("Bed's number", 7)
+        tab.wait_until(lambda: session.duct.seed == 7)
+        same = BedSession(phantom(), bed=firm, bed_seed=7)
+        np.testing.assert_array_equal(
+            session.duct.beam.strands.stations, same.duct.beam.strands.stations
+        )
+        expect(tab.page.get_by_test_id("duct")).to_contain_text(f"{firm.title}, bed 7")
+
+
+def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        session = newest_dissection(dissections).session
+        tab.page.evaluate("window.before = true")
+        place = session.grab(0, 20.0)
+        assert place is not None
+        session.move_hand(0, place + np.array([0.0, 0.0, 5.0]))
+        tab.wait_until(lambda: still(session) and session.reading().parted > 0)
+        parted = session.reading().parted
+
+        tab.press("Pull")
+        tab.page.get_by_role("tab", name="Compare").wait_for()
+        tab.wait_for_node("skin")
+        pull = newest(dissections).session
+        tab.slide("Force F (N)", 1.5)
+        tab.wait_for_force(1.5)
+        assert session.reading().parted == parted  # no time goes by for what is not shown
+        assert tab.page.evaluate("window.before")  # it is the same page
+
+        tab.page.reload()
+        tab.wait_for_node("skin")
+        tab.wait_for_force(1.5)
+        assert newest(dissections).session is pull
+        tab.page.keyboard.press("m")
+        tab.page.get_by_role("tab", name="Bed").wait_for()
+        assert newest_dissection(dissections).session is session
+        tab.wait_until(lambda: tab.figure("parted") == parted)
+
+        tab.page.reload()
+        tab.page.get_by_role("tab", name="Bed").wait_for()
+        tab.wait_until(lambda: tab.figure("parted") == parted)
+        assert newest_dissection(dissections).session is session
+
+
+def test_the_address_says_what_a_page_opens_on(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address, query="&mode=pull") as tab:
+        expect(tab.page.get_by_role("tab", name="Compare")).to_be_visible()
+        newest(dissections)
+
+
+def test_shift_moves_into_the_picture(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+
+        def target() -> np.ndarray:
+            return view.session.duct.hands[0].target
+
+        tab.page.keyboard.down("Shift")
+        drag(tab, view, aside(view, 20.0), (0.0, -30.0))
+        tab.wait_until(lambda: target()[1] > 0.8)
+        assert target()[2] == pytest.approx(0.0, abs=0.2)
+        # Without Shift the same drag goes on, now in the plane of the screen.
+        tab.page.keyboard.up("Shift")
+        tab.page.wait_for_timeout(150)
+        here = target().copy()
+        for _ in range(6):
+            tab.page.mouse.move(*np.add(pixel(tab, view, here), (0.0, -40.0)))
+            tab.page.wait_for_timeout(80)
+        tab.wait_until(lambda: target()[2] > 0.5)
+        assert view.session.reading().held[0]
+        tab.page.mouse.up()
+        tab.wait_until(lambda: not view.session.reading().held[0])
