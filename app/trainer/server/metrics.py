@@ -20,7 +20,7 @@ def trainer_metrics(trainer: "Trainer") -> Callable[[], bytes]:
     def gauge(name: str, what: str, value: Callable[[], float]) -> None:
         Gauge(f"bluntdissect_{name}", what, registry=registry).set_function(value)
 
-    gauge("pages", "Pages that have a duct.", lambda: len(trainer.sessions))
+    gauge("pages", "Pages that have a duct.", lambda: len(trainer.frames))
     gauge("connections", "Connections of pages and requests.", lambda: len(connections))
     gauge("upload_bytes", "Bytes of unfinished uploads.", lambda: connections.upload_bytes)
     gauge("ticks", "Ticks of 1/30 s that ran.", lambda: timer.ticks)
