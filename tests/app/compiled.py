@@ -7,7 +7,8 @@ import viser
 from numba.core.dispatcher import Dispatcher
 from simulated import phantom, settle, tear
 
-from app.simulation import Dissection, Session, default_preset
+from app.simulation import Session
+from app.simulation.bed import INSTRUMENTS, BedSession
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
@@ -70,6 +71,26 @@ def train(scene: viser.SceneApi, session: Session) -> None:
     draw(scene, session)
 
 
+def dissect(session: BedSession) -> None:
+    """Do what a trainee can with a duct in its bed, until it is torn."""
+    for instrument in INSTRUMENTS:
+        session.choose_instrument(1, instrument)
+        session.grab(1, 12.0)
+        session.open_jaws(1, 3.0)
+        session.move_hand(1, session.duct.hands[1].place + np.array([0.0, 2.0, 0.5]))
+        session.advance(5)
+        session.release(1)
+    session.choose_bed("firm", 2)
+    session.grab(0, 25.0)
+    while session.duct.torn is None:
+        session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.5, 5.0]))
+        session.advance()
+        session.reading()
+    session.advance(30)
+    session.reset()
+    session.advance()
+
+
 def report(before: dict[str, set[str]], when: str) -> None:
     """Print what is compiled now and was not before."""
     for name, now in signatures().items():
@@ -86,8 +107,10 @@ def main() -> None:
     session = Session(organ)
     train(server.scene, session)
     report(before, "before the other theories")
-    WarmUp(Dissection.of(organ, default_preset(organ)), "full").done.wait()
+    WarmUp(organ, None, "full").done.wait()
     before = signatures()
+    dissect(BedSession(organ))
+    report(before, "in a bed")
     for theory in OFFERED_THEORIES.values():
         session = Session(organ)
         session.choose_theory(theory)
