@@ -16,6 +16,11 @@ from app.simulation.bed import BedSession
 from app.trainer.scene.bed_scene import BedScene, Colours
 from app.trainer.stage.lighting import Look
 
+PICTURE_ONLY = """new MutationObserver(() => {
+    for (const each of document.querySelectorAll('[class*=Notification], [class*=Paper-root]'))
+        each.style.display = 'none';
+}).observe(document, {childList: true, subtree: true});"""
+"""Hides the panel and notes over the picture."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -100,6 +105,7 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
             page = new_context(browser, 960, 640).new_page()
             page.on("pageerror", lambda error: print("PAGE ERROR", error))
             page.on("console", lambda m: print("CONSOLE", m.text) if m.type == "error" else None)
+            page.add_init_script(PICTURE_ONLY)
             page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
             while not connected:
                 page.wait_for_timeout(100)

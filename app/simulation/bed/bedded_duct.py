@@ -30,6 +30,8 @@ ELEMENTS = 40
 SUBSTEPS = 8
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 HANDS = len(FIRST_INSTRUMENTS)
+PARKED_AT = (0.5, 0.2)
+"""Of the span, where the hands' empty instruments wait: the second one out of the first's way."""
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
 """mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
 MOST_OPENING = 40.0
@@ -109,19 +111,21 @@ class BeddedDuct:
         )
         if opened is not None:
             self.beam.part_between(self._scale * opened[0], self._scale * opened[1])
-        self.hands = tuple(Hand(each, self.parking(each)) for each in FIRST_INSTRUMENTS)
+        self.hands = tuple(
+            Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
+        )
         self.torn: RuptureCheck | None = None
         self._torn_element = -1
         self._share = self._peak = self._station = 0.0
         self._still = True
 
-    def parking(self, instrument: Instrument) -> Floats:
+    def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
-        middle = 0.5 * self._rest.span
+        along = PARKED_AT[hand] * self._rest.span
         if instrument == "dissector":  # beside the duct, at the height at which it passes under it
             height = -self._radius - 0.5 * self.bed.gap_mm
-            return np.array([middle, -3.0 * self._radius - 5.0, height])
-        return np.array([middle, -self._radius, 3.0 * self._radius])
+            return np.array([along, -3.0 * self._radius - 5.0, height])
+        return np.array([along, -self._radius, 3.0 * self._radius])
 
     # Hands
 
@@ -132,7 +136,7 @@ class BeddedDuct:
         holder = self.hands[hand]
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
-        holder.put(self.parking(instrument))
+        holder.put(self.parking(hand, instrument))
         if instrument in HOLDING:
             return
         radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS

@@ -144,39 +144,38 @@ class DrawnInstrument:
 @lru_cache(maxsize=16)
 def grasper_jaw_glb(radius: float, *, detail: float = 1.0) -> bytes:
     """Return the jaw on the viewer's side, as a GLB file, mm, its origin in the hinge."""
-    # A window framed by a bar, which the wall bulges into, on a flat leg down from the hinge.
+    # A bar that runs down from the hinge, around a window that the wall bulges into, and back.
     corners = max(8, round(14 * detail))
-    bar = 0.17 * radius
-    half = 0.62 * radius
-    top, low = -(HINGE - 1.0) * radius, -(HINGE + 0.35) * radius
-    turn = np.linspace(0.0, 2.0 * np.pi, max(20, round(44 * detail)))
-    loop = np.stack(
+    wide, low = 0.46 * radius, -(HINGE + 0.42) * radius
+    side = np.array(
         [
-            half * np.sign(np.sin(turn)) * np.abs(np.sin(turn)) ** 0.8,
-            0.0 * turn,
-            0.5 * (top + low) + 0.5 * (top - low) * np.cos(turn),
-        ],
-        axis=-1,
+            [0.10 * radius, 0.0, 0.15 * radius],
+            [0.13 * radius, 0.0, -0.6 * radius],
+            [0.9 * wide, 0.0, -1.35 * radius],
+            [wide, 0.0, 0.5 * (low - 1.35 * radius)],
+            [0.92 * wide, 0.0, low + 0.45 * radius],
+        ]
     )
-    # The section of a duct is round: the jaw bows about it.
-    depth = (loop[:, 2] + HINGE * radius) / radius
-    loop[:, 1] = -np.sqrt(np.maximum(1.0 - depth**2, 0.12)) * radius - 0.6 * bar
-    leg = smooth_path(
-        [[0, 0, 0], [0, -0.30 * radius, -0.5 * radius], loop[0] + (0, -0.02, 0.2), loop[0]], 16
-    )
+    knots = [*side, np.array([0.0, 0.0, low]), *(side[::-1] * (-1.0, 1.0, 1.0))]
+    path = smooth_path(knots, max(36, round(72 * detail)))
+    # The section of a duct is round: below the hinge the jaw bows about it.
+    depth = path[:, 2] + HINGE * radius
+    bow = np.sqrt(np.maximum(1.0 - (depth / radius) ** 2, 0.0)) * radius + 0.06 * radius
+    open_ = np.interp(path[:, 2], [-1.5 * radius, -0.2 * radius], [0.62 * radius, 0.12 * radius])
+    path[:, 1] = -np.maximum(bow, open_)
     return solids_glb(
         [
-            Part(swept_solid(loop, 1.1 * bar, 0.8 * bar, corners=corners), steel(detail)),
             Part(
                 swept_solid(
-                    leg,
-                    np.linspace(0.30, 0.24, 16) * radius,
-                    np.linspace(0.22, 0.15, 16) * radius,
+                    path,
+                    np.interp(path[:, 2], [low, -1.4 * radius, 0.0], [0.13, 0.12, 0.17]) * radius,
+                    0.10 * radius,
                     side=(1.0, 0.0, 0.0),
+                    squareness=0.25,
                     corners=corners,
                 ),
                 steel(detail),
-            ),
+            )
         ]
     )
 
@@ -185,9 +184,9 @@ def grasper_jaw_glb(radius: float, *, detail: float = 1.0) -> bytes:
 def grasper_shaft_glb(radius: float, mirrored: bool, *, detail: float = 1.0) -> bytes:
     """Return the hinge and the shaft, as a GLB file, mm, the origin in the hinge."""
     way = _leaning(GRASPER_LEAN, mirrored)
-    pin = np.array([[-0.4, 0, 0], [0, 0, 0], [0.4, 0, 0]]) * radius
-    parts = [Part(swept_solid(pin, 0.3 * radius, side=(0, 0, 1), corners=16), steel(detail))]
-    return solids_glb([*parts, *_shaft(np.zeros(3), way, 0.28 * radius, detail)])
+    pin = np.array([[-0.26, 0, 0], [0, 0, 0], [0.26, 0, 0]]) * radius
+    parts = [Part(swept_solid(pin, 0.2 * radius, side=(0, 0, 1), corners=16), steel(detail))]
+    return solids_glb([*parts, *_shaft(np.zeros(3), way, 0.22 * radius, detail)])
 
 
 @lru_cache(maxsize=16)

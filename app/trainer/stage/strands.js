@@ -403,7 +403,7 @@
             normal[p + 2] = 0.55;
             const q = p / 3 * 4;
             color[q] = 0.85 + 0.2 * pull; color[q + 1] = 0.55 + 0.4 * pull; color[q + 2] = 0.48 + 0.42 * pull;
-            const gone = !wi && !wj && r === (ROWS >> 1);
+            const gone = !wi && !wj && (r === ROWS >> 1 || r + 1 === ROWS >> 1);
             color[q + 3] = gone ? 0 : (0.16 + 0.14 * pull + 0.10 * Math.abs(dice(i, 93)))
               * (wi || wj ? 1 : 0.8);
           }

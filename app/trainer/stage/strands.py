@@ -75,6 +75,7 @@ class StrandsInBed:
             name,
             self._sent,
             np.zeros((1, 3), np.uint32),  # nothing to be seen without the script
+            color=(255, 255, 255),
             cast_shadow=False,
             receive_shadow=False,
         )
