@@ -87,6 +87,10 @@
       this.stale = this.fresh = true;
     }
 
+    remove() {
+      for (const { mesh } of [this.films, this.ribbons]) mesh.removeFromParent();
+    }
+
     // The grid about the feet on which the bed is drawn up.
     lay() {
       const { feet, count } = this.bed;
@@ -147,11 +151,12 @@
       if (this.ground?.mesh === mesh) return this.ground;
       const { floor, scale } = this.bed;
       const place = mesh.geometry.attributes.position, normal = mesh.geometry.attributes.normal;
-      const was = { place: place.array.slice(), normal: normal.array.slice() };
+      // Other strands may have moved it already.
+      const was = mesh.userData.own ??= place.array.slice();
       const near = [], base = [];
       for (let v = 0; v < place.count; v++) {
-        const x = floor[0] + scale * was.place[3 * v], y = floor[1] + scale * was.place[3 * v + 1];
-        const z = floor[2] + scale * was.place[3 * v + 2];
+        const x = floor[0] + scale * was[3 * v], y = floor[1] + scale * was[3 * v + 1];
+        const z = floor[2] + scale * was[3 * v + 2];
         const out = [0, 1].map(k => {
           const p = k ? y : x, end = this.low[k] + (this.cells[k] - 1) * CELL;
           return Math.max(this.low[k] - p, p - end);
@@ -185,11 +190,11 @@
       if (!ground) return;
       const { floor, scale } = this.bed, { place, normal, was, near, base } = ground;
       const height = n => base[n] + this.tentAt(
-        floor[0] + scale * was.place[3 * near[n]], floor[1] + scale * was.place[3 * near[n] + 1]);
+        floor[0] + scale * was[3 * near[n]], floor[1] + scale * was[3 * near[n] + 1]);
       for (let n = 0; n < near.length; n++) {
         const v = near[n];
-        const x = floor[0] + scale * was.place[3 * v], y = floor[1] + scale * was.place[3 * v + 1];
-        let z = floor[2] + scale * was.place[3 * v + 2] + height(n);
+        const x = floor[0] + scale * was[3 * v], y = floor[1] + scale * was[3 * v + 1];
+        let z = floor[2] + scale * was[3 * v + 2] + height(n);
         z = this.pressed(x, y, z);
         place.array[3 * v + 2] = (z - floor[2]) / scale;
       }
@@ -443,8 +448,10 @@
         const node = viewer.node(name), source = node && meshIn(node);
         if (!source) continue;
         let strands = drawn.get(name);
-        if (strands?.source !== source || strands.bed !== bed)
+        if (strands?.source !== source || strands.bed !== bed) {
+          strands?.remove();
           drawn.set(name, strands = new Strands(source, bed));
+        }
         moving = strands.update(performance.now(), given[2]) || moving;
       }
       for (const [name, gloss] of glosses) {
@@ -464,7 +471,11 @@
       beds.set(name, { ...bed, feet: numbers(bed.feet), widths: numbers(bed.widths), pairs });
     },
     polish(name, gloss) { glosses.set(name, gloss); },
-    remove(name) { beds.delete(name); drawn.delete(name); },
+    remove(name) {
+      drawn.get(name)?.remove();
+      beds.delete(name);
+      drawn.delete(name);
+    },
   };
   watch();
 })();
