@@ -79,20 +79,17 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
 def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
     """Compile, or load, what a session in a bed and its drawing need, until the duct is torn."""
     session = BedSession(organ, preset)
-    _warm_drawing(session)
+    contact = _warm_drawing(session)
     session.grab(0, 0.5 * session.duct.dissection.beam.span)
     session.choose_instrument(1, "dissector")
     session.open_jaws(1, 1.0)
     session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 1.0, 2.0]))
     session.advance(5)
-    skin, dissection = session.drawn.skin, session.duct.dissection
-    session.stress(np.empty(len(skin.vertices), np.float32))
-    session.duct.freed_at(skin.stations)
-    axis = dissection.organ.axis_at(skin.stations)
-    contact = Contact(skin, axis, dissection.frame, dissection.clamps, dissection.organ.mean_radius)
-    contact.mark(session.drawn.surfaces[0].vertices)
-    contact.press_rods(session.duct.beam.state.rods, dissection.axis_point(0.0))
-    write_strands(session.duct.beam)
+    _write_stress(session)
+    duct = session.duct
+    duct.freed_at(session.drawn.skin.stations)
+    contact.press_rods(duct.beam.state.rods, duct.dissection.axis_point(0.0))
+    write_strands(duct.beam)
     session.reading()
     while session.duct.torn is None and session.duct.hands[0].place[2] < MOST_LIFT:
         session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 5.0]))
@@ -178,10 +175,11 @@ def _write_stress(session: Session | BedSession) -> None:
         session.stress(np.empty(len(surface.vertices), np.float32), index)
 
 
-def _warm_drawing(session: Session | BedSession) -> None:
+def _warm_drawing(session: Session | BedSession) -> Contact:
     dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
     organ, radius = dissection.organ, dissection.organ.mean_radius
     axis = organ.axis_at(skin.stations)
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
     contact.mark(session.drawn.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
+    return contact
