@@ -10,7 +10,7 @@ from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
     from app.simulation import Measures, Replay
-    from app.simulation.bed import DissectionMeasures
+    from app.simulation.bed import DissectionMeasures, DissectionReplay
 
 __all__ = ["replay"]
 
@@ -70,8 +70,6 @@ def replay(
     except OSError as error:
         raise ValueError(f"cannot read {run}: {(error.strerror or str(error)).lower()}") from error
     original = read_any_run(content)
-    if output is not None and isinstance(original, DissectionFile):
-        raise ValueError(f"cannot write {output}: only a pull can be written so, no dissection")
     if csv is not None and not csv.parent.is_dir():
         raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
     shape = organ_from(organ)
@@ -80,6 +78,8 @@ def replay(
         free = DissectionReplay(original.log, shape, vertices=300)
         found = free.run_file()
         same = original.agrees_with(found)
+        if output is not None:
+            played = _write_played(free, output, frames, edge_length)
         rows = None if csv is None else dissection_csv(free.series())
         lines = _dissection_lines(found.measures)
         facts: dict[str, object] = {}
@@ -130,20 +130,26 @@ def _check_output(path: Path) -> None:
 
 
 def _write_played(
-    again: "Replay", path: Path, frames: int | None, edge_length: float | None
+    again: "DissectionReplay | Replay", path: Path, frames: int | None, edge_length: float | None
 ) -> dict[str, object]:
     """Write a file that plays a run, and return its description."""
-    from app.export.motion import MOST_FRAMES
+    from app.export.motion import MOST_FRAMES, PAGE_FRAMES
     from app.export.recorded_run import RecordedRun
+    from app.simulation.bed import DissectionReplay
     from organ_geometry import write_atomic
 
-    if path.suffix.lower() == ".glb":
-        run = RecordedRun.of(again, frames=MOST_FRAMES if frames is None else frames)
+    rigged = path.suffix.lower() == ".glb"
+    if frames is None:
+        frames = MOST_FRAMES if rigged else PAGE_FRAMES
+    if isinstance(again, DissectionReplay):
+        run = RecordedRun.of_dissection(again, frames=frames)
+    else:
+        run = RecordedRun.of(again, frames=frames)
+    if rigged:
         content = run.rigged(edge_length=0.5 if edge_length is None else edge_length)
     else:
-        from app.trainer.pages.html_player import PAGE_FRAMES, page_edge_length, run_page
+        from app.trainer.pages.html_player import page_edge_length, run_page
 
-        run = RecordedRun.of(again, frames=PAGE_FRAMES if frames is None else frames)
         edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length
         content = run_page(run, edge_length=edges).encode()
     write_atomic(path, content)

@@ -24,6 +24,7 @@ from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
     "MOST_FRAMES",
+    "PAGE_FRAMES",
     "RECOIL_STEP",
     "WHOLE",
     "Motion",
@@ -37,6 +38,8 @@ WHOLE = -1.0
 """Value of `front` while there is no tear."""
 MOST_FRAMES = 2000
 """Most keys of a pull: half a minute at 60 Hz. With more, a viewer's own blending is as smooth."""
+PAGE_FRAMES = 300
+"""Keys of a run in a page by default."""
 PULL_SECONDS = 2.0
 """s, length of a prescribed pull."""
 RUN_STEP = 0.1

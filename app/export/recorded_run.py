@@ -6,8 +6,11 @@ import numpy as np
 
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
-from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Replay
+from app.export.strands import BedRecorder
+from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Reading, Replay
+from app.simulation.bed import BeddedDuct, DissectionReplay
 from organ_geometry.mesh import TornPiece, organ_skin
+from physics import RuptureCheck
 
 __all__ = ["RUN", "RecordedRun"]
 
@@ -50,6 +53,29 @@ class RecordedRun:
             keys.append(MotionKey(time, transforms, reading, WHOLE if front is None else front))
         return cls(dissection, Motion.of(RUN, keys), replay.log.seed)
 
+    @classmethod
+    def of_dissection(cls, replay: DissectionReplay, *, frames: int) -> "RecordedRun":
+        """Return a replayed dissection: `frames` keys to its end, or to just before the tear."""
+        check_frames(frames)
+        ticks, session = replay.log.ticks, replay.session
+        if not ticks:
+            raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
+        replay.seek_tick(0)
+        duct = session.duct
+        keys: list[MotionKey] = []
+        recorder = BedRecorder(duct.surface)
+        for tick in np.unique(np.rint(np.linspace(0.0, ticks, frames)).astype(int)).tolist():
+            replay.seek_tick(tick)
+            if duct.torn is not None:
+                break
+            recorder.add(duct.beam)
+            reading = _bed_reading(duct, recorder.check(duct.beam, duct.threshold))
+            transforms = session.drawn.transforms.copy()
+            if not tick:  # the first key stays the identity to the bit
+                transforms[:] = 0.0
+            keys.append(MotionKey(tick * TICK_SECONDS, transforms, reading))
+        return cls(duct.dissection, Motion.of(RUN, keys, recorder.track()), replay.log.seed)
+
     @property
     def torn(self) -> bool:
         """Whether the run ends with a tear."""
@@ -72,3 +98,23 @@ class RecordedRun:
             self.pieces(edge_length=edge_length),
             radius=organ.mean_radius,
         )
+
+
+def _bed_reading(duct: BeddedDuct, check: RuptureCheck) -> Reading:
+    """Return what is shown of a duct in its bed: the hand that pulls hardest, the first's place."""
+    shown = duct.reading()
+    hardest = int(np.argmax((shown.forces**2).sum(axis=1)))
+    force, node = shown.forces[hardest], duct.hands[hardest].node
+    moved = np.zeros(3) if node is None else duct.beam.places[node] - duct.beam.rest_place(node)
+    deflection = float(np.sqrt(moved @ moved))
+    x, y, z = duct.hands[0].place.tolist()
+    return Reading(
+        phase=Phase.INTACT,
+        force=float(np.sqrt(force @ force)),
+        deflection=deflection,
+        check=check,
+        breaks_at=None,
+        deepest=deflection,
+        hook=(x, y, z),
+        held=shown.held[hardest],
+    )

@@ -25,7 +25,9 @@ from app.simulation import (
     Session,
     run_json,
 )
+from app.simulation.bed import BedSession, DissectionFile, DissectionReplay, bed_named
 from app.simulation.drawn_duct import DrawnDuct
+from organ_geometry.mesh import organ_skin
 from physics import Exact
 
 OF_RADIUS = 1e-4
@@ -187,3 +189,59 @@ def test_the_command_refuses_in_one_line_and_leaves_nothing(tmp_path: Path) -> N
         with pytest.raises(ValueError, match=words):
             replay(path, output=target, frames=frames, edge_length=edge_length)
         assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.glb", path]
+
+
+@cache
+def freed() -> DissectionFile:
+    """A dissection with a hook and a grasper."""
+    session = BedSession(phantom(), vertices=300, seed=SEED)
+    start = session.grab(0, 22.0)
+    assert start is not None
+    for tick in range(30):
+        session.move_hand(0, start + np.array([0.0, 0.1 * tick, 0.3 * tick]))
+        session.advance()
+    assert session.grab(1, 34.0) is not None
+    session.move_hand(1, np.array([34.0, 0.0, 5.0]))
+    session.advance(15)
+    return session.run_file()
+
+
+def test_a_dissection_is_played_as_it_was_drawn(tmp_path: Path) -> None:
+    """Its duct to the vertices that the session drew, and strands as they were then."""
+    source, path = tmp_path / "run.json", tmp_path / "run.glb"
+    source.write_bytes(run_json(freed()))
+    replay(source, output=path, edge_length=1.2)
+    (report,) = validated(path)
+    assert report["issues"]["messages"] == []
+    gltf = Gltf(path.read_bytes())
+    shown = DissectionReplay(freed().log, phantom(), vertices=300)
+    skin = organ_skin(phantom(), edge_length=1.2)
+    for tick in (0, 12, 30, 45):
+        shown.seek_tick(tick)
+        session = shown.session
+        bound = skin.bound_to(session.duct.dissection.driving)
+        wanted = bound.deform(session.drawn.transforms, np.empty_like(skin.vertices))
+        found = gltf.vertices("organ", RUN, tick * TICK_SECONDS)
+        for places, wall in zip(found, walls(skin, wanted), strict=True):
+            assert np.abs(places - wall).max() < OF_RADIUS * 1e-3 * phantom().mean_radius
+    run = RecordedRun.of_dissection(shown, frames=46)
+    bed = run.motion.bed
+    assert bed is not None
+    assert (bed.damage[-1] >= 1.0).sum() == session.reading().parted > 30
+    assert run.motion.readings[-1].check.distance_to_break == pytest.approx(
+        1.0 - session.reading().stress_share
+    )
+
+
+def test_a_dissection_that_tears_is_played_up_to_its_tear() -> None:
+    session = BedSession(phantom(), bed=bed_named("inflamed"), vertices=300)
+    start = session.grab(0, 25.0)
+    assert start is not None
+    for tick in range(120):
+        session.move_hand(0, start + np.array([0.0, 0.0, 0.5 * tick]))
+        session.advance()
+    assert session.duct.torn is not None
+    again = DissectionReplay(session.run_file().log, phantom(), vertices=300)
+    motion = RecordedRun.of_dissection(again, frames=200).motion
+    assert motion.whole.all()
+    assert 0.0 < motion.readings[-1].check.distance_to_break < 0.2

@@ -30,7 +30,7 @@ from app.trainer.viser_bridge import recording_page, start_server, stop_server, 
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 
-__all__ = ["PAGE_FRAMES", "export_page", "page_edge_length", "player_page", "run_page"]
+__all__ = ["export_page", "page_edge_length", "player_page", "run_page"]
 
 VERTICES = 2400
 """Vertices of a page's skin, about; every one is written at every key."""
@@ -42,8 +42,6 @@ UNITS = "Forces in N, lengths in mm."
 DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41
 """Keys of a pull: twenty a second."""
-PAGE_FRAMES = 300
-"""Keys of a run in a page by default."""
 GRID = 1.0 / 256.0
 """Vertices, mm, and shades are rounded to multiples of this: invisible, and half the file."""
 REST_SECONDS, END_SECONDS = 0.6, 1.2
