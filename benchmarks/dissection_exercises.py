@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from app.command_line.load import shipped_organ
 from app.simulation.bed import (
@@ -56,17 +55,11 @@ def measure_exercises(console: Console) -> dict[str, Any]:
     session = BedSession(shipped_organ(), bed=bed_named(BED), vertices=300)
     figures: dict[str, Any] = {}
     for offered in session.exercises_offered():
-        table = Table(
-            title=f"{offered.title}, bed {offered.bed}: {offered.limit}",
-            title_justify="left",
-            title_style="",
-            box=None,
-            pad_edge=False,
+        console.print(
+            f"\n{offered.title}, bed {offered.bed}: {offered.limit}",
+            highlight=False,
+            soft_wrap=True,
         )
-        table.add_column("mean (sd)")
-        for heading in ("passed", *COLUMNS):
-            table.add_column(heading, justify="right", no_wrap=True)
-        reasons: list[str] = []
         for label, manner in MANNERS[offered.name].items():
             with console.status(f"{offered.title}: {label} ..."):
                 ends = [
@@ -76,20 +69,18 @@ def measure_exercises(console: Console) -> dict[str, Any]:
             passed = sum(outcome.passed for _, outcome in ends)
             rows = np.array([[read(found) for read in COLUMNS.values()] for found, _ in ends])
             cells = [
-                f"{mean:.3g} ({sd:.2g})"
-                for mean, sd in zip(rows.mean(axis=0), rows.std(axis=0), strict=True)
+                f"{name} {mean:.3g} (sd {sd:.2g})"
+                for name, mean, sd in zip(COLUMNS, rows.mean(axis=0), rows.std(axis=0), strict=True)
             ]
-            table.add_row(label, f"{passed} / {len(ends)}", *cells)
+            line = f"  {label}: {passed} of {len(ends)} pass; {', '.join(cells)}"
+            console.print(line, highlight=False, soft_wrap=True)
             counted = Counter(outcome.reason.split(": ")[-1] for _, outcome in ends)
             why, often = counted.most_common(1)[0]
-            reasons.append(f"  {label}, {often} of {len(ends)}: {why}")
+            console.print(f"    {often} of {len(ends)}: {why}", highlight=False, soft_wrap=True)
             figures[f"{offered.name} {label}"] = {
                 "passed": passed,
                 "reasons": dict(counted),
                 "mean": dict(zip(COLUMNS, rows.mean(axis=0).tolist(), strict=True)),
                 "sd": dict(zip(COLUMNS, rows.std(axis=0).tolist(), strict=True)),
             }
-        console.print(table, soft_wrap=True)
-        for line in reasons:
-            console.print(line, highlight=False, soft_wrap=True)
     return figures

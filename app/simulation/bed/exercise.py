@@ -210,8 +210,8 @@ class BedTrial(Trial[BeddedDuct]):
             return "the duct was lifted, which the dissector behind it does not need"
         if self._exercise.name == "free-scar":
             return "the duct was held up higher than the jaws need"
-        up = float(self._force[2]) / math.sqrt(self._force_squared)
-        angle = math.degrees(math.acos(max(-1.0, min(1.0, up))))
+        # Sideways only: at a front the stretched duct itself pulls the hook along it.
+        angle = math.degrees(math.atan2(abs(float(self._force[1])), float(self._force[2])))
         at = self._station
         behind = max([min(at - a, b - at) for a, b in self._taker.stretches], default=0.0)
         speed = max(self._speeds[self._pulled])
