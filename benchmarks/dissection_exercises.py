@@ -24,7 +24,7 @@ __all__ = ["measure_exercises"]
 BED, SEEDS = "firm", range(1, 21)
 COLUMNS = {
     "share %": lambda found: 100.0 * found.peak_stress_share,
-    "rate %/s": lambda found: 100.0 * found.maximum_stress_rate_per_s,
+    "time to break s": lambda found: found.shortest_time_to_break_s or 0.0,
     "hand N": lambda found: max(found.maximum_force_N),
     "rod N": lambda found: found.maximum_instrument_force_N,
     "hidden": lambda found: found.strands_parted_out_of_sight,

@@ -180,7 +180,7 @@ def _dissection_lines(measures: "DissectionMeasures") -> list[tuple[str, str]]:
         ),
         ("smallest distance to break", _figure(found.smallest_distance_to_break)),
         ("time above half of the break", _figure(found.time_above_half_s, "s")),
-        ("maximum rate of stress share", _figure(found.maximum_stress_rate_per_s, "1/s")),
+        ("shortest time to break", _figure(found.shortest_time_to_break_s, "s")),
         ("work of each hand", both(found.work_mJ, "mJ")),
         ("energy parted", _figure(found.parted_energy_mJ, "mJ")),
         ("most energy in the duct", _figure(found.duct_energy_mJ, "mJ")),

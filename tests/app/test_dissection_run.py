@@ -3,13 +3,15 @@
 import json
 import math
 from dataclasses import astuple
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from simulated import phantom
 
-from app.simulation import RunFileError, preset_named, run_json
+from app.command_line.replay import replay
+from app.simulation import RunFileError, preset_named, read_run, run_json
 from app.simulation.bed import (
     BedSession,
     DissectionFile,
@@ -63,6 +65,13 @@ def dissected(session: BedSession, seen: list[bytes] | None = None) -> Dissectio
     return session.run_file()
 
 
+def replayed(content: bytes) -> DissectionReplay:
+    """The replay of a file."""
+    read = read_any_run(content)
+    assert isinstance(read, DissectionFile)
+    return DissectionReplay(read.log, phantom(), vertices=300)
+
+
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
 def test_a_dissection_made_again_is_equal_to_the_bit_through_json(preset: str) -> None:
     seen: list[bytes] = []
@@ -73,9 +82,8 @@ def test_a_dissection_made_again_is_equal_to_the_bit_through_json(preset: str) -
     }  # fmt: skip
     content = run_json(original)
     assert len(content) < 20_000
-    read = read_any_run(content)
-    assert read == original
-    again = DissectionReplay(read.log, phantom(), vertices=300)
+    assert read_any_run(content) == original
+    again = replayed(content)
     for tick, expected in enumerate(seen, start=1):
         again.seek_tick(tick)
         assert bits(again.session) == expected, f"tick {tick}"
@@ -174,4 +182,25 @@ def test_a_bad_dissection_is_refused_with_what_is_wrong(name: str, shortest: byt
         else:
             tree["log"][key] = value
     with pytest.raises(RunFileError, match=words):
-        DissectionReplay(read_any_run(json.dumps(tree).encode()).log, phantom(), vertices=300)
+        replayed(json.dumps(tree).encode())
+
+
+def test_a_dissection_is_played_by_the_command(
+    tmp_path: Path, shortest: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, table = tmp_path / "run.json", tmp_path / "run.csv"
+    file.write_bytes(shortest)
+    replay(file, csv=table, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    assert found["as_recorded"] is True
+    assert found["measures"] == json.loads(shortest)["measures"]
+    assert table.read_text().startswith("time_s,hand_1_along_mm,")
+    replay(file)
+    said = capsys.readouterr().out
+    assert "strands parted               0 of 600" in said
+    assert "as recorded                  yes, to the digit" in said
+    with pytest.raises(ValueError, match="only a pull can be written so"):
+        replay(file, output=tmp_path / "run.glb")
+    assert not (tmp_path / "run.glb").exists()
+    with pytest.raises(RunFileError, match="a dissection in a bed, not of a pull"):
+        read_run(shortest)

@@ -40,7 +40,7 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     to_mm: float
     instruments: tuple[Instrument, ...]
     share_limit: float  # of the wall's stress over its threshold
-    rate_limit_per_s: float  # of that share's growth
+    time_to_break_limit_s: float  # at the pace at which that share grows
     out_of_sight_limit: int  # strands
     instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
     opened_mm: tuple[float, float] | None = None  # free at the start
@@ -53,10 +53,13 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"free_mm must be above 0 and within to_mm, got {self.free_mm}")
         if not 0.0 < self.share_limit < 1.0:
             raise ValueError(f"share_limit must be above 0 and below 1, got {self.share_limit}")
-        for name in ("rate_limit_per_s", "instrument_force_limit_N"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < math.inf:
-                raise ValueError(f"{name} must be above 0 and finite, got {value}")
+        if not 0.0 <= self.time_to_break_limit_s < math.inf:
+            raise ValueError(
+                f"time_to_break_limit_s must be 0 or more, got {self.time_to_break_limit_s}"
+            )
+        force = self.instrument_force_limit_N
+        if force is not None and not 0.0 < force < math.inf:
+            raise ValueError(f"instrument_force_limit_N must be above 0 and finite, got {force}")
         if self.opened_mm is not None and not (
             0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
         ):
@@ -101,8 +104,8 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """What not to do, in one sentence."""
         force = self.instrument_force_limit_N
         return (
-            f"Never load the wall past {100.0 * self.share_limit:.0f} % of its break, nor faster "
-            f"than by {100.0 * self.rate_limit_per_s:.0f} % in a second"
+            f"Never load the wall past {100.0 * self.share_limit:.0f} % of its break, nor so fast "
+            f"that it would break within {self.time_to_break_limit_s:g} s"
             + (f", nor push the instrument with more than {force:.2g} N" if force else "")
             + f"; tear no more than {self.out_of_sight_limit} strands out of sight."
         )
@@ -112,7 +115,7 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Limits that fail the exercise, by the measure's name."""
         found = {
             "peak_stress_share": self.share_limit,
-            "maximum_stress_rate_per_s": self.rate_limit_per_s,
+            "shortest_time_to_break_s": self.time_to_break_limit_s,
             "strands_parted_out_of_sight": float(self.out_of_sight_limit),
         }
         if self.instrument_force_limit_N is not None:
@@ -147,11 +150,11 @@ class BedTrial(Trial[BeddedDuct]):
         self.standing = f"{freed:.0f} of {wanted.free_mm:.0f} mm free"
         if duct.torn is not None:
             return Outcome(False, f"The duct tore: {self._why()}.")
-        if taker.maximum_rate > wanted.rate_limit_per_s:
+        if taker.soonest < wanted.time_to_break_limit_s:
             return Outcome(
                 False,
-                f"The wall was loaded by {100.0 * taker.maximum_rate:.0f} % of its break in a "
-                f"second, past {100.0 * wanted.rate_limit_per_s:.0f} %: the pull was too fast.",
+                f"At that pace the wall would have broken in {taker.soonest:.2f} s, within a "
+                f"reaction time of {wanted.time_to_break_limit_s:g} s: the pull was too fast.",
             )
         if taker.peak > wanted.share_limit:
             return Outcome(

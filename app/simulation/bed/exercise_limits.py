@@ -2,8 +2,8 @@
 
 Good hands (`app.simulation.bed.scripted_hands`) do each exercise beforehand, in the same bed with
 strands of even strength: what they need, with `SPARE` on top, is the limit. In the window they
-hardly load the duct; there the limit is `WINDOW_PART` of what pulling it off takes. Growth of the
-stress is limited so that from the limit a reaction time is left to the break, as in a pull
+hardly load the duct; there the limit is `WINDOW_PART` of what pulling it off takes. The stress
+must never grow so fast that the break is nearer than a reaction time, as in a pull
 (docs/measures.md). The bed's seed is the first one with which good hands pass.
 """
 
@@ -87,7 +87,7 @@ def _offered(
             goal,
             bed_seed=each,
             share_limit=share,
-            rate_limit_per_s=(1.0 - share) / REACTION_SECONDS,
+            time_to_break_limit_s=REACTION_SECONDS,
             out_of_sight_limit=round(HIDDEN_PART * strands * (goal.free_mm - opened)),
             instrument_force_limit_N=force if name == "free-scar" else None,
         )
@@ -120,7 +120,7 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
         to_mm=b,
         instruments=instruments,
         share_limit=0.999,
-        rate_limit_per_s=1e6,
+        time_to_break_limit_s=0.0,
         out_of_sight_limit=10**6,
         opened_mm=opened,
     )

@@ -50,7 +50,8 @@ class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     peak_stress_station_mm: float
     smallest_distance_to_break: float  # 1 less that share
     time_above_half_s: float  # with a share above 0.5
-    maximum_stress_rate_per_s: float  # largest growth of the share
+    # (1 - share) over the share's growth; None while it never grew
+    shortest_time_to_break_s: float | None
     work_mJ: tuple[float, float]  # noqa: N815
     parted_energy_mJ: float  # dissipated in strands  # noqa: N815
     duct_energy_mJ: float  # most that the duct has stored at once  # noqa: N815
@@ -69,7 +70,8 @@ class DissectionMeasureTaker:
     def __init__(self) -> None:
         self.ticks = 0
         self.peak = self.peak_station = 0.0
-        self.maximum_rate = self.instrument_force = 0.0
+        self.instrument_force = 0.0
+        self.soonest = math.inf
         self._shares = (0.0,) * RATE_TICKS  # newest first
         self._above_half = 0
         self._holding = self._sweeping = list(range(HANDS))  # hands that last did so
@@ -105,7 +107,9 @@ class DissectionMeasureTaker:
         if share > self.peak:
             self.peak, self.peak_station = share, reading.station
         self._above_half += share > 0.5
-        self.maximum_rate = max(self.maximum_rate, (share - self._shares[-1]) / RATE_SECONDS)
+        growth = (share - self._shares[-1]) / RATE_SECONDS
+        if growth > 0.0:
+            self.soonest = min(self.soonest, max(1.0 - share, 0.0) / growth)
         self._shares = (share, *self._shares[:-1])
         self._torn = duct.torn
         self._take_forces(reading.forces)
@@ -196,7 +200,7 @@ class DissectionMeasureTaker:
             peak_stress_station_mm=self.peak_station,
             smallest_distance_to_break=1.0 - self.peak,
             time_above_half_s=self._above_half * TICK_SECONDS,
-            maximum_stress_rate_per_s=self.maximum_rate,
+            shortest_time_to_break_s=None if self.soonest == math.inf else self.soonest,
             work_mJ=(self._work[0], self._work[1]),
             parted_energy_mJ=self._books.dissipated,
             duct_energy_mJ=self._duct_energy,
