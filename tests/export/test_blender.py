@@ -14,6 +14,7 @@ import pytest
 from other_programs import HERE, missing
 from rigged import rigged, walls
 from simulated import phantom
+from test_bed_export import freed, model
 from test_recorded_run import VERTICES, again, played, recorded
 from test_rigged_organ import SPECK
 
@@ -70,6 +71,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Seen]:
         "stress": replace(order, stress_colors=True, force=2.0).content(".glb"),
         "run": played(torn=True).rigged(edge_length=edge_length),
         "let_go": played(torn=False).rigged(edge_length=edge_length),
+        "free": freed().content(".glb"),
     }
     files = [folder / f"{name}.glb" for name in contents]
     for file, content in zip(files, contents.values(), strict=True):
@@ -208,3 +210,17 @@ def test_still_files_are_their_meshes_and_nothing_else(
         assert bool(report["colors"][mesh]) is (name == "stress")
         across = np.ptp(places[f"opened/{mesh}"], axis=0)
         assert 2e-3 < across[0] < 0.06  # m
+
+
+def test_a_duct_is_freed_from_its_bed_with_its_strands(seen: dict[str, Seen]) -> None:
+    """One armature, two meshes and nothing else; both follow it and the strands part."""
+    found = seen["free"]
+    meshes = dict.fromkeys(("organ", "strands"), "MESH")
+    assert found.report["objects"] == {"organ_rig": "ARMATURE", **meshes}
+    assert found.report["materials"]["strands"] == ["strands"]
+    shown = found.shown("free")
+    assert len(shown) == 13
+    for time, places in shown:
+        for name, got in places.items():
+            wanted = np.concatenate(model().vertices(name, "free", time))
+            assert np.abs(got - wanted).max() < 1e-4 * rigged().radius, (name, time)
