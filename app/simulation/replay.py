@@ -19,6 +19,7 @@ from app.simulation.run_log import (
     RunInput,
     RunLog,
     TheoryChoice,
+    TimedInput,
 )
 from app.simulation.session import VERTICES, Session
 from app.simulation.tear import SETTLED_SECONDS, Phase
@@ -67,15 +68,6 @@ class Advancing(Protocol):
 
     def finish(self) -> None:
         """End the run."""
-        ...
-
-
-class TimedInput(Protocol):
-    """An input at a tick."""
-
-    @property
-    def tick(self) -> int:
-        """Number of ticks done before it."""
         ...
 
 

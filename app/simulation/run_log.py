@@ -29,6 +29,7 @@ __all__ = [
     "RunLog",
     "RunStart",
     "TheoryChoice",
+    "TimedInput",
     "check_course",
     "decoded_run",
     "read_run",
@@ -216,13 +217,17 @@ class _Head(msgspec.Struct):
     version: int
 
 
-class _Timed(Protocol):
+class TimedInput(Protocol):
+    """An input at a tick."""
+
     @property
-    def tick(self) -> int: ...
+    def tick(self) -> int:
+        """Number of ticks done before it."""
+        ...
 
 
 def check_course(
-    *, tick_seconds: float, ticks: int, seeds: dict[str, int], inputs: Sequence[_Timed]
+    *, tick_seconds: float, ticks: int, seeds: dict[str, int], inputs: Sequence[TimedInput]
 ) -> None:
     """Raise if a run's length, seeds or the order of its inputs make no sense."""
     if tick_seconds != TICK_SECONDS:
