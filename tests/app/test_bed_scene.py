@@ -12,6 +12,7 @@ from browser import new_context
 from playwright.sync_api import Browser
 from simulated import phantom
 
+from app.simulation import preset_named
 from app.simulation.bed import BedSession, Instrument
 from app.trainer.scene.bed_scene import BedScene
 from app.trainer.stage.strands import NUMBERS, PARTED
@@ -164,6 +165,12 @@ def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
     session.reset()
     drawn.draw(session.reading())
     assert {surface.surface.name for surface in drawn._drawn} == {"skin"}
+    before = drawn._stage
+    session.choose_preset(preset_named("human-ureter"))
+    drawn.draw(session.reading())
+    assert drawn._stage is not before  # it lies in fat
+    assert drawn._strands is not None
+    assert drawn._strands.whole == session.reading().strands
     drawn.remove()
     left = [name for name in scene._handle_from_node_name if name.startswith(("/bed/", "/stage"))]
     assert left == []

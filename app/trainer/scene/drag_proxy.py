@@ -100,7 +100,7 @@ class DragProxy:
         self._client, self._in_screen = client, in_screen
         self._grabbed, self._moved, self._released = grabbed, moved, released
         self._tubes: list[_Tube] = []
-        self._instruments: dict[str, viser.MeshHandle] = {}
+        self._instruments: dict[str, tuple[int, viser.MeshHandle]] = {}
         self._hold: Hold | None = None
         self._depth = False  # whether the last drag was one into the picture
         self._ending: asyncio.TimerHandle | None = None
@@ -126,14 +126,16 @@ class DragProxy:
             solid.faces.astype(np.uint32),
             **_UNSEEN,
         )
-        self._instruments[node] = mesh
+        self._instruments[node] = hand, mesh
         self._listen(mesh, lambda grip, place: Hold(None, grip, place, hand))
 
     def forget_instrument(self, node: str) -> None:
-        """Let an instrument be dragged no more."""
-        mesh = self._instruments.pop(node, None)
-        if mesh is not None:
-            mesh.remove()
+        """Let an instrument be dragged no more; an ongoing drag of it is released."""
+        hand, mesh = self._instruments.pop(node)
+        mesh.remove()
+        if self._hold is not None and self._hold.hand == hand:
+            self._hold = None
+            self._released()
 
     def follow(self, surfaces: Sequence[NDArray[np.float32]]) -> None:
         """Move the tubes with the duct."""

@@ -91,7 +91,8 @@ class DuctOnStage(Generic[AnySession]):
         self._drawn = []
 
     def _clear(self) -> None:
-        self._shape = -1
+        """Remove the stage and what is drawn for it."""
+        self._shape = -1  # another thread may have set a new duct, but not its surfaces yet
         if self._hand is not None:
             self._hand.let_go()
         if self._stage is not None:
@@ -169,11 +170,7 @@ class DuctOnStage(Generic[AnySession]):
             and math.isclose(radius, self._stage.radius, rel_tol=SAME_STAGE)
             and appearance == self._appearance
         ):
-            if self._hand is not None:
-                self._hand.let_go()  # of the stage's hook
-            self._shape = -1  # another thread may have set the new duct, but not its surfaces yet
-            self._stage.remove()
-            self._stage = None
+            self._clear()
         self._appearance = appearance
         if self._stage is None:
             self._stage = Stage(
