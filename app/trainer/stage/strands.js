@@ -272,7 +272,7 @@
     }
 
     draw(now) {
-      const { bed, given, ribbons, middle, foot, eye, parted } = this;
+      const { bed, given, ribbons, middle, foot, parted } = this;
       const { count, header, fibres, widths, pairs } = bed;
       let moving = false;
       const line = new Float32Array(3 * POINTS), wide = new Float32Array(POINTS);
@@ -302,7 +302,7 @@
         }
       }
       ribbons.changed();
-      this.film(pairs, now);
+      this.film(pairs);
       this.fresh = false;
       return moving;
     }
@@ -370,7 +370,7 @@
     }
 
     // Films between neighbours: whole, torn along one strand, or tatters on duct and bed.
-    film(pairs, now) {
+    film(pairs) {
       const { films, given, middle, foot, bed: { header } } = this;
       const { position, normal, color } = films;
       const point = (i, t, out) => {
