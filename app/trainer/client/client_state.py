@@ -10,7 +10,7 @@ from typing import Any, Generic, Literal, TypeVar
 import viser
 
 from app.compression.build_process import BuildProcess
-from app.simulation import VERTICES, BaseReplay, RunFile, Session
+from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session
 from app.simulation.bed import BedSession, DissectionFile
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import ReplayPlayback
@@ -93,6 +93,28 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     @abstractmethod
     def reset(self) -> None:
         """Make the duct whole and bring the view home; the next input starts a run."""
+
+    @property
+    @abstractmethod
+    def first_input(self) -> str:
+        """What starts a run's time, in a word."""
+
+    @property
+    @abstractmethod
+    def counted(self) -> str:
+        """What counts in exercises, in a sentence."""
+
+    @abstractmethod
+    def offers_follow_from(self) -> object:
+        """Return what the exercises offered depend on."""
+
+    @abstractmethod
+    def start_exercise(self, exercise: Any, feedback: Feedback) -> None:
+        """Start anew with an exercise."""
+
+    @abstractmethod
+    def start_again(self, run: FileT) -> None:
+        """Start the exercise of a run again."""
 
     @abstractmethod
     def run_so_far(self) -> FileT:

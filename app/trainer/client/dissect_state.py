@@ -80,6 +80,26 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         """Return a run tick by tick, as comma-separated values."""
         return dissection_csv(self.replay_of(run, vertices=FEW).series()).encode()
 
+    @property
+    def first_input(self) -> str:
+        """What starts a run's time, in a word."""
+        return "touch"
+
+    @property
+    def counted(self) -> str:
+        """What counts in exercises, in a sentence."""
+        return "both hands, by mouse, touch or keys."
+
+    def offers_follow_from(self) -> object:
+        """Return what the exercises offered depend on."""
+        duct = self.session.duct
+        return duct.dissection, duct.bed, duct.seed, duct.threshold
+
+    def start_again(self, run: DissectionFile) -> None:
+        """Start the exercise of a run again."""
+        if run.log.exercise is not None:
+            self.start_exercise(run.log.exercise, run.log.feedback)
+
     def start_exercise(self, exercise: BedExercise, feedback: Feedback) -> None:
         """Start anew with an exercise, in its bed."""
         self.release_hand()
@@ -97,14 +117,22 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
+        if self.playback is not None:
+            return
+        wanted = self.session.run.exercise if self.in_exercise else None
+        if wanted is not None and instrument not in wanted.instruments:
+            self.refuse(f"This exercise is done with: {', '.join(wanted.instruments)}.")
+            return
         self.choose_hand(hand)
         if self.instrument != instrument:
             self.session.choose_instrument(hand, instrument)
 
     def next_instrument(self) -> None:
         """Give the active hand the next instrument."""
-        following = INSTRUMENTS.index(self.instrument) + 1
-        self.choose_instrument(self.hand, INSTRUMENTS[following % len(INSTRUMENTS)])
+        wanted = self.session.run.exercise if self.in_exercise else None
+        offered = INSTRUMENTS if wanted is None else wanted.instruments
+        now = offered.index(self.instrument) if self.instrument in offered else -1
+        self.choose_instrument(self.hand, offered[(now + 1) % len(offered)])
 
     def choose_bed(self, name: str, seed: int) -> None:
         """Start anew in another bed."""
@@ -172,7 +200,8 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def open_jaws(self, opening: float) -> None:
         """Open or close the active hand's dissector, mm between its jaws."""
-        self.session.open_jaws(self.hand, opening)
+        if self.playback is None:
+            self.session.open_jaws(self.hand, opening)
 
     def open_more(self, more: float) -> None:
         """Open the active hand's dissector by some mm more, or less."""

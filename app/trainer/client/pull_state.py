@@ -24,6 +24,10 @@ __all__ = ["HAND_ONLY", "PullState"]
 
 PAST_BREAK = 1.05
 """Target of a ramp to the tear, over the force at break."""
+COUNTED: dict[ExerciseInputs, str] = {
+    "hand": "your hand only: drag the duct or the hook until its upper edge is in the blue band.",
+    "any": "your hand, sliders or keys: your teacher lets them count, and the run says so.",
+}
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 
 
@@ -108,6 +112,27 @@ class PullState(ClientState[Session, RunFile]):
         self.pulls += 1
         self._paused = False
         self._changed = True
+
+    @property
+    def first_input(self) -> str:
+        """What starts a run's time, in a word."""
+        return "pull"
+
+    @property
+    def counted(self) -> str:
+        """What counts in exercises, in a sentence."""
+        return COUNTED[self.exercise_inputs]
+
+    def offers_follow_from(self) -> object:
+        """Return what the exercises offered depend on."""
+        session = self.session
+        duct = session.duct
+        return duct.dissection, duct.theory, session.task_grasp, duct.threshold
+
+    def start_again(self, run: RunFile) -> None:
+        """Start the exercise of a run again."""
+        if run.log.exercise is not None:
+            self.start_exercise(run.log.exercise, run.log.feedback, run.log.start.grasp_mm)
 
     def start_exercise(
         self, exercise: Exercise, feedback: Feedback, grasp: float | None = None

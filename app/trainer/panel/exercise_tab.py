@@ -1,11 +1,13 @@
 """Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
+from typing import Any
 
 import viser
 
-from app.simulation import Exercise, ExerciseInputs, Feedback, RunFile
-from app.trainer.client.pull_state import PullState
+from app.simulation import Exercise, Feedback
+from app.simulation.bed import BedExercise
+from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
 __all__ = ["ExerciseTab"]
@@ -15,19 +17,15 @@ FEEDBACK = {
     "Fading, gone after 30 s": Feedback.FADING,
     "Only in the result": Feedback.SUMMARY,
 }
-WITH: dict[ExerciseInputs, str] = {
-    "hand": "your hand only: drag the duct or the hook until its upper edge is in the blue band.",
-    "any": "your hand, sliders or keys: your teacher lets them count, and the run says so.",
-}
 NONE = "This duct cannot break"
 
 
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState[Any, Any]) -> None:
         self._state = state
-        self._offered: dict[str, Exercise] = {}
+        self._offered: dict[str, Exercise | BedExercise] = {}
         self._key: object = None
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Exercise", [NONE], hint="Its numbers follow from where this duct breaks"
@@ -66,20 +64,10 @@ class ExerciseTab:
         if exercise is not None:
             self._state.start_exercise(exercise, feedback)
 
-    def again(self, run: RunFile) -> None:
-        """Start the exercise of a run again."""
-        if run.log.exercise is not None:
-            self._state.start_exercise(run.log.exercise, run.log.feedback, run.log.start.grasp_mm)
-
     def take_offers(self) -> None:
-        """Offer the duct's exercises, scaled for the present task grasp."""
+        """Offer the exercises of the present duct."""
         session = self._state.session
-        key = (
-            session.duct.dissection,
-            session.duct.theory,
-            session.task_grasp,
-            session.duct.threshold,
-        )
+        key = self._state.offers_follow_from()
         if key == self._key:
             return
         self._key = key
@@ -124,7 +112,7 @@ class ExerciseTab:
             text = (
                 f"{run.seconds:.0f} s of {limit:.0f} s"
                 if run.started
-                else "Ready. Time runs from your first pull."
+                else f"Ready. Time runs from your first {state.first_input}."
             )
             standing = run.standing if state.figures_visible else ""
             content = note(
@@ -153,6 +141,7 @@ class ExerciseTab:
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
             f"{title}<b>Goal</b> {html.escape(exercise.goal)}<br>"
             f"<b>Limit</b> {html.escape(exercise.limit)}<br>"
-            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first pull.<br>"
-            f"<b>With</b> {WITH[self._state.exercise_inputs]}</div>"
+            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first "
+            f"{self._state.first_input}.<br>"
+            f"<b>With</b> {self._state.counted}</div>"
         )

@@ -11,9 +11,10 @@ from app.trainer.panel.controls import Choice
 from app.trainer.panel.help import Key
 from app.trainer.viser_bridge import offer_home
 
-__all__ = ["DISCLAIMER", "add_disclaimer", "add_keys", "dress_panel"]
+__all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "add_keys", "dress_panel"]
 
 DISCLAIMER = "Not clinically validated, not a medical device."
+LEARN, REPLAY = "Learn", "Replay"
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)

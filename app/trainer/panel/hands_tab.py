@@ -77,7 +77,7 @@ class HandsTab:
     def show(self, reading: BedReading) -> None:
         """Show a reading."""
         state = self._state
-        hands = state.session.duct.hands
+        hands = state.shown.duct.hands
         for number_, (choice, hand) in enumerate(zip(self._hands, hands, strict=True)):
             choice.show(hand.instrument, active=number_ == state.hand)
         holder = hands[state.hand]
@@ -87,7 +87,10 @@ class HandsTab:
         set_if_changed(self._jaws, visible=holder.instrument == "dissector")
         if self._jaws.value != holder.target_opening:
             self._jaws.value = holder.target_opening
+        live = state.playback is None
         for button, held in zip(self._release, reading.held, strict=True):
-            set_if_changed(button, visible=held)
+            set_if_changed(button, visible=held and live)
+        set_if_changed(self._pause, visible=live and not state.in_exercise)
+        set_if_changed(self._reset, visible=live)
         self._colours.show(state.colours)
         set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from app.simulation import Measures, Outcome
+from app.simulation.bed import DissectionMeasures
 from app.trainer.panel.controls import KPA_PER_MPA, figure
 
-__all__ = ["measures_html", "outcome_html"]
+__all__ = ["dissection_html", "measures_html", "outcome_html"]
 
 _PASSED, _FAILED, _PLAIN = "#35c28f", "#ff6b5e", "#c9ccd1"
 
@@ -81,10 +82,73 @@ _ROWS = (
 )  # fmt: skip
 
 
+_DISSECTION_ROWS = (
+    _Row("time_s", "Time", "s", "lower", "Length of the run, from the first touch to its end."),
+    _Row("freed_mm", "Freed", "mm", "higher", "Length of duct whose strands have parted."),
+    _Row(
+        "longest_freed_stretch_mm", "Longest freed stretch", "mm", "higher",
+        "The longest part of the duct that is free throughout.",
+    ),
+    _Row(
+        "strands_parted", "Strands parted", "", "", "Strands that have parted, of all that held.",
+    ),
+    _Row(
+        "strands_parted_by_hand", "By the left / right hand", "", "",
+        "To which hand those strands are put down.",
+    ),
+    _Row(
+        "strands_parted_out_of_sight", "Parted out of sight", "", "lower",
+        "Strands that parted where neither the picture nor an instrument near by shows them.",
+    ),
+    _Row(
+        "peak_stress_share", "Peak stress", "% of break", "lower",
+        "The highest stress in the wall by the threshold: 100 % tears.", 100.0,
+    ),
+    _Row(
+        "maximum_stress_rate_per_s", "Fastest loading", "% of break/s", "lower",
+        "Fastest growth of that stress, over a tenth of a second.", 100.0,
+    ),
+    _Row(
+        "time_above_half_s", "Time above half of the break", "s", "lower",
+        "Time with a stress above half of the threshold.",
+    ),
+    _Row(
+        "work_mJ", "Work of the left / right hand", "mJ", "lower",
+        "What each hand has put into duct and tissue.",
+    ),
+    _Row(
+        "parted_energy_mJ", "Energy into strands", "mJ", "", "What parting the strands has taken.",
+    ),
+    _Row(
+        "duct_energy_mJ", "Energy in the duct", "mJ", "lower",
+        "The most that the stretched and bent duct has held at once.",
+    ),
+    _Row(
+        "economy_of_work", "Economy of work", "", "higher",
+        "Energy into strands by the work of both hands: 1 would spare the duct wholly.",
+    ),
+    _Row(
+        "maximum_force_N", "Maximum force, left / right", "N", "lower", "Largest force of a hand.",
+    ),
+    _Row(
+        "maximum_instrument_force_N", "Maximum force of jaws or swab", "N", "lower",
+        "Largest force on a jaw or a swab.",
+    ),
+    _Row(
+        "force_time_product_N_s", "Force-time product, left / right", "N s", "lower",
+        "Sum of the force over time. It rewards haste: read it with the loading.",
+    ),
+    _Row(
+        "traction_angle_deg", "Angle of traction", "°", "lower",
+        "Mean angle between the pull on the duct and straight off the bed, weighted by force.",
+    ),
+)  # fmt: skip
+
+
 def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
     """Return the outcome of a run as HTML; a run without one was not judged."""
     if outcome is None:
-        word, colour, reason = "Not judged", _PLAIN, "A free pull, or one that was stopped."
+        word, colour, reason = "Not judged", _PLAIN, "No exercise, or one that was stopped."
     else:
         word, colour = ("Passed", _PASSED) if outcome.passed else ("Not passed", _FAILED)
         reason = outcome.reason
@@ -115,43 +179,67 @@ def measures_html(
     # units of `Measures`. Where coming near the break was the goal, neither way is better.
     beside, limits = beside or {}, limits or {}
     heads = ["this try", *beside, *(["limit"] if limits else [])]
-    columns = "".join(
-        f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads
-    )
-    rows = "".join(
+    rows = [
         _row(
             row._replace(better="") if sought_break and row.key == DISTANCE else row,
             measures, list(beside.values()), limits,
         )
         for row in _ROWS
         if row.key != "overshoot" or measures.overshoot is not None
-    )  # fmt: skip
+    ]  # fmt: skip
+    return _table_html(heads, rows, _tear_html(measures))
+
+
+def dissection_html(measures: DissectionMeasures, limits: Mapping[str, float]) -> str:
+    """Return a dissection's measures as HTML, pairs as those of the left and the right hand."""
+    rows: list[str] = []
+    for row in _DISSECTION_ROWS:
+        value: float | tuple[float, ...] | None = getattr(measures, row.key)
+        values = value if isinstance(value, tuple) else (value,)
+        shown = " / ".join(figure(None if v is None else row.factor * v) for v in values)
+        exact = ",".join("" if v is None else repr(float(v)) for v in values)
+        cells = [f"<b>{shown}</b>"]
+        if limits:
+            limit = limits.get(row.key)
+            cells.append("" if limit is None else figure(row.factor * limit))
+        rows.append(_row_html(row, row.name, exact, cells))
+    return _table_html(["this try", *(["limit"] if limits else [])], rows)
+
+
+def _table_html(heads: Sequence[str], rows: Sequence[str], below: str = "") -> str:
+    columns = "".join(
+        f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads
+    )
     return (
         "<div data-testid='measures' style='padding:0 8px 10px;overflow-x:auto'>"
         "<table style='width:100%;border-collapse:collapse;font-size:13px;line-height:1.35;"
         "font-variant-numeric:tabular-nums'><thead>"
         "<tr style='font-size:12px;vertical-align:bottom'>"
         "<th style='text-align:left;font-weight:400'>↓ lower, ↑ higher is better</th>"
-        f"{columns}</tr></thead><tbody>{rows}</tbody></table>{_tear_html(measures)}</div>"
+        f"{columns}</tr></thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
     )
 
 
 def _row(
     row: _Row, measures: Measures, beside: Sequence[Measures], limits: Mapping[str, float]
 ) -> str:
-    meaning = html.escape(row.meaning, quote=True)
     name = row.name.format(threshold=figure(measures.task_threshold_N))
     exact: float | None = getattr(measures, row.key)
     cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
     if limits:
         limit = limits.get(row.key)
         cells.append("" if limit is None else figure(row.factor * limit))
+    return _row_html(row, name, "" if exact is None else repr(float(exact)), cells)
+
+
+def _row_html(row: _Row, name: str, exact: str, cells: Sequence[str]) -> str:
+    meaning = html.escape(row.meaning, quote=True)
     figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)
     unit = f" <span style='white-space:nowrap'>({row.unit})</span>" if row.unit else ""
     arrow = _ARROWS[row.better]
     way = f" <span role='img' aria-label='{row.better} is better'>{arrow}</span>" if arrow else ""
     return (
-        f"<tr data-measure='{row.key}' data-value='{'' if exact is None else repr(float(exact))}'"
+        f"<tr data-measure='{row.key}' data-value='{exact}'"
         f" data-better='{row.better}' title='{meaning}'"
         " style='border-top:1px solid rgba(255,255,255,.08);vertical-align:top'>"
         f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>{name}"

@@ -9,7 +9,7 @@ from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.export_box import ExportBox
-from app.trainer.panel.frame import add_disclaimer, add_keys, dress_panel
+from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, add_keys, dress_panel
 from app.trainer.panel.help import PULL_KEYS, show_help
 from app.trainer.panel.legend import Legend
 from app.trainer.panel.model_tab import ModelTab
@@ -20,15 +20,13 @@ from app.trainer.panel.readout import (
     zone,
     zone_told,
 )
-from app.trainer.panel.replay_tab import ReplayTab
-from app.trainer.panel.result_page import ResultPage
+from app.trainer.panel.replay_tab import ReplayTab, result_actions
+from app.trainer.panel.result_page import show_pull_result
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import heat_legend_html
 from app.trainer.viser_bridge import announce, open_tab, take_arrows
 
-__all__ = ["LEARN", "REPLAY", "Panel"]
-
-LEARN, REPLAY = "Learn", "Replay"
+__all__ = ["Panel"]
 
 
 class Panel:
@@ -110,17 +108,9 @@ class Panel:
 
     def show_result(self, run: RunFile) -> None:
         """Open the result page of a run; replaying the run for its plots takes a while."""
-        offered = run.log.exercise is not None
-
-        def again() -> None:
-            self._exercises.again(run)
-            open_tab(self._state.client, LEARN)
-
-        def watch() -> None:
-            self._replay.replay(lambda: run)
-            open_tab(self._state.client, REPLAY)
-
-        ResultPage(self._state, run, again=again if offered else None, replay=watch)
+        state = self._state
+        again, watch = result_actions(state, self._replay, run)
+        show_pull_result(state, run, again=again, replay=watch)
 
     def _show_last(self) -> None:
         run = self._state.last_run

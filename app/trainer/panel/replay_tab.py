@@ -9,9 +9,11 @@ from app.simulation import RunFile, run_json
 from app.simulation.bed import DissectionFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
+from app.trainer.panel.frame import LEARN, REPLAY
 from app.trainer.panel.result_page import run_name
+from app.trainer.viser_bridge import open_tab
 
-__all__ = ["ReplayTab"]
+__all__ = ["ReplayTab", "result_actions"]
 
 _TELLING = (
     "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
@@ -133,3 +135,19 @@ class ReplayTab:
         if playback is not None:
             playback.seek(number(seconds))
             playback.pause()
+
+
+def result_actions(
+    state: ClientState[Any, Any], tab: ReplayTab, run: RunFile | DissectionFile
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return what tries a run's exercise again, and what replays the run."""
+
+    def again() -> None:
+        state.start_again(run)
+        open_tab(state.client, LEARN)
+
+    def watch() -> None:
+        tab.replay(lambda: run)
+        open_tab(state.client, REPLAY)
+
+    return again, watch

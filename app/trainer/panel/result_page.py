@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from datetime import datetime
-from typing import Literal
+from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 import viser
@@ -15,18 +15,19 @@ from app.simulation import (
     RunFile,
     do_exercise,
     run_json,
-    series_csv,
 )
 from app.simulation.bed import DissectionFile
-from app.trainer.client.client_state import FEW
+from app.trainer.client.client_state import FEW, ClientState
+from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
-from app.trainer.panel.measures_table import measures_html, outcome_html
+from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 
-__all__ = ["ResultPage", "run_name"]
+__all__ = ["run_name", "show_dissection_result", "show_pull_result"]
 
+FileT = TypeVar("FileT", RunFile, DissectionFile)
 TRIES_BESIDE = 2
 """Earlier tries shown beside a result."""
 _BESIDE = (
@@ -67,45 +68,32 @@ def run_name(run: RunFile | DissectionFile) -> str:
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
-class ResultPage:
+class ResultPage(Generic[FileT]):
     """A page over the trainer with one run's result, until it is closed.
 
-    `again` starts the same exercise again and is None for a run without one; `replay` replays the
-    run.
+    `fill` adds the measures and plots; `again` starts the same exercise again and is None for a run
+    without one; `replay` replays the run.
     """
 
     def __init__(
         self,
-        state: PullState,
-        run: RunFile,
+        state: ClientState[Any, FileT],
+        run: FileT,
         *,
+        fill: Callable[[viser.GuiApi], object],
+        remark: str = "",
         again: Callable[[], object] | None,
         replay: Callable[[], object],
     ) -> None:
         gui, client = state.client.gui, state.client
         self._gui = gui
-        series = state.replay_of(run, vertices=FEW).series()
         exercise = run.log.exercise
-        title = "Free pull" if exercise is None else exercise.title
-        beside = _beside(run, state)
+        free = "Free pull" if isinstance(run, RunFile) else "Free dissection"
         self._dialog = Dialog(gui, "Result")
         with self._dialog:
-            by_sliders = exercise is not None and run.log.exercise_inputs == "any"
-            gui.add_html(outcome_html(run.outcome, title, _SLIDERS if by_sliders else ""))
-            tabs = gui.add_tab_group()
-            with tabs.add_tab("Measures"):
-                gui.add_html(
-                    measures_html(
-                        run.measures,
-                        beside,
-                        limits=None if exercise is None else exercise.limits,
-                        sought_break=isinstance(exercise, ApproachBreak),
-                    )
-                )
-                if exercise is not None:
-                    gui.add_html(note(_BESIDE))
-            with tabs.add_tab("Over time"):
-                add_series_plots(gui, series, exercise)
+            title = free if exercise is None else exercise.title
+            gui.add_html(outcome_html(run.outcome, title, remark))
+            fill(gui)
             if again is not None:
                 self._closing("Try again", viser.Icon.REFRESH, again, "teal")
             self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)
@@ -113,8 +101,7 @@ class ResultPage:
             json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         send = client.send_file_download
         name = run_name(run)
-        table = series_csv(series).encode()
-        on_click(csv, lambda: send(f"{name}.csv", table, save_immediately=True))
+        on_click(csv, lambda: send(f"{name}.csv", state.run_csv(run), save_immediately=True))
         on_click(json, lambda: send(f"{name}.json", run_json(run), save_immediately=True))
 
     def _closing(
@@ -136,3 +123,49 @@ class ResultPage:
     def close(self) -> None:
         """Close the page."""
         self._dialog.close()
+
+
+def show_pull_result(
+    state: PullState, run: RunFile, *, again: Callable[[], object], replay: Callable[[], object]
+) -> None:
+    """Open the result page of a pull; replaying the run for its plots takes a while."""
+    series = state.replay_of(run, vertices=FEW).series()
+    exercise, beside = run.log.exercise, _beside(run, state)
+
+    def fill(gui: viser.GuiApi) -> None:
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Measures"):
+            gui.add_html(
+                measures_html(
+                    run.measures,
+                    beside,
+                    limits=None if exercise is None else exercise.limits,
+                    sought_break=isinstance(exercise, ApproachBreak),
+                )
+            )
+            if exercise is not None:
+                gui.add_html(note(_BESIDE))
+        with tabs.add_tab("Over time"):
+            add_series_plots(gui, series, exercise)
+
+    by_sliders = exercise is not None and run.log.exercise_inputs == "any"
+    ResultPage(
+        state, run, fill=fill, remark=_SLIDERS if by_sliders else "",
+        again=None if exercise is None else again, replay=replay,
+    )  # fmt: skip
+
+
+def show_dissection_result(
+    state: DissectState,
+    run: DissectionFile,
+    *,
+    again: Callable[[], object],
+    replay: Callable[[], object],
+) -> None:
+    """Open the result page of a dissection."""
+    exercise = run.log.exercise
+    limits = {} if exercise is None else exercise.limits
+    ResultPage(
+        state, run, fill=lambda gui: gui.add_html(dissection_html(run.measures, limits)),
+        again=None if exercise is None else again, replay=replay,
+    )  # fmt: skip

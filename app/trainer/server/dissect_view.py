@@ -2,7 +2,7 @@
 
 import viser
 
-from app.simulation.bed import BedReading
+from app.simulation.bed import BedReading, DissectionRun
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.dissect_panel import DissectPanel
 from app.trainer.scene.bed_scene import BedScene
@@ -25,6 +25,7 @@ class DissectView(ModeView):
         self._panel = DissectPanel(state)
         self._watch_pace(look)
         self._notice: viser.NotificationHandle | None = None
+        self._told: DissectionRun | None = session.run if session.run.over else None
 
     @property
     def state(self) -> DissectState:
@@ -37,6 +38,7 @@ class DissectView(ModeView):
 
     def leave(self) -> None:
         """Remove the scene, for another mode."""
+        self.state.leave_replay()
         self.close()
         self._forget_tear()
         self._scene.remove()
@@ -45,24 +47,40 @@ class DissectView(ModeView):
         state = self.state
         if state.take_home():
             self._scene.frame_camera()
+        if (playback := state.playback) is not None:
+            return playback.tick(ticks)
         return not state.paused and self.session.advance(ticks)
 
     def _has_news(self) -> bool:
-        return False
+        run = self.session.run
+        # While all stands still the time shown runs on.
+        timed = run.going and run.exercise is not None
+        return timed or (run.over and run is not self._told)
 
     def _draw(self) -> None:
         state, scene = self.state, self._scene
-        scene.watch(self.session)
+        scene.watch(state.shown)
         scene.set_look("plain" if state.plain else "full")
-        scene.draw(self.session.reading(), state.colours)
+        scene.draw(state.shown.reading(), state.colours if state.figures_visible else "tissue")
 
     def _tell(self) -> None:
+        state, run = self.state, self.session.run
+        self._panel.show(state.shown.reading())
         reading = self.session.reading()
-        self._panel.show(reading)
+        if run.over and run is not self._told:
+            self._told = run
+            state.keep_run()
+            kept = state.last_run
+            if run.exercise is not None and kept is not None:
+                state.release_hand()
+                state.workers.background.submit(
+                    (id(self), "result"), lambda: self._panel.show_result(kept)
+                )
+            elif reading.torn_at is not None:
+                self._notice = self._tear_notice(reading)
+            self._panel_stale = True
         if reading.torn_at is None:
             self._forget_tear()
-        elif self._notice is None:
-            self._notice = self._tear_notice(reading)
 
     def _tear_notice(self, reading: BedReading) -> viser.NotificationHandle:
         """Show where the duct has torn, and what it was freed of before."""
