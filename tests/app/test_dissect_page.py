@@ -8,7 +8,8 @@ from browser import TrainerPage, newest, newest_dissection, trainer_page
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation.bed import BedSession, Hand, bed_named
+from app.simulation import Feedback
+from app.simulation.bed import MANNERS, BedSession, Hand, bed_named, script
 from app.trainer.client.dissect_state import NUDGE
 from app.trainer.server.dissect_view import DissectView
 from app.trainer.server.trainer import Trainer
@@ -303,3 +304,51 @@ def test_shift_moves_into_the_picture(browser: Browser, dissections: Trainer) ->
         assert view.session.reading().held[0]
         tab.page.mouse.up()
         tab.wait_until(lambda: not view.session.reading().held[0])
+
+
+def test_an_exercise_is_done_judged_measured_and_replayed(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session, page = view.session, tab.page
+        tab.open("Learn")
+        tab.wait_until(lambda: view._panel._exercises._offered)
+        exercise = next(iter(session.exercises_offered()))
+        tab.choose("Exercise", exercise.title)
+        tab.choose("Feedback", "Only in the result")
+        tab.press("Start")
+        expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
+        expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
+        for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
+            session.advance()
+            if session.run.over:
+                break
+        outcome = page.get_by_test_id("outcome")
+        outcome.wait_for()
+        assert outcome.get_attribute("data-outcome") == "Passed"
+        kept = view.state.last_run
+        assert kept is not None
+        row = page.locator("[data-measure=freed_mm]")
+        assert float(row.get_attribute("data-value") or "nan") == kept.measures.freed_mm
+        tab.press("Watch it again")
+        tab.wait_until(lambda: view.state.playback is not None)
+        tab.slide("Time (s)", 1e4)
+        tab.wait_until(lambda: tab.figure("parted") == kept.measures.strands_parted)
+        expect(tab.readout).to_contain_text("Replay")
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
+
+
+def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        (exercise, *_) = view.session.exercises_offered()
+        view.state.show(colours="stress")
+        view.state.start_exercise(exercise, Feedback.SUMMARY)
+        view.session.choose_instrument(1, exercise.instruments[0])
+        tab.page.locator("[data-testid=readout][data-hidden='1']").wait_for()
+        expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
+        tab.press("Pull")  # an exercise is not left by the way
+        expect(tab.page.get_by_text("An exercise goes on until it is over")).to_be_visible()
+        assert newest_dissection(dissections) is view
