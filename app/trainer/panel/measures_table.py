@@ -105,8 +105,9 @@ _DISSECTION_ROWS = (
         "The highest stress in the wall by the threshold: 100 % tears.", 100.0,
     ),
     _Row(
-        "maximum_stress_rate_per_s", "Fastest loading", "% of break/s", "lower",
-        "Fastest growth of that stress, over a tenth of a second.", 100.0,
+        "shortest_time_to_break_s", "Shortest time to break", "s", "higher",
+        "How long the duct would have lasted at its fastest loading, over a tenth of a second: "
+        "whoever leaves less than a reaction time cannot stop.",
     ),
     _Row(
         "time_above_half_s", "Time above half of the break", "s", "lower",
