@@ -36,6 +36,8 @@ CONTACT = 1.6
 """Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
 REACH_OF_RODS = 12.0
 """How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
+MOST_SLIPS = 50
+"""How often strands may slip off rods in one substep, each time with another equilibrium."""
 IN_PLANE = 2 + 8 + 32
 """Bits of what is held in the plane of x and z: y, and turning about x and z."""
 SHORTER, LONGER = 0.2, 3.0
@@ -134,7 +136,12 @@ class BeamOnBed:
         self._rest_q = beam.rotations.copy()
         self._elastic = beam.stiffness.copy()
         x = self._stations
-        node = np.searchsorted(0.5 * (x[1:] + x[:-1]), strands.stations)
+        middles = 0.5 * (x[1:] + x[:-1])
+        node = np.searchsorted(middles, strands.stations)
+        # Half-way between two nodes the even one has it, whose arms are then alike on both sides.
+        after = np.searchsorted(middles, strands.stations + 1e-9 * beam.span)
+        before = np.searchsorted(middles, strands.stations - 1e-9 * beam.span)
+        node = np.where(after == before, node, after - after % 2)
         order = np.argsort(node, kind="stable")
         self._order = order
         self.strands = strands
@@ -180,7 +187,7 @@ class BeamOnBed:
             floor=ground,
             thick=thick,
             rods=blank((rods, kernels.ROD_ROWS)),
-            side=blank((rods, strands.count), np.int64),
+            side=np.full((rods, strands.count), kernels.UNMET, dtype=np.int64),
             pull=blank((rods, 3)),
             section=blank((elements, 11)),
             g=blank(six),
@@ -318,7 +325,8 @@ class BeamOnBed:
         row = np.array([*tip, *(way / np.sqrt(way @ way)), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
-        self.state.side[rod] = 0
+        self.state.side[rod] = kernels.UNMET
+        kernels.meet_rods(self.state, True)
         # Should it touch anything already, that is the hand's work.
         work = self._changed()
         self.state.sums[kernels.WORK] += work
@@ -333,7 +341,7 @@ class BeamOnBed:
         self._account()
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod, kernels.IN_USE] = 0.0
-        self.state.side[rod] = 0
+        self.state.side[rod] = kernels.UNMET
         self.state.sums[kernels.SNAP] -= self._changed()
 
     def rod_force(self, rod: int) -> Floats:
@@ -401,14 +409,19 @@ class BeamOnBed:
         # Forces are known only to the tolerance of the equilibrium.
         noise = 2.0 * self._rounding()
         before = self._balance()
-        done, size = 0.0, 1.0
+        done, size, largest = 0.0, 1.0, 1.0
+        # A rod goes no farther at once than half its radius, lest it should jump over a strand.
+        for a, b in zip(s.rods_from, s.rods_to, strict=True):
+            if b[kernels.IN_USE]:
+                way = float(np.sqrt(((b[:3] - a[:3]) ** 2).sum()))
+                largest = min(largest, 0.5 * b[kernels.RADIUS] / way) if way > 0.0 else largest
         while done < 1.0:
-            size = min(size, 1.0 - done)
-            back = s.x.copy(), s.q.copy(), s.damage.copy(), s.side.copy()
+            size = min(size, largest, 1.0 - done)
+            back = tuple(each.copy() for each in (s.x, s.q, s.damage, s.side, s.sums))
             self._set_goals(done + size)
-            lost = self._settle(tolerance)
-            if lost is None:
-                s.x[:], s.q[:], s.damage[:], s.side[:] = back
+            settled = self._settle(tolerance)
+            if settled is None:
+                s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
                 if size > 0.5**deepest:
                     size *= 0.5
                     continue
@@ -417,6 +430,7 @@ class BeamOnBed:
                 raise NoEquilibrium(
                     "no equilibrium was found near the last one, however small the step"
                 )
+            lost, entered, slipped = settled
             after = self._balance()
             # The trapezoidal rule and its uncertainty, if the forces jumped in between.
             way = (
@@ -430,31 +444,26 @@ class BeamOnBed:
                 (before.pulls, after.pulls, way[2]),
             )
             each = [0.5 * (a + b) * w for a, b, w in sides]
-            work = sum(float(part.sum()) for part in each)
-            gross = sum(float(np.abs(part).sum()) for part in each)
+            work = sum(float(part.sum()) for part in each) + entered
+            gross = entered + sum(float(np.abs(part).sum()) for part in each)
             unsure = sum(0.5 * float(np.abs((b - a) * w).sum()) for a, b, w in sides)
-            missing = work - (after.stored - before.stored) - lost
+            missing = work - (after.stored - before.stored) - lost - slipped
             total = self._gross + gross
             far_each = sum(float(np.abs(w).sum()) for w in way)
             least = 0.01 * books * books * total + noise * far_each + 1e-14 * after.stored
             close = abs(missing) <= books * gross + least
             jump = unsure <= 0.01 * books * total + noise * far_each
             if not (close or jump) and size > 0.5**deepest:
-                s.x[:], s.q[:], s.damage[:], s.side[:] = back
+                s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
                 size *= SHORTER
                 continue
             done += size
             self._gross = total
             s.sums[kernels.WORK] += work
-            s.sums[kernels.ROD_WORK] += float(each[2].sum())
+            s.sums[kernels.ROD_WORK] += float(each[2].sum()) + entered
             s.sums[kernels.STORED] = after.stored
             s.sums[kernels.DISSIPATED] += lost
-            if not close and missing > 0.0:
-                s.sums[kernels.SNAP] += missing
-            elif not close and s.rods[:, kernels.IN_USE].any():
-                # A rod's tip has come upon a strand, which nothing along its shaft resists.
-                s.sums[kernels.WORK] -= missing
-                s.sums[kernels.ROD_WORK] -= missing
+            s.sums[kernels.SNAP] += slipped + (missing if not close and missing > 0.0 else 0.0)
             before = after
             s.react[:] = after.holds
             if np.abs(s.x).max() > far:
@@ -471,8 +480,36 @@ class BeamOnBed:
         s.load[:] = s.load_from + part * (s.load_to - s.load_from)
         s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
 
-    def _settle(self, tolerance: float) -> float | None:
-        """Find equilibrium and damage at the goals; return the energy dissipated, None if lost."""
+    def _settle(self, tolerance: float) -> tuple[float, float, float] | None:
+        """Find equilibrium and damage at the goals, None if lost."""
+        # The energies, mJ, that strands dissipate, that rods put into strands which their tips
+        # come upon, and that strands which slip off release.
+        lost = 0.0
+        entered, slipped = self._meet(first=True)
+        for _ in range(MOST_SLIPS):
+            more = self._balanced(tolerance)
+            if more is None:
+                return None
+            lost += more
+            put, released = self._meet(first=False)
+            if put == released == 0.0:
+                return lost, entered, slipped
+            entered, slipped = entered + put, slipped + released
+        return None
+
+    def _meet(self, *, first: bool) -> tuple[float, float]:
+        """Let strands meet rods or slip off; return the energies put in and released, mJ."""
+        s = self.state
+        if not s.rods[:, kernels.IN_USE].any():
+            return 0.0, 0.0
+        before = kernels.assemble(s, kernels.POTENTIAL, 0.0)
+        if kernels.meet_rods(s, first) == 0:
+            return 0.0, 0.0
+        change = kernels.assemble(s, kernels.POTENTIAL, 0.0) - before
+        return max(change, 0.0), max(-change, 0.0)
+
+    def _balanced(self, tolerance: float) -> float | None:
+        """Find equilibrium and damage with strands on rods as they are; the energy dissipated."""
         s = self.state
         floor = self._rounding()
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:

@@ -39,7 +39,9 @@ They touch the block of the strand's node only, so the tangent stays block-tridi
 shortest path round it, straight on the unrolled cylinder, on the side where it was first touched:
 length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_b/r)), with
 l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
-There is no friction. The duct, a round bar about the axis, is kept off by a penalty contact.
+There is no friction. A strand is met when the tip has gone past it, and slips off past 3 rad or
+past the tip: these two jump, so that in a search for equilibrium they stand as they are
+(`meet_rods`). The duct, a round bar about the axis, is kept off by a penalty contact.
 
 **Equilibrium** is a minimum of the beam's energy plus the strands' incremental potential (elastic
 energy plus what is dissipated from the last accepted state on), held at the nodes that hooks hold:
@@ -92,6 +94,9 @@ SUM_ROWS = 19
 TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
 ROD_ROWS = 8
 
+UNMET = 2
+"""In `side`: a strand that is out of a rod's reach, or past its tip."""
+
 # What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
 STANDING, POTENTIAL, DELAYED = 0, 1, 2
 
@@ -121,7 +126,8 @@ class State(NamedTuple):
     floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
     thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
     rods: Floats  # (M, ROD_ROWS) mm
-    side: Ints  # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch
+    # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `UNMET`
+    side: Ints
     pull: Floats  # (M, 3) forces of hands on rods, N
     press: Floats  # (M, 3) their part against the beam itself, N
     section: Floats  # (N - 1, 11)
@@ -489,10 +495,16 @@ def angle(across: float, along: float) -> float:
 
 
 @inner
-def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, Three, Three, float]:
-    """Return side (0: none), length, its derivatives by a and b, and the straight part at a."""
-    # The length is that round the rod also where the strand has just slipped off it, else 0.
+def way_round(
+    a: Three, b: Three, rod: Floats, side: int, live: bool
+) -> tuple[int, float, Three, Three, float]:
+    """Return side, length, its derivatives by a and b, and the straight part at a."""
+    # `live`: strands may be met and may slip off. The length is that round the rod also where a
+    # strand has just slipped off it, else 0.
     none = (0.0, 0.0, 0.0)
+    if side == UNMET and not live:
+        return UNMET, 0.0, none, none, 0.0
+    bent = side == 1 or side == -1
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
     r = rod[RADIUS]
     a = (a[0] - rod[TIP], a[1] - rod[TIP + 1], a[2] - rod[TIP + 2])
@@ -504,19 +516,20 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
     square = dot(way, way)
     nearest = -dot(a, way) / square if square > 0.0 else 0.0
     nearest = min(1.0, max(0.0, nearest))
-    slipped = a0 + nearest * (b0 - a0) < 0.0  # past the tip
-    if slipped and side == 0:
-        return 0, 0.0, none, none, 0.0
+    slipped = live and a0 + nearest * (b0 - a0) < 0.0  # past the tip
+    if slipped and not bent:
+        return UNMET, 0.0, none, none, 0.0
     turn = dot(u, cross(a, b))
-    if side == 0:
+    if not bent:
         foot = added(a, scaled(way, nearest))
         if dot(foot, foot) >= r * r:
             return 0, 0.0, none, none, 0.0
         side = 1 if turn > 0.0 else -1
-    # Ends inside the rod count as just outside, where the tangents' lengths still have derivatives.
-    da = max(dot(a, a), 1.0001 * r * r)
-    db = max(dot(b, b), 1.0001 * r * r)
-    la, lb = math.sqrt(da - r * r), math.sqrt(db - r * r)
+    # Ends inside the rod count as just outside it, so that only their angle matters.
+    da, db = dot(a, a), dot(b, b)
+    inside_a, inside_b = da < 1.0001 * r * r, db < 1.0001 * r * r
+    la = 0.01 * r if inside_a else math.sqrt(da - r * r)
+    lb = 0.01 * r if inside_b else math.sqrt(db - r * r)
     arc = angle(side * turn, dot(a, b))
     if arc < 0.0:
         arc += 2.0 * math.pi
@@ -527,10 +540,13 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
     plane = la + lb + r * arc
     axial = b0 - a0
     length = math.sqrt(plane * plane + axial * axial)
-    if slipped or arc > 3.0:
+    if slipped:
+        return UNMET, length, none, none, 0.0
+    if live and arc > 3.0:
         return 0, length, none, none, 0.0
     f = plane / length
-    c = 1.0 - r * r / da
+    da, db = max(da, 0.01 * r * r), max(db, 0.01 * r * r)
+    c = 0.0 if inside_a else 1.0 - r * r / da
     s = side * r * la / da
     ua = cross(u, a)
     by_a = (
@@ -538,7 +554,7 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
         f * (c * a[1] - s * ua[1]) / la - axial / length * u[1],
         f * (c * a[2] - s * ua[2]) / la - axial / length * u[2],
     )
-    c = 1.0 - r * r / db
+    c = 0.0 if inside_b else 1.0 - r * r / db
     s = -side * r * lb / db
     ub = cross(u, b)
     by_b = (
@@ -550,16 +566,45 @@ def way_round(a: Three, b: Three, rod: Floats, side: int) -> tuple[int, float, T
 
 
 @inner
-def rods_near(s: State, n: int) -> bool:
+def any_rod(s: State) -> bool:
+    """Return whether any rod is in use."""
+    found = False
+    for m in range(s.rods.shape[0]):
+        found = found or s.rods[m, IN_USE] != 0.0
+    return found
+
+
+@inner
+def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
+    """Return where strand i of node n holds the beam, and its foot."""
+    t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
+    a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
+    end = (
+        s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
+        s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
+        s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
+    )
+    return end, (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
+
+
+@inner
+def reached(s: State, n: int, m: int) -> tuple[bool, float, Three]:
+    """Return whether node n's strands may touch rod m, how far it is away, and the way to it."""
+    u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
+    d = (s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2])
+    d = added(d, scaled(u, -max(0.0, dot(d, u))))
+    away = math.sqrt(dot(d, d))
+    return away < s.thick[n, 0] + s.rods[m, RADIUS] + s.thick[n, 2], away, d
+
+
+@inner
+def rods_near(s: State, n: int, live: bool) -> bool:
     """Add the contact of node n with the rods; return whether its strands may touch one."""
-    near = False
+    any_near = False
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
             continue
-        u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
-        d = (s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2])
-        d = added(d, scaled(u, -max(0.0, dot(d, u))))
-        away = math.sqrt(dot(d, d))
+        near, away, d = reached(s, n, m)
         deep = s.thick[n, 0] + s.rods[m, RADIUS] - away
         if deep > 0.0 and away > 1e-9:
             d = scaled(d, 1.0 / away)
@@ -572,12 +617,12 @@ def rods_near(s: State, n: int) -> bool:
                 for col in range(r + 1):
                     b[r, col] += push * d[r] * d[col]
             s.sums[CONTACT] += 0.5 * push * deep * deep
-        if away < s.thick[n, 0] + s.rods[m, RADIUS] + s.thick[n, 2]:
-            near = True
+        if near or not live:
+            any_near = True
         else:  # out of reach: strands forget on which side they touched it
             for i in range(s.first[n], s.first[n + 1]):
-                s.side[m, i] = 0
-    return near
+                s.side[m, i] = UNMET
+    return any_near
 
 
 @inner
@@ -586,11 +631,9 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
     strand, damage, side = s.strand, s.damage, s.side
     energy = lost = most = 0.0
     whole = 0
-    rods = False
-    for m in range(s.rods.shape[0]):
-        rods = rods or s.rods[m, IN_USE] != 0.0
+    rods = any_rod(s)
     for n in range(s.x.shape[0]):
-        near = rods and rods_near(s, n)
+        near = rods and rods_near(s, n, kind == DELAYED)
         if s.first[n] == s.first[n + 1]:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
@@ -619,10 +662,12 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] == 0.0:
                         continue
+                    was = side[m, i]
                     touch, way, by_a, by_b, straight = way_round(
-                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], side[m, i]
+                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == DELAYED
                     )
-                    if (side[m, i] != 0) != (touch != 0) and way > 0.0:
+                    bent = touch == 1 or touch == -1
+                    if kind == DELAYED and way > 0.0 and (was == UNMET or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
                         straight_u = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
@@ -631,12 +676,10 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         if strand[PUSHES, i] == 0.0:
                             straight_u, bent_u = max(straight_u, 0.0), max(bent_u, 0.0)
                         jump = stiff * (bent_u * bent_u - straight_u * straight_u)
-                        if touch != 0:
-                            s.sums[BENT_NOW] += jump
-                        else:
-                            s.sums[SLIPPED_NOW] += jump
-                    side[m, i] = touch
-                    if touch != 0:
+                        s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
+                    if kind == DELAYED:
+                        side[m, i] = touch
+                    if bent:
                         rod = m
                         pull = added(by_a, by_b)
                         break
@@ -954,13 +997,27 @@ def move(s: State, part: float) -> None:
 
 
 @inner
+def copy_rows(to: Floats, of: Floats) -> None:
+    """Copy a table. Numba compiles loops far sooner than an assignment of arrays."""
+    for n in range(of.shape[0]):
+        for r in range(of.shape[1]):
+            to[n, r] = of[n, r]
+
+
+@inner
+def copy_blocks(to: Floats, of: Floats) -> None:
+    """Copy blocks of a matrix."""
+    for n in range(of.shape[0]):
+        for r in range(6):
+            for c in range(6):
+                to[n, r, c] = of[n, r, c]
+
+
+@inner
 def keep_shape(s: State) -> None:
     """Save places and rotations for `move`."""
-    for n in range(s.x.shape[0]):
-        for r in range(3):
-            s.x_kept[n, r] = s.x[n, r]
-        for r in range(4):
-            s.q_kept[n, r] = s.q[n, r]
+    copy_rows(s.x_kept, s.x)
+    copy_rows(s.q_kept, s.q)
 
 
 @inner
@@ -1075,11 +1132,11 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         balanced = arrived and out_of_balance <= tolerance * s.sums[FORCE_SCALE] + floor
         if balanced:
             shift = 0.0
-        s.diagonal_kept[:] = s.diagonal
-        s.upper_kept[:] = s.upper
+        copy_blocks(s.diagonal_kept, s.diagonal)
+        copy_blocks(s.upper_kept, s.upper)
         found = False
         for _ in range(40):
-            s.step[:] = s.g
+            copy_rows(s.step, s.g)
             if shift > 0.0:
                 shift_tangent(s, shift, length)
             hold_nodes(s, 1.0)
@@ -1087,13 +1144,13 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             if found or balanced:
                 break
             shift = max(16.0 * shift, least_shift)
-            s.diagonal[:] = s.diagonal_kept
-            s.upper[:] = s.upper_kept
+            copy_blocks(s.diagonal, s.diagonal_kept)
+            copy_blocks(s.upper, s.upper_kept)
         if balanced and not found:
             # A mode along which the energy does not change at all (neutral) is not unstable.
-            s.diagonal[:] = s.diagonal_kept
-            s.upper[:] = s.upper_kept
-            s.step[:] = s.g
+            copy_blocks(s.diagonal, s.diagonal_kept)
+            copy_blocks(s.upper, s.upper_kept)
+            copy_rows(s.step, s.g)
             shift_tangent(s, 1e-2 * least_shift, length)
             hold_nodes(s, 1.0)
             found = solve(s)
@@ -1146,8 +1203,8 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             if part < 0.1:
                 shift = max(shift, least_shift)
         else:
-            s.x[:] = s.x_kept
-            s.q[:] = s.q_kept
+            copy_rows(s.x, s.x_kept)
+            copy_rows(s.q, s.q_kept)
             energy = assemble(s, kind, 0.0)
             shift = max(64.0 * shift, least_shift)
             if shift > 1e18 * least_shift:
@@ -1156,35 +1213,47 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def meet_rods(s: State, meet: bool) -> int:
+    """Let strands slip off rods, and be met by them if `meet`; return how many have jumped."""
+    jumps = 0
+    for n in range(s.x.shape[0]):
+        for m in range(s.rods.shape[0]):
+            if s.rods[m, IN_USE] == 0.0:
+                continue
+            near = reached(s, n, m)[0]
+            for i in range(s.first[n], s.first[n + 1]):
+                was = s.side[m, i]
+                if not near or (was == UNMET and not meet):
+                    s.side[m, i] = UNMET
+                    continue
+                end, foot = strand_ends(s, n, i)
+                before = way_round(end, foot, s.rods[m], was, False)[0]
+                now = way_round(end, foot, s.rods[m], was, True)[0]
+                s.side[m, i] = now
+                if (before * before == 1) != (now * now == 1) and s.damage[i] < 1.0:
+                    jumps += 1
+    return jumps
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def yielded(s: State) -> float:
     """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
     lost = 0.0
-    rods = False
-    for m in range(s.rods.shape[0]):
-        rods = rods or s.rods[m, IN_USE] != 0.0
+    rods = any_rod(s)
     for n in range(s.x.shape[0]):
-        if s.first[n] == s.first[n + 1]:
-            continue
-        t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
         for i in range(s.first[n], s.first[n + 1]):
             d = s.damage[i]
             if d >= 1.0:
                 continue
-            a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
-            end = (
-                s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
-                s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
-                s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
-            )
-            foot = (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
+            end, foot = strand_ends(s, n, i)
             way = added(end, scaled(foot, -1.0))
             length = math.sqrt(dot(way, way))
             on_rod = False
             if rods:
                 for m in range(s.rods.shape[0]):
-                    if s.rods[m, IN_USE] != 0.0 and s.side[m, i] != 0:
-                        touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i])
-                        if touch != 0:
+                    if s.rods[m, IN_USE] != 0.0:
+                        touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i], False)
+                        if touch == 1 or touch == -1:
                             length, on_rod = bent, True
                             break
             u = length - s.strand[LENGTH, i]
@@ -1283,7 +1352,7 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
             account(s)
             used = drag
             add_drag(s, used)
-            s.step[:] = s.g
+            copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
             # Not definite, which is rare: more and more drag, until it is.
             while not solve(s):
@@ -1292,7 +1361,7 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
                     return False
                 assemble(s, STANDING, 0.0)
                 add_drag(s, used)
-                s.step[:] = s.g
+                copy_rows(s.step, s.g)
                 hold_nodes(s, 1.0)
             keep_shape(s)
             turn = largest_turn(s)
