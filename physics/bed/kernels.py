@@ -95,7 +95,7 @@ TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
 ROD_ROWS = 8
 
 UNMET = 2
-"""In `side`: a strand that is out of a rod's reach, or past its tip."""
+"""In `side`: a strand that is out of a rod's reach, or past its tip. Odd ones touch it."""
 
 # What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
 STANDING, POTENTIAL, DELAYED = 0, 1, 2
@@ -498,9 +498,10 @@ def angle(across: float, along: float) -> float:
 def way_round(
     a: Three, b: Three, rod: Floats, side: int, live: bool
 ) -> tuple[int, float, Three, Three, float]:
-    """Return side, length, its derivatives by a and b, and the straight part at a."""
+    """Return side, length, its derivatives by a and b, and its curvature across the rod."""
     # `live`: strands may be met and may slip off. The length is that round the rod also where a
-    # strand has just slipped off it, else 0.
+    # strand has just slipped off it, else 0. An end inside the rod counts as on its surface,
+    # straight out from the axis.
     none = (0.0, 0.0, 0.0)
     if side == UNMET and not live:
         return UNMET, 0.0, none, none, 0.0
@@ -512,6 +513,11 @@ def way_round(
     a0, b0 = dot(a, u), dot(b, u)
     a = added(a, scaled(u, -a0))
     b = added(b, scaled(u, -b0))
+    ra, rb = math.sqrt(dot(a, a)), math.sqrt(dot(b, b))
+    inside_a, inside_b = ra < r, rb < r
+    fa = r / max(ra, 0.1 * r) if inside_a else 1.0
+    fb = r / max(rb, 0.1 * r) if inside_b else 1.0
+    a, b = scaled(a, fa), scaled(b, fb)
     way = added(b, scaled(a, -1.0))
     square = dot(way, way)
     nearest = -dot(a, way) / square if square > 0.0 else 0.0
@@ -520,49 +526,37 @@ def way_round(
     if slipped and not bent:
         return UNMET, 0.0, none, none, 0.0
     turn = dot(u, cross(a, b))
+    axial = b0 - a0
     if not bent:
-        foot = added(a, scaled(way, nearest))
-        if dot(foot, foot) >= r * r:
-            return 0, 0.0, none, none, 0.0
         side = 1 if turn > 0.0 else -1
-    # Ends inside the rod count as just outside it, so that only their angle matters.
-    da, db = dot(a, a), dot(b, b)
-    inside_a, inside_b = da < 1.0001 * r * r, db < 1.0001 * r * r
-    la = 0.01 * r if inside_a else math.sqrt(da - r * r)
-    lb = 0.01 * r if inside_b else math.sqrt(db - r * r)
-    arc = angle(side * turn, dot(a, b))
-    if arc < 0.0:
-        arc += 2.0 * math.pi
-    arc -= angle(la, r) + angle(lb, r)
+        foot = added(a, scaled(way, nearest))
+        bent = dot(foot, foot) < r * r
+    la = 0.0 if inside_a else math.sqrt(ra * ra - r * r)
+    lb = 0.0 if inside_b else math.sqrt(rb * rb - r * r)
+    arc = -1.0
+    if bent:
+        arc = angle(side * turn, dot(a, b))
+        if arc < 0.0:
+            arc += 2.0 * math.pi
+        arc -= angle(la, r) + angle(lb, r)
     if arc <= 0.0:
-        return 0, 0.0, none, none, 0.0  # straight again
+        return 0, 0.0, none, none, 0.0  # straight
     # `arc` is the angle wrapped: phi less the angles from both ends to their points of tangency.
     plane = la + lb + r * arc
-    axial = b0 - a0
     length = math.sqrt(plane * plane + axial * axial)
     if slipped:
         return UNMET, length, none, none, 0.0
     if live and arc > 3.0:
         return 0, length, none, none, 0.0
     f = plane / length
-    da, db = max(da, 0.01 * r * r), max(db, 0.01 * r * r)
-    c = 0.0 if inside_a else 1.0 - r * r / da
-    s = side * r * la / da
-    ua = cross(u, a)
-    by_a = (
-        f * (c * a[0] - s * ua[0]) / la - axial / length * u[0],
-        f * (c * a[1] - s * ua[1]) / la - axial / length * u[1],
-        f * (c * a[2] - s * ua[2]) / la - axial / length * u[2],
-    )
-    c = 0.0 if inside_b else 1.0 - r * r / db
-    s = -side * r * lb / db
-    ub = cross(u, b)
-    by_b = (
-        f * (c * b[0] - s * ub[0]) / lb + axial / length * u[0],
-        f * (c * b[1] - s * ub[1]) / lb + axial / length * u[1],
-        f * (c * b[2] - s * ub[2]) / lb + axial / length * u[2],
-    )
-    return side, length, by_a, by_b, la
+    shift = scaled(u, axial / length)
+    da, db = dot(a, a), dot(b, b)
+    # The end turns about the point of tangency: the second derivative by a, of direction t, is
+    # (I - t t^T)/length + bow n n^T, n across the rod and t. Within r/10 of its surface as there.
+    bow = 0.0 if inside_a else (plane / max(la, 0.1 * r) - 1.0) / length
+    by_a = added(scaled(a, f * la / da), scaled(cross(u, a), -f * side * r / da * fa))
+    by_b = added(scaled(b, f * lb / db), scaled(cross(u, b), f * side * r / db * fb))
+    return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
 
 
 @inner
@@ -656,17 +650,17 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             lz = x2 + rz - strand[FOOT_Z, i]
             rod = -1
             pull = by_a = (0.0, 0.0, 0.0)
-            way = straight = 0.0
+            way = bow = 0.0
             if near:
                 foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] == 0.0:
                         continue
                     was = side[m, i]
-                    touch, way, by_a, by_b, straight = way_round(
+                    touch, way, by_a, by_b, bow = way_round(
                         (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == DELAYED
                     )
-                    bent = touch == 1 or touch == -1
+                    bent = touch & 1 == 1
                     if kind == DELAYED and way > 0.0 and (was == UNMET or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
@@ -685,11 +679,9 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         break
             if rod >= 0:
                 length = way
+                il = 1.0 / length
                 tx, ty, tz = by_a
-                # The end turns about the point of tangency, at `straight`. Nearer than 0.5 mm is
-                # taken as 0.5 mm: the geometric stiffness f/|l| would grow without bound.
-                il = 1.0 / max(straight, 0.5)
-                ux, uy, uz = tx / il - rx, ty / il - ry, tz / il - rz
+                ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
             else:
                 length = math.sqrt(lx * lx + ly * ly + lz * lz)
                 il = 1.0 / length
@@ -793,6 +785,33 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             w01 += a * vx * vy + 0.5 * (ux * ry + uy * rx)
             w02 += a * vx * vz + 0.5 * (ux * rz + uz * rx)
             w12 += a * vy * vz + 0.5 * (uy * rz + uz * ry)
+            if rod >= 0 and bow > 0.0 and f > 0.0:
+                shaft = (s.rods[rod, SHAFT], s.rods[rod, SHAFT + 1], s.rods[rod, SHAFT + 2])
+                t = cross(shaft, by_a)
+                a = f * bow / dot(t, t)
+                v = cross((rx, ry, rz), t)
+                ax, ay, az = a * t[0], a * t[1], a * t[2]
+                h00 += ax * t[0]
+                h11 += ay * t[1]
+                h22 += az * t[2]
+                h01 += ax * t[1]
+                h02 += ax * t[2]
+                h12 += ay * t[2]
+                p00 += ax * v[0]
+                p01 += ax * v[1]
+                p02 += ax * v[2]
+                p10 += ay * v[0]
+                p11 += ay * v[1]
+                p12 += ay * v[2]
+                p20 += az * v[0]
+                p21 += az * v[1]
+                p22 += az * v[2]
+                w00 += a * v[0] * v[0]
+                w11 += a * v[1] * v[1]
+                w22 += a * v[2] * v[2]
+                w01 += a * v[0] * v[1]
+                w02 += a * v[0] * v[2]
+                w12 += a * v[1] * v[2]
         c = s.diagonal[n]
         g = s.g[n]
         g[0] += fx
@@ -1086,6 +1105,8 @@ def largest_way(s: State) -> float:
 TURN_LIMIT = 0.5
 """Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
 is far off, and Gibbs vectors grow without bound as neighbours come to be half a turn apart."""
+STALLED = 30
+"""After how many Newton steps that lower no energy a beam on rods is at a minimum."""
 UNSTABLE_TRIES = 12
 """How often an unstable equilibrium is left by a nudge. Nudges grow fourfold, from 4e-6 of an
 element's length to some 17 lengths: beyond those nothing near the last shape is left to find."""
@@ -1119,7 +1140,8 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         least_shift = max(least_shift, s.stiff[e, 1] / s.h[e])
     least_shift *= 1e-11
     shift = 0.0
-    left = 0
+    left = stalled = 0
+    rods = any_rod(s)
     energy = assemble(s, kind, 0.0)
     for it in range(most):
         if not math.isfinite(energy):
@@ -1209,6 +1231,11 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             shift = max(64.0 * shift, least_shift)
             if shift > 1e18 * least_shift:
                 return -1
+        # Where a strand's end goes into a rod its length has a kink: at a minimum there no forces
+        # balance, and the energy falls no more.
+        stalled = stalled + 1 if rods and energy > before - 10.0 * rounding else 0
+        if stalled == STALLED:
+            return it
     return -1
 
 
@@ -1230,7 +1257,7 @@ def meet_rods(s: State, meet: bool) -> int:
                 before = way_round(end, foot, s.rods[m], was, False)[0]
                 now = way_round(end, foot, s.rods[m], was, True)[0]
                 s.side[m, i] = now
-                if (before * before == 1) != (now * now == 1) and s.damage[i] < 1.0:
+                if (before ^ now) & 1 and s.damage[i] < 1.0:
                     jumps += 1
     return jumps
 
@@ -1253,7 +1280,7 @@ def yielded(s: State) -> float:
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] != 0.0:
                         touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i], False)
-                        if touch == 1 or touch == -1:
+                        if touch & 1 == 1:
                             length, on_rod = bent, True
                             break
             u = length - s.strand[LENGTH, i]
