@@ -5,13 +5,15 @@ BIN := $(VENV)/bin
 # Blender's module installs for one version of Python only and wants another numpy than we do.
 BLENDER := .venv-blender
 BLENDER_PYTHON ?= python3.11
+# What looks at dependencies is none of them.
+AUDIT := .venv-audit
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 # Two, whatever the cores: each has a browser that draws in software. A file's fixtures are made once.
 WORKERS ?= -n 2 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer test test-all check bench screenshots lint types layers format clean
+.PHONY: help trainer test test-all check bench screenshots soak licences audit lint types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -33,6 +35,16 @@ bench: $(VENV)/.peers  ## measure what things cost on this machine, beside peers
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
 	@$(BIN)/python tests/app/screenshots.py docs/images
 
+soak: $(VENV)/.tests  ## attack a trainer on loopback, and write docs/reliability.md (some 15 min)
+	@PYTHONPATH=. $(BIN)/python tests/app/soak.py
+
+licences: $(AUDIT)/.done $(VENV)/.tests  ## list the licences of all dependencies; GPL and AGPL fail
+	@$(AUDIT)/bin/pip-licenses --python $(BIN)/python --from=mixed --order=license \
+		--partial-match --fail-on "GNU General Public;GNU Affero;GPL-2;GPL-3" $(ARGS)
+
+audit: $(AUDIT)/.done  ## look the pinned dependencies up in PyPI's list of advisories
+	@$(AUDIT)/bin/pip-audit --disable-pip --no-deps --strict -r constraints.txt $(ARGS)
+
 lint: $(VENV)/.tests
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
@@ -48,7 +60,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) $(BLENDER) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) $(AUDIT) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
@@ -68,6 +80,13 @@ $(VENV)/.tests: pyproject.toml constraints.txt $(VENV)/.runs
 	@echo "Installing what the tests need ..."
 	@$(PIP_INSTALL) -e '.[test]'
 	@touch $@
+
+$(AUDIT)/.done: tests/audit-requirements.txt
+	@$(PYTHON) -m venv $(AUDIT) >/dev/null 2>&1 \
+		|| { $(PYTHON) -m venv --clear --without-pip $(AUDIT) \
+		     && $(PYTHON) -m pip --quiet --python $(AUDIT)/bin/python install pip; }
+	@$(AUDIT)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r tests/audit-requirements.txt && touch $@
 
 # What reads our exports, and axe for the page: without npm their tests are skipped.
 $(VENV)/.readers: tests/export/package.json | $(BIN)/python

@@ -13,12 +13,14 @@ import typer
 from app.command_line.load import PRESET_HELP, organ_from
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import Callable
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
 
 __all__ = ["trainer"]
 
+NET = "Other machines"
 BOUNDS = "Bounds of what clients may take"
 
 
@@ -33,6 +35,25 @@ def trainer(
         typer.Option(
             help="File with the token that the link must have.",
             show_default="of BLUNTDISSECT_TOKEN; else made where --host needs one",
+        ),
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET)
+    ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET
+        ),
+    ] = None,
+    public_url: Annotated[
+        str | None,
+        typer.Option(help="Where a reverse proxy serves the trainer.", rich_help_panel=NET),
+    ] = None,
+    trust_proxy: Annotated[
+        str | None,
+        typer.Option(
+            help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET
         ),
     ] = None,
     organ: Annotated[
@@ -110,7 +131,9 @@ def trainer(
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
     if log_format not in ("text", "json"):
         raise ValueError(f"--log-format must be text or json, not {log_format}")
-    token = _given_token(token_file)
+    if trust_proxy is not None and public_url is None:
+        raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
+    token, tls = _given_token(token_file), _tls(certificate, key)
     # Within what is compiled on a first start Python could lose an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from app.simulation import chosen_preset
@@ -135,6 +158,7 @@ def trainer(
     running = Trainer(
         tissue, chosen, host=host, token=token, port=port, mode=mode, look=look, bounds=bounds,
         build_process=builds, metrics=metrics,
+        tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
         exercise_inputs=exercise_inputs, haptics=servo,
     )  # fmt: skip
     # From here on both signals end the wait below, so that server and clock stop in order.
@@ -148,7 +172,8 @@ def trainer(
     try:
         print(f"The trainer is ready: {running.link}", flush=True)
         if running.link != running.address:
-            print("Who has this link gets in. Nothing is encrypted on its way.", flush=True)
+            plain = "" if running.link.startswith("https") else " Nothing is encrypted on its way."
+            print(f"Who has this link gets in.{plain}", flush=True)
             _draw(running.link)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
         stop.wait()
@@ -166,6 +191,30 @@ def _given_token(file: Path | None) -> str | None:
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
     return file.read_text(encoding="utf-8", errors="replace").strip()
+
+
+def _tls(certificate: Path | None, key: Path | None) -> "ssl.SSLContext | None":
+    """Return how TLS is spoken with a certificate, if there is one."""
+    if certificate is None:
+        if key is not None:
+            raise ValueError("--key needs --certificate, whose key it is")
+        return None
+    import ssl
+
+    for file in (certificate, key):
+        if file is not None:
+            file.read_bytes()  # what ssl raises names no file
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        # Without the empty password OpenSSL would ask for one on the terminal.
+        context.load_cert_chain(certificate, key, password="")
+    except ssl.SSLError as error:
+        named = certificate if key is None else f"{certificate} and {key}"
+        raise ValueError(
+            f"{named} must be a certificate with its own key, both PEM and without a password: "
+            f"{(error.reason or str(error)).lower().replace('_', ' ')}"
+        ) from error
+    return context
 
 
 def _draw(link: str) -> None:

@@ -1,5 +1,6 @@
 """What a page may take: hostile clients on loopback, and what they cost the others."""
 
+import gc
 import logging
 import socket
 import time
@@ -142,6 +143,36 @@ def test_what_no_page_sends_closes_its_connection_without_a_word_in_the_log(
         "refused from 127.0.0.1: a message that no page sends"
     ]
     assert capfd.readouterr().err == ""
+
+
+def test_no_traceback_is_a_page_s_doing_and_the_program_s_own_are_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with bounded() as (server, _):
+        slider = server.gui.add_slider("Force", 0.0, 1.0, 0.1, 0.0)
+        update = {"type": "GuiUpdateMessage", "uuid": slider._impl.uuid}
+
+        @slider.on_update
+        async def _(_: object) -> None:
+            raise RuntimeError("a fault of the program")
+
+        with socket.create_connection(("127.0.0.1", server.get_port())) as opened:
+            opened.sendall(b"GET / HT")
+        with socket.create_connection(("127.0.0.1", server.get_port())) as opened:
+            opened.sendall(b"\xff\xfe\r\n\r\n")
+            assert opened.recv(1) == b""
+        with page(server) as opened:
+            opened.send(ENCODE(CAMERA))
+            for value in ("text", None, [1, 2], []):
+                opened.send(ENCODE(update | {"updates": {"value": value}}))
+            until(server.get_clients)
+            assert opened.ping().wait(20.0)
+            gc.collect()  # tasks tell their faults at their end
+            assert not [each for each in caplog.records if each.exc_info]
+            opened.send(ENCODE(update | {"updates": {"value": 0.5}}))
+            until(lambda: slider.value == 0.5)
+            assert opened.ping().wait(20.0)
+        until(lambda: gc.collect() >= 0 and "a fault of the program" in caplog.text)
 
 
 def test_a_message_too_large_is_refused_before_it_is_there() -> None:

@@ -7,12 +7,14 @@ come too fast wait in the sender's own socket. Anything that no page sends close
 
 import asyncio
 import logging
+import ssl
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from ipaddress import IPv6Network
+from ipaddress import IPv6Network, ip_address
 from typing import Any
 
 import msgspec
@@ -84,9 +86,17 @@ class Connections:
     """All connections of a trainer, under common bounds; used on the server's event loop only."""
 
     def __init__(
-        self, bounds: Bounds, tell: Callable[["PageConnection", str], None] | None = None
+        self,
+        bounds: Bounds,
+        tell: Callable[["PageConnection", str], None] | None = None,
+        proxy: str | None = None,
     ) -> None:
+        # `proxy` is a reverse proxy's address: what it says of its clients' addresses is believed.
         self.bounds, self._tell = bounds, tell
+        try:
+            self.proxy = None if proxy is None else _network(str(ip_address(proxy)))
+        except ValueError:
+            raise ValueError(f"--trust-proxy must be an address, not {proxy}") from None
         self.decoder = page_message_decoder()
         self.refusals: Counter[str] = Counter()
         self._all: dict[PageConnection, None] = {}
@@ -104,7 +114,7 @@ class Connections:
         """Count a connection; of too many the oldest that is no page yet gives way."""
         self._all[new] = None
         bounds = self.bounds
-        mine = [each for each in self._all if each.address == new.address]
+        mine = [each for each in self._all if each.address == new.address != self.proxy]
         for those, most in (
             (mine, bounds.most_per_address + SPARE),
             (list(self._all), 2 * bounds.most_clients + 2 * SPARE),
@@ -203,6 +213,13 @@ class PageConnection(ServerConnection):
         self._connections.remove(self)
         super().connection_lost(exc)
 
+    def take_client(self, forwarded: list[str]) -> None:
+        """Take the client's address from a trusted proxy, which adds it to X-Forwarded-For."""
+        if self.address == self._connections.proxy and forwarded:
+            with suppress(ValueError):
+                last = ip_address(forwarded[-1].rpartition(",")[2].strip())
+                self.address = _network(str(last))
+
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message that a page may send."""
         while True:
@@ -280,11 +297,14 @@ def _network(address: str) -> str:
     return str(IPv6Network((six, 64), strict=False)) if ":" in six else address
 
 
-def socket_options(connections: Connections) -> dict[str, object]:
+def socket_options(
+    connections: Connections, tls: ssl.SSLContext | None = None
+) -> dict[str, object]:
     """Return websockets' options under which it makes bounded connections."""
     return {
         "create_connection": partial(PageConnection, connections),
         "max_size": connections.bounds.message_bytes,
         "close_timeout": CLOSE_SECONDS,
         "server_header": None,
+        "ssl": tls,
     }

@@ -4,6 +4,7 @@ A page of any site can reach a loopback address through the browser, by a cross-
 DNS rebinding (a name of the site that resolves to 127.0.0.1). It cannot choose the headers Origin
 and Host that the browser sends, so on loopback both must name this machine. At any other address
 a request also needs a token: it stands in the printed link, which gives the browser a cookie.
+Behind a reverse proxy both headers must name the proxy's public address.
 """
 
 import hmac
@@ -12,7 +13,7 @@ import secrets
 from collections.abc import Callable
 from http import HTTPStatus
 from ipaddress import ip_address
-from urllib.parse import parse_qs
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
@@ -29,18 +30,20 @@ BROWSER_BYTES = 12
 LONGEST_PATH = 200
 RETRY_SECONDS = 10
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
 _HOST = re.compile(r"(?:\[(?P<six>[^\[\]]*)\]|(?P<name>[^:\[\]]*))(?::[0-9]+)?")
 
 FOREIGN_HOST = "This trainer serves its own machine only: open it as localhost.\n"
+OTHER_HOST = "This trainer is served under another name.\n"
 FOREIGN_ORIGIN = "This trainer takes nothing from pages of other sites.\n"
 NO_TOKEN = "Open this trainer by the link that it printed when it started.\n"  # noqa: S105
 NO_BEARER = "Send the trainer's token: Authorization: Bearer TOKEN\n"
 ENTERED = """<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
-<meta http-equiv="refresh" content="0;url=./">
+<meta http-equiv="refresh" content="0;url=PLACE">
 <title>Blunt dissection</title>
-<a href="./">Open the trainer</a>
+<a href="PLACE">Open the trainer</a>
 </html>
 """
 """Redirects to the trainer. A redirect by status (303) fails after a click in a mail or a chat: the
@@ -56,6 +59,10 @@ class Guard:
         The address that is served.
     token
         What the link must have. When None, one is made; on loopback none is then needed.
+    public_url
+        Where a reverse proxy serves the trainer to others, if one does.
+    encrypted
+        Whether the trainer itself speaks TLS.
     connections
         Says whether there is a place for one more page; None for always.
 
@@ -71,30 +78,45 @@ class Guard:
     Raises
     ------
     ValueError
-        If the token is too short to be secret, or cannot stand in a link.
+        If the token is too short to be secret or cannot stand in a link, or the URL is none.
     """
 
     def __init__(
-        self, host: str, token: str | None = None, connections: Connections | None = None
+        self,
+        host: str,
+        token: str | None = None,
+        connections: Connections | None = None,
+        *,
+        public_url: str | None = None,
+        encrypted: bool = False,
     ) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
             raise ValueError(
                 f"the token of --token-file or {TOKEN_VARIABLE} must be 16 to 200 letters, digits, "
                 "- or _"
             )
-        self._loopback = is_loopback(host)
+        self._public = None if public_url is None else _public(public_url)
+        self._loopback = is_loopback(host) and self._public is None
         if token is None and not self._loopback:
             token = secrets.token_urlsafe(TOKEN_BYTES)
         self.token, self._connections = token, connections
+        path = "" if self._public is None else self._public.path
+        self._place = f"{path}/" if path else "./"
+        secure = encrypted if self._public is None else self._public.scheme == "https"
+        self._attributes = f"Path={path or '/'}; HttpOnly; SameSite=Strict{'; Secure' * secure}"
         self.healthy: Callable[[], bool] = lambda: True
         self.metrics: Callable[[], bytes] | None = None
 
     def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return None for a request that gets in, else its answer."""
         headers = request.headers
+        if isinstance(connection, PageConnection):
+            connection.take_client(headers.get_all("X-Forwarded-For"))
         hosts = headers.get_all("Host")
         if len(hosts) != 1 or (self._loopback and not _names_loopback(hosts[0])):
             return connection.respond(HTTPStatus.FORBIDDEN, FOREIGN_HOST)
+        if self._public is not None and hosts[0].lower() != self._public.netloc:
+            return connection.respond(HTTPStatus.FORBIDDEN, OTHER_HOST)
         own = {f"{scheme}://{hosts[0].lower()}" for scheme in ("http", "https")}
         if any(origin.lower() not in own for origin in headers.get_all("Origin")):
             return connection.respond(HTTPStatus.FORBIDDEN, FOREIGN_ORIGIN)
@@ -119,7 +141,7 @@ class Guard:
             name = f"bluntdissect-{connection.local_address[1]}"
             given = parse_qs(query).get("token", [])
             if len(given) == 1 and _same(given[0], self.token):
-                return _entered(connection, f"{name}={self._cookie()}")
+                return self._entered(connection, name)
             browser = self._browser(headers.get_all("Cookie"), name)
             if browser is None:
                 return connection.respond(HTTPStatus.FORBIDDEN, NO_TOKEN)
@@ -131,6 +153,19 @@ class Guard:
             return None
         response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, full)
         response.headers["Retry-After"] = str(RETRY_SECONDS)
+        return response
+
+    def _entered(self, connection: ServerConnection, name: str) -> Response:
+        response = connection.respond(HTTPStatus.OK, ENTERED.replace("PLACE", self._place))
+        del response.headers["Content-Type"]
+        response.headers.update(
+            {
+                "Content-Type": "text/html; charset=utf-8",
+                "Set-Cookie": f"{name}={self._cookie()}; {self._attributes}",
+                "Cache-Control": "no-store",
+                "Referrer-Policy": "no-referrer",
+            }
+        )
         return response
 
     def _cookie(self, browser: str | None = None) -> str:
@@ -158,6 +193,15 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def _public(url: str) -> SplitResult:
+    """Return the parts of a public URL, without a slash at its end."""
+    parts = urlsplit(url.rstrip("/"))
+    plain = _PATH.fullmatch(parts.path) and not (parts.query or parts.fragment or parts.username)
+    if parts.scheme not in ("http", "https") or not parts.netloc or not plain:
+        raise ValueError(f"--public-url must be like https://class.example/duct/, not {url}")
+    return parts._replace(netloc=parts.netloc.lower())
+
+
 def _names_loopback(host: str) -> bool:
     """Return whether a Host header, on whatever port, is loopback's: a tunnel has its own port."""
     parts = _HOST.fullmatch(host)
@@ -167,17 +211,3 @@ def _names_loopback(host: str) -> bool:
 def _same(given: str, wanted: str) -> bool:
     """Compare in constant time; what is given may hold bytes that are no text."""
     return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
-
-
-def _entered(connection: ServerConnection, cookie: str) -> Response:
-    response = connection.respond(HTTPStatus.OK, ENTERED)
-    del response.headers["Content-Type"]
-    response.headers.update(
-        {
-            "Content-Type": "text/html; charset=utf-8",
-            "Set-Cookie": f"{cookie}; Path=/; HttpOnly; SameSite=Strict",
-            "Cache-Control": "no-store",
-            "Referrer-Policy": "no-referrer",
-        }
-    )
-    return response

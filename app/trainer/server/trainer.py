@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping
@@ -92,6 +93,12 @@ class Trainer:
         Starts the servo of a device for a first setting; None for no device.
     metrics
         Whether `/metrics` has the trainer's figures.
+    tls
+        Encrypts what is sent, if given.
+    public_url
+        Where a reverse proxy serves the trainer to others.
+    trusted_proxy
+        Address of the proxy, whose X-Forwarded-For is believed.
 
     Attributes
     ----------
@@ -107,7 +114,7 @@ class Trainer:
     AddressTakenError
         If the address is in use, or not one of this machine.
     ValueError
-        If the token is too short or cannot stand in a link.
+        If the token is too short or cannot stand in a link, or the public URL or proxy is none.
     RuntimeError
         If this viser opens its socket in another way than the guard can stand in.
     """
@@ -127,10 +134,16 @@ class Trainer:
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
         metrics: bool = False,
+        tls: ssl.SSLContext | None = None,
+        public_url: str | None = None,
+        trusted_proxy: str | None = None,
     ) -> None:
         bounds = bounds or Bounds()
-        self.connections = Connections(bounds, self._tell_refusal)
-        self._guard = Guard(host, token, self.connections)
+        self.connections = Connections(bounds, self._tell_refusal, trusted_proxy)
+        self._encrypted, self._public_url = tls is not None, public_url
+        self._guard = Guard(
+            host, token, self.connections, public_url=public_url, encrypted=self._encrypted
+        )
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._host = host
         self._mode: Mode = mode or ("dissect" if haptics is None else "pull")
@@ -148,7 +161,7 @@ class Trainer:
             from app.trainer.server.metrics import trainer_metrics
 
             self._guard.metrics = trainer_metrics(self)
-        self._server = _serve(host, port, self._guard, socket_options(self.connections))
+        self._server = _serve(host, port, self._guard, socket_options(self.connections, tls))
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
@@ -182,8 +195,10 @@ class Trainer:
     @property
     def address(self) -> str:
         """The address that answers."""
-        host = _own_address(self._host)
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+        if self._public_url is not None:
+            return self._public_url.rstrip("/")
+        host, scheme = _own_address(self._host), "https" if self._encrypted else "http"
+        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
     def link(self) -> str:

@@ -14,6 +14,7 @@ import websockets.asyncio.server
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import WebSocketException
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
@@ -60,6 +61,7 @@ def start_server(
     # At DEBUG each request would be logged, with the token in it.
     log = logging.getLogger("websockets.server")
     log.setLevel(max(logging.INFO, log.getEffectiveLevel()))
+    log.addFilter(_is_of_this_side)
     # viser prints its own address whatever `verbose` says.
     with contextlib.redirect_stdout(io.StringIO()), _guarded(guard, options or {}) as opened:
         server = viser.ViserServer(host=host, port=port, verbose=False)
@@ -69,6 +71,8 @@ def start_server(
             f"viser {viser.__version__} opens its socket where no guard can stand; "
             "install the viser that this trainer names"
         )
+    loop = server.get_event_loop()
+    loop.call_soon_threadsafe(loop.set_exception_handler, _handle_fault)
     for message in (
         # Any client could ask for a tunnel that makes this server public.
         _messages.ShareUrlRequest,
@@ -79,6 +83,24 @@ def start_server(
     ):
         server._websock_server.unregister_handler(message)  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
     return server
+
+
+def _is_of_this_side(record: logging.LogRecord) -> bool:
+    """Return whether a record is not of a request that is none, or that ended too soon."""
+    if record.getMessage() != "opening handshake failed" or record.exc_info is None:
+        return True
+    return not isinstance(record.exc_info[1], (WebSocketException, EOFError, OSError))
+
+
+def _handle_fault(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Log a fault of the server's loop, but not a value that a widget cannot be made of."""
+    error = context.get("exception")
+    trace = None if error is None else error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    update = viser.GuiApi._handle_gui_updates  # pyright: ignore[reportPrivateUsage]
+    if trace is None or trace.tb_frame.f_code is not update.__code__:
+        loop.default_exception_handler(context)
 
 
 _opening = threading.Lock()
