@@ -96,4 +96,4 @@ def _partings(
         among = np.isin(keys, group)
         shapes[number, among] = moved[among]
         weights[group[len(group) // 2] :, number] = 1.0
-    return shapes.reshape(len(groups), -1, 3), weights
+    return shapes.reshape(len(groups), moved.size // 3, 3), weights

@@ -9,8 +9,10 @@ import pytest
 from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
+from app.export.bed_export import BedExport
 from app.export.pull_export import PullExport
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, preset_named
+from app.simulation.bed import bed_named
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
 from app.trainer.viser_bridge import recording_page
 from organ_geometry.mesh.skin import organ_skin
@@ -116,3 +118,45 @@ def test_titles_are_text() -> None:
     assert "<title>&lt;b&gt;A &amp; B&lt;/b&gt;</title>" in titled
     assert '<p class="note">1 &lt; 2</p>' in titled
     assert titled.index("</script>") < titled.index('<div id="about">') < titled.rindex("</body>")
+
+
+LINES = """() => {
+    const places = [];
+    window.__viserMutable.nodeRefFromName['/organ/strands'].traverse(child => {
+        const ends = child.geometry?.attributes.instanceStart?.data?.array;
+        if (ends) places.push(...ends);
+    });
+    return places;
+}"""
+"""Both ends of each line of the strands in a player's page, mm."""
+
+
+def test_a_page_plays_a_duct_that_is_freed_from_its_bed(tmp_path: Path) -> None:
+    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
+    freed = BedExport(
+        dissection, bed_named("loose"), 25.4, ((0.0, 0.0, 8.0),), steps=8, elements=20, strands=80
+    )
+    motion = freed.motion
+    assert motion.bed is not None
+    path = tmp_path / "player.html"
+    edge_length = 2.0 * page_edge_length(dissection.organ)
+    path.write_text(export_page(freed, edge_length=edge_length))
+    assert path.stat().st_size < LARGEST
+    with running_browser(drawing=False) as browser:
+        player = PlayerPage(new_context(browser, 480, 300).new_page(), path)
+        about = player.page.locator("#about")
+        assert "loose areolar tissue" in about.inner_text()
+        for key in (8, 0):
+            length = float(motion.bed.freed[key])
+            moment = REST_SECONDS * (0.5 if key == 0 else 1.0) + float(motion.times[key]) + 0.02
+            player.wait_at(
+                moment, lambda drawn, length=length: f"freed {length:.1f} mm" in drawn.caption
+            )
+            strands = motion.bed.strands_at(key, dissection.driving, motion.transforms[key])
+            drawn = np.array(player.page.evaluate(LINES)).reshape(-1, 2, 3)
+            assert drawn.shape[0] == 2 * 80
+            assert np.abs(drawn[:80, 0] - strands.feet[:, 0]).max() < 0.01
+            assert np.abs(drawn[80:, 0] - strands.ends[:, 0]).max() < 0.01
+            meet = np.abs(drawn[:80, 1] - drawn[80:, 1]).max(axis=1) < 0.01
+            assert meet.tolist() == (~strands.parted).tolist()
+        assert motion.bed.freed[8] > 5.0

@@ -134,9 +134,10 @@ def test_the_validator_has_nothing_to_say(tmp_path: Path) -> None:
     path = tmp_path / "free.glb"
     result = freed().write(path)
     assert result.animations == ("free",)
-    still = tmp_path / "still.glb"
+    still, whole = tmp_path / "still.glb", tmp_path / "whole.glb"
     replace(freed(), stress_colors=True).write(still)
-    for report in validated(path, still):
+    replace(freed(), path=((0.0, 0.0, 0.0), (0.0, 0.0, -0.2)), steps=2).write(whole)  # none parts
+    for report in validated(path, still, whole):
         assert report["issues"]["messages"] == []
 
 
