@@ -12,7 +12,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import run_process
+from program import run
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -55,10 +55,9 @@ def test_make_knows_its_targets(words: list[str]) -> None:
 def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "assets").symlink_to(ROOT / "assets")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     said = ""
     for words in commands(README, "bluntdissect"):
-        done = run_process(*words)
+        done = run(*words)
         assert done.returncode == 0, (words, done.stderr)
         said += done.stdout
     assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}

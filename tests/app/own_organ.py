@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import shutil
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from app.command_line.program import program
+from assets import BILE_DUCT_PHANTOM
 
 IMAGES, DISTANCE = 30, 2.0
 """Sections, and mm between them."""
@@ -34,6 +36,17 @@ def drawn_bar(folder: Path, diameter: float, bore: float = 0.0) -> Path:
     (folder / "spacing.json").write_text(
         f'{{"pixel_spacing_mm": [{pixel}, {pixel}], "slice_spacing_mm": {DISTANCE}}}'
     )
+    return folder
+
+
+def phantom_start(folder: Path, count: int) -> Path:
+    """The first images of the phantom: an eighth of them is built in an eighth of the time."""
+    folder.mkdir()
+    for path in [
+        *sorted(BILE_DUCT_PHANTOM.glob("*.png"))[:count],
+        BILE_DUCT_PHANTOM / "spacing.json",
+    ]:
+        shutil.copy(path, folder)
     return folder
 
 

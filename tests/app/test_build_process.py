@@ -1,7 +1,6 @@
 """The process that builds organs: what it makes, tells, refuses, and how it is ended."""
 
 import os
-import shutil
 import sys
 import threading
 from collections.abc import Iterator
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from made import dead, doubled, forever, large, missing, refused
+from own_organ import phantom_start
 
 from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
@@ -97,10 +97,7 @@ def test_stop_ends_what_is_being_made() -> None:
 def test_a_workbench_gives_the_same_bytes_by_another_process(
     process: BuildProcess, tmp_path: Path
 ) -> None:
-    few = tmp_path / "few"
-    few.mkdir()
-    for path in [*sorted(BILE_DUCT_PHANTOM.glob("*.png"))[:12], BILE_DUCT_PHANTOM / "spacing.json"]:
-        shutil.copy(path, few)
+    few = phantom_start(tmp_path / "few", 12)
     bench, told = OrganWorkbench(process=process), list[tuple[int, int]]()
     opened = bench.open_folder(few, lambda *each: told.append(each))
     assert told[-1] == (12, 12)

@@ -5,11 +5,13 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import trimesh
+from own_organ import phantom_start
 from program import refused, run
 
 from app.command_line.load import PRESET_NAMES
@@ -39,12 +41,18 @@ ROUND = ("--span", 50.8, "--diameter", 8.89, "--modulus", 0.310264, "--poisson",
 
 
 @pytest.fixture(scope="module")
-def duct(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped phantom, compressed."""
+def compressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The shipped phantom, compressed, and what is said of it."""
     path = tmp_path_factory.mktemp("organ") / "duct.organ"
-    done = run("compress", BILE_DUCT_PHANTOM, "-o", path)
+    done = run("compress", BILE_DUCT_PHANTOM, "-o", path, "--json")
     assert done.returncode == 0, done.stderr
-    return path
+    return path, json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def duct(compressed: tuple[Path, dict[str, Any]]) -> Path:
+    """The shipped phantom, compressed."""
+    return compressed[0]
 
 
 def solved(*arguments: object) -> dict[str, float]:
@@ -103,11 +111,8 @@ def test_solve_in_words() -> None:
         assert words in done.stdout
 
 
-def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
-    path = tmp_path / "duct.organ"
-    done = run("compress", BILE_DUCT_PHANTOM, "-o", path, "--json")
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+def test_compress_says_what_it_found_and_kept(compressed: tuple[Path, dict[str, Any]]) -> None:
+    path, found = compressed
     assert found["sections_in"] == found["sections_found"] == len(found["sections"]) == 128
     kept = [section["name"] for section in found["sections"] if section["kept"]]
     assert len(kept) == found["sections_kept"] < 64
@@ -133,21 +138,21 @@ def test_compress_says_what_it_found_and_kept(tmp_path: Path) -> None:
 
 
 def test_compress_report_lists_every_section(tmp_path: Path) -> None:
-    done = run("compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--sections")
+    images = phantom_start(tmp_path / "images", 16)
+    done = run("compress", images, "-o", tmp_path / "duct.organ", "--sections")
     assert done.returncode == 0
-    assert sum(line.startswith("section_") for line in done.stdout.splitlines()) == 128
+    assert sum(line.startswith("section_") for line in done.stdout.splitlines()) == 16
     assert "RMS px" in done.stdout
     assert "mm" in done.stdout
     assert not any(line.startswith("note") for line in done.stdout.splitlines())
 
 
 def test_a_tighter_tolerance_keeps_more_sections(tmp_path: Path) -> None:
-    kept: list[int] = []
-    for tolerance in (0.06, 0.3):
+    images, kept = phantom_start(tmp_path / "images", 32), list[int]()
+    for tolerance in (0.04, 0.3):
         done = run(
-            "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ",
-            "--tolerance-mm", tolerance, "--json",
-        )  # fmt: skip
+            "compress", images, "-o", tmp_path / "duct.organ", "--tolerance-mm", tolerance, "--json"
+        )
         kept.append(json.loads(done.stdout)["sections_kept"])
     assert kept[0] > kept[1]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from own_organ import phantom_start
 from program import command, refused, run
 
 from app.compression.report import report_lines
@@ -148,12 +149,12 @@ def test_the_promise_can_be_given_in_pixels(tmp_path: Path, stacks: list[Path]) 
 
 
 def test_a_promise_that_cannot_be_kept_is_answered_with_the_smallest(tmp_path: Path) -> None:
-    output = tmp_path / "duct.organ"
-    line = refused(("compress", BILE_DUCT_PHANTOM, "-o", output, "--tolerance-mm", 0.001))
+    output, images = tmp_path / "duct.organ", phantom_start(tmp_path / "images", 16)
+    line = refused(("compress", images, "-o", output, "--tolerance-mm", 0.001))
     smallest = float(line.split(" mm")[-2].split()[-1])
     assert 0.001 < smallest < 0.1
     assert not output.exists()
-    done = run("compress", BILE_DUCT_PHANTOM, "-o", output, "--tolerance-mm", smallest, "--json")
+    done = run("compress", images, "-o", output, "--tolerance-mm", smallest, "--json")
     assert done.returncode == 0, done.stderr
     assert max(one["rms_mm"] for one in json.loads(done.stdout)["sections"]) <= smallest
 
@@ -173,10 +174,8 @@ def test_the_thesis_s_rule_can_be_asked_for(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_the_figure_shows_all_sections_and_those_kept(tmp_path: Path, suffix: str) -> None:
-    figure = tmp_path / f"organ{suffix}"
-    done = run(
-        "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--figure", figure, "--json"
-    )
+    figure, images = tmp_path / f"organ{suffix}", phantom_start(tmp_path / "images", 16)
+    done = run("compress", images, "-o", tmp_path / "duct.organ", "--figure", figure, "--json")
     assert done.returncode == 0, done.stderr
     kept = json.loads(done.stdout)["sections_kept"]
     if suffix == ".png":
@@ -187,7 +186,7 @@ def test_the_figure_shows_all_sections_and_those_kept(tmp_path: Path, suffix: st
         assert all(third.any() for third in thirds)
     else:
         text = figure.read_text()
-        assert "All 128 sections" in text
+        assert "All 16 sections" in text
         assert f"{kept} sections kept" in text
         assert "driving points" in text
 
@@ -307,7 +306,8 @@ def test_a_seed_is_counted_in_the_whole_image(tmp_path: Path) -> None:
 
 def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
     path = tmp_path / "duct.organ"
-    assert run("compress", BILE_DUCT_PHANTOM, "-o", path).returncode == 0
+    images = phantom_start(tmp_path / "images", 16)
+    assert run("compress", images, "-o", path).returncode == 0
     organ = read_organ(path)
     done = run("info", path, "--json")
     assert done.returncode == 0, done.stderr

@@ -1,7 +1,7 @@
 """A view that nobody can lose, a duct that a tab keeps, dialogs that close, a page for everyone."""
 
 import re
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -59,10 +59,7 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> No
         page.wait_for_timeout(50)
 
 
-@pytest.mark.parametrize("home", ["the button", "the key", "Reset"])
-def test_view_stays_above_the_bed_and_comes_home(
-    browser: Browser, trainer: Trainer, home: str
-) -> None:
+def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
         page, mouse = tab.page, tab.page.mouse
         at_home = home_of(tab, newest(trainer))
@@ -72,24 +69,27 @@ def test_view_stays_above_the_bed_and_comes_home(
         page.wait_for_timeout(400)
         page.keyboard.up("a")
         np.testing.assert_allclose(settled(tab), at_home, atol=NEAR)
-        for button in ("left", "right"):
-            mouse.move(60, 500)
-            mouse.down(button=button)
-            drag(page, (60, 500), (480, 80))
-            mouse.up(button=button)
-        for _ in range(25):
-            mouse.wheel(0, -400)
-        place, target = settled(tab)
-        assert np.linalg.norm(place - at_home[0]) > 10.0
-        assert place[2] >= 2.0 * RADIUS - 0.01
-        assert np.linalg.norm(place - target) >= 6.0 * RADIUS - 0.01
-        assert np.all(target >= (-5.2, -5.2, -RADIUS - 0.1))
-        assert np.all(target <= (56.0, 5.2, 25.5))
-        if home == "the key":
-            page.keyboard.press("v")
-        else:
-            tab.press("View home (V)" if home == "the button" else "Reset (R)")
-        tab.wait_until(lambda: np.allclose(camera(tab), at_home, atol=NEAR))
+        ways_home = (
+            lambda: tab.press("View home (V)"),
+            lambda: page.keyboard.press("v"),
+            lambda: tab.press("Reset (R)"),
+        )
+        for go_home in ways_home:
+            for button in ("left", "right"):
+                mouse.move(60, 500)
+                mouse.down(button=button)
+                drag(page, (60, 500), (480, 80))
+                mouse.up(button=button)
+            for _ in range(25):
+                mouse.wheel(0, -400)
+            place, target = settled(tab)
+            assert np.linalg.norm(place - at_home[0]) > 10.0
+            assert place[2] >= 2.0 * RADIUS - 0.01
+            assert np.linalg.norm(place - target) >= 6.0 * RADIUS - 0.01
+            assert np.all(target >= (-5.2, -5.2, -RADIUS - 0.1))
+            assert np.all(target <= (56.0, 5.2, 25.5))
+            go_home()
+            tab.wait_until(lambda: np.allclose(camera(tab), at_home, atol=NEAR))
 
 
 def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
@@ -208,13 +208,15 @@ def test_dialogs_close_in_every_way_and_nothing_covers_them(
         expect(dialog).to_have_count(0)
 
 
-@pytest.mark.parametrize("width", [320, 390, 1280])
+@pytest.mark.parametrize("widths", [(320, 390), (1280,)], ids=["phone", "desk"])
 def test_tabs_stand_in_one_row_with_any_font(
-    browser: Browser, trainer: Trainer, width: int
+    browser: Browser, trainer: Trainer, widths: tuple[int, ...]
 ) -> None:
-    with trainer_page(browser, trainer.address, width=width, height=700) as tab:
-        for font in ("inherit", "DejaVu Sans Mono"):
+    with trainer_page(browser, trainer.address, width=widths[0], height=700) as tab:
+        for width, font in product(widths, ("inherit", "DejaVu Sans Mono")):
+            tab.page.set_viewport_size({"width": width, "height": 700})
             tab.page.add_style_tag(content=f"[role=tab] * {{font-family:{font!r}!important}}")
+            tab.open("Train")
             tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
             boxes = [each for each in tabs if each is not None]
             assert len(boxes) == 6

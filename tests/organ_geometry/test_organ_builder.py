@@ -303,7 +303,7 @@ def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStac
     assert build_organ(stack, promise=Promise(tolerance_mm=2.0)).warnings == ()
 
 
-@pytest.mark.parametrize("effort", ["quick", "full"])
+@pytest.mark.parametrize("effort", ["quick", pytest.param("full", marks=pytest.mark.long)])
 def test_hundreds_of_equal_discs_are_a_straight_organ(
     write_stack: WriteStack, effort: Effort
 ) -> None:
@@ -502,8 +502,8 @@ def real(data_dir: Path, name: str) -> BuiltOrgan:
     [
         ("bile_duct_perpendicular", 108),
         ("bile_duct_parallel", 117),
-        ("ureter_left", 304),
-        ("aorta_ct", 110),
+        pytest.param("ureter_left", 304, marks=pytest.mark.long),
+        pytest.param("aorta_ct", 110, marks=pytest.mark.long),
     ],
 )
 def test_the_encoder_needs_no_more_bytes_than_it_did(data_dir: Path, name: str, size: int) -> None:

@@ -12,25 +12,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from organ_geometry.contours.contour import SectionContour
+from organ_geometry.contours.organ_tracing import trace_organ
+from organ_geometry.curves.fitted_organ import fit_organ
 from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.encoder.candidate import thinnest_wall
 from organ_geometry.encoder.encode import ToleranceTooSmall, encoded_organ
 from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.organ_builder import build_organ
 from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
 from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[3] / "shared" / "data")
-SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
+SETS = (
+    "bile_duct_perpendicular",
+    "bile_duct_parallel",
+    *(pytest.param(name, marks=pytest.mark.long) for name in ("ureter_left", "aorta_ct")),
+)
 
 
 @cache
 def contours_of(name: str) -> tuple[tuple[SectionContour, ...], float, bool]:
     """Contours of a real set, its organ's mean radius, and whether its frames are left-handed."""
     stack = read_image_stack(DATA / name / "masks")
-    built = build_organ(stack)
+    fitted = fit_organ(stack, trace_organ(stack))
     left_handed = float(np.linalg.det(stack.frames[0])) < 0.0
-    return built.contours, built.organ.mean_radius, left_handed
+    return fitted.contours, fitted.mean_radius, left_handed
 
 
 @pytest.mark.parametrize("name", SETS)
