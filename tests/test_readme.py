@@ -88,7 +88,7 @@ def test_peel_s_python_example_gives_its_figures(
     history = names["history"]
     assert f"# {history.freed[-1]:.2f} mm" in example  # pyright: ignore[reportAttributeAccessIssue]
     assert len((tmp_path / "history.csv").read_text().splitlines()) == 21
-    done = run_process(
+    done = run(
         *("solve", "--bed", "firm", "--seed", 7, "--hook", 31, "--lift", 6),
         *("--steps", 20, "--threshold", 0.17, "-o", "solve.csv"),
     )
