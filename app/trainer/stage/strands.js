@@ -295,7 +295,7 @@
               const t = -0.03 + 1.06 * k / (POINTS - 1), flare = Math.abs(2 * t - 1);
               const wa = (1 - t) * (1 - 2 * t), wm = 4 * t * (1 - t), wb = t * (2 * t - 1);
               for (let c = 0; c < 3; c++) line[3 * k + c] = wa * A[c] + wm * M[c] + wb * B[c];
-              wide[k] = width * (0.6 + 1.9 * flare ** 5);
+              wide[k] = width * (0.62 + 1.15 * flare ** 4);
             }
           } else this.stubs(i, f, A, B, back, width, line, wide);
           this.ribbon(i * fibres + f, line, wide, taut, back, f);
@@ -313,7 +313,7 @@
       const way = [0, 1, 2].map(k => B[k] - A[k]), gap = Math.hypot(...way) || 1;
       for (const [end, sign, from] of [[A, 1, 0], [B, -1, half]]) {
         const own = 0.55 + 0.45 * dice(i, 30 + from + f) + (sign < 0 ? 0.25 : 0);
-        const reach = (1 - back) * 0.5 * Math.min(gap, 6) + back * Math.max(0.25, 1.1 * own);
+        const reach = (1 - back) * 0.5 * Math.min(gap, 6) + back * Math.max(0.3, 1.3 * own);
         const lean = [dice(i, 40 + from + f), dice(i, 50 + from + f), sign < 0 ? 0.55 : -0.35];
         const ll = Math.hypot(...lean);
         for (let k = 0; k < half; k++) {
@@ -328,7 +328,7 @@
           line[3 * at] += curl * dice(i, 60 + from);
           line[3 * at + 1] += curl * dice(i, 61 + from);
           line[3 * at + 2] -= 0.5 * curl * (sign < 0 ? 1 : -0.4);
-          wide[at] = width * (1.7 - 1.25 * t) * (k + 1 === half ? 0.35 : 1);
+          wide[at] = width * (1.15 - 0.75 * t) * (k + 1 === half ? 0.35 : 1);
         }
       }
     }

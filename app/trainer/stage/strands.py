@@ -27,7 +27,7 @@ NUMBERS = 5
 """Streamed for each strand."""
 LEAST_CHANGE = 0.01
 """mm, and of how taut: less cannot be seen."""
-WIDTH = 0.055
+WIDTH = 0.05
 """Half of the width of a mean strand, mm."""
 FILM_ANGLES = (0.30, 0.65, 0.95, 1.25)
 """Films join neighbours between two of these angles from straight down, on both flanks, rad."""
