@@ -15,6 +15,7 @@ from app.simulation.bed.bedded_duct import (
 )
 from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.exercise import BedExercise
+from app.simulation.bed.exercise_limits import rehearsed
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.measures import DissectionMeasures
 from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
@@ -56,5 +57,6 @@ __all__ = [
     "dissection_csv",
     "read_any_run",
     "read_scene",
+    "rehearsed",
     "script",
 ]

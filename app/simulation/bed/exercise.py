@@ -135,7 +135,7 @@ class BedTrial(Trial[BeddedDuct]):
         super().__init__(exercise.time_limit_s)
         self._exercise, self._taker = exercise, taker
         self._speeds = [deque[float](maxlen=SPEED_TICKS) for _ in range(HANDS)]
-        self._places = np.zeros((HANDS, 3))
+        self._places, self._held = np.zeros((HANDS, 3)), [False] * HANDS
         self._force = np.zeros(3)
         self._force_squared = self._station = 0.0
         self._pulled = -1
@@ -159,8 +159,8 @@ class BedTrial(Trial[BeddedDuct]):
         if taker.peak > wanted.share_limit:
             return Outcome(
                 False,
-                f"The wall reached {100.0 * taker.peak:.0f} % of its break, past "
-                f"{100.0 * wanted.share_limit:.0f} %: {self._why()}.",
+                f"The wall reached {100.0 * taker.peak:.1f} % of its break, past "
+                f"{100.0 * wanted.share_limit:.1f} %: {self._why()}.",
             )
         if taker.out_of_sight > wanted.out_of_sight_limit:
             return Outcome(
@@ -195,7 +195,9 @@ class BedTrial(Trial[BeddedDuct]):
             way = holder.place - self._places[hand]
             self._places[hand] = holder.place
             held = holder.node is not None
-            self._speeds[hand].append(float(np.sqrt(way @ way)) / TICK_SECONDS if held else 0.0)
+            going_on = held and self._held[hand]  # the way to a new hold is no pull
+            self._held[hand] = held
+            self._speeds[hand].append(float(np.sqrt(way @ way)) / TICK_SECONDS if going_on else 0.0)
             if held and (pulled < 0 or float(forces[hand] @ forces[hand]) > self._force_squared):
                 pulled, self._force_squared = hand, float(forces[hand] @ forces[hand])
         if duct.torn is not None:  # the hands have just slipped off: what they did stays
