@@ -14,8 +14,9 @@ import trimesh
 from own_organ import phantom_start
 from program import refused, run
 
-from app.command_line.load import PRESET_NAMES
+from app.command_line.load import BED_NAMES, PRESET_NAMES
 from app.simulation import presets
+from app.simulation.bed import bed_presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ
@@ -517,3 +518,18 @@ def test_export_refuses_what_other_tools_have_no_use_for(
     monkeypatch.chdir(tmp_path)
     assert words in refused(("export", duct, *options))
     assert not list(tmp_path.iterdir())
+
+
+def test_info_lists_every_bed_with_its_source_and_confidence() -> None:
+    done = run("info", "--beds")
+    assert done.returncode == 0, done.stderr
+    listed = json.loads(run("info", "--beds", "--json").stdout)
+    assert [bed["name"] for bed in listed] == list(bed_presets())
+    for bed in bed_presets().values():
+        assert bed.name in BED_NAMES
+        words = " ".join(done.stdout.split())
+        assert f"{bed.name} {bed.title}" in words
+        assert " ".join(bed.source.split()) in words
+        assert f"confidence {bed.confidence}. " in words
+    for wrong in (["info"], ["info", "duct.organ", "--beds"]):
+        assert "either an .organ file or --beds" in refused(wrong)

@@ -47,7 +47,7 @@ GRID = 1.0 / 256.0
 REST_SECONDS, END_SECONDS = 0.6, 1.2
 """s of rest before and after the motion."""
 ASPECT = 16.0 / 9.0
-STRAND_COLOR, STRAND_MM = (232, 214, 190), 0.14
+STRAND_COLOR, STRAND_MM = (228, 204, 178), 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
