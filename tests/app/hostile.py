@@ -96,7 +96,7 @@ async def frames_each_second(page: Page, seconds: float) -> float:
     return frames / (time.monotonic() - start)
 
 
-def kept_share(address: str, attack: str, seconds: float = 4.0) -> float:
+def kept_share(address: str, attack: str, seconds: float = 3.0) -> float:
     """Return the share of its frames that a page keeps while an attack runs in a process."""
 
     async def witness(hostile: ProcessPoolExecutor) -> float:

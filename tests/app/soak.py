@@ -32,7 +32,7 @@ FIGURES = Path(__file__).parents[2] / "docs" / "reliability.md"
 MARK = "<!-- figures: all below is written by `make soak` -->\n"
 ENCODE = msgspec.msgpack.encode
 ORIGINS, HOSTS, MESSAGES, REQUESTS, PAGES = 60, 60, 10_000, 10_000, 200
-PER_PAGE = 100  # Hostile messages of a page; what closes it is sent last
+PER_PAGE = 300  # Hostile messages of a page; what closes it is sent last
 SEED = 15
 
 

@@ -148,12 +148,13 @@ def test_what_no_page_sends_closes_its_connection_without_a_word_in_the_log(
 def test_no_traceback_is_a_page_s_doing_and_the_program_s_own_are_logged(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    with bounded() as (server, _):
+    with bounded() as (server, connections):
+        assert len(connections) == 0
         slider = server.gui.add_slider("Force", 0.0, 1.0, 0.1, 0.0)
         update = {"type": "GuiUpdateMessage", "uuid": slider._impl.uuid}
 
         @slider.on_update
-        async def _(_: object) -> None:
+        async def _(event: object) -> None:  # pyright: ignore[reportUnusedFunction]
             raise RuntimeError("a fault of the program")
 
         with socket.create_connection(("127.0.0.1", server.get_port())) as opened:
@@ -202,6 +203,19 @@ def test_a_flood_waits_and_nothing_of_it_is_lost() -> None:
         assert came == [str(number) for number in range(450)]
         assert time.monotonic() - start >= 1.5  # of which 300 at once
         assert connections.refusals["messages"] == 1
+
+
+@pytest.mark.parametrize("pieces", [["a"] * 400, None], ids=["fragments", "pings"])
+def test_frames_that_no_message_comes_of_have_an_end(pieces: list[str] | None) -> None:
+    with bounded() as (server, connections), page(server) as opened:
+        opened.send(ENCODE(CAMERA))
+        with suppress(ConnectionClosed):
+            if pieces is not None:
+                opened.send(iter([each.encode() for each in pieces]))
+            for _ in range(400):
+                opened.ping()
+        assert closed_with(opened) == 0  # without a word: it may not read one
+        assert connections.refusals["frames"] >= 1
 
 
 def test_an_address_and_a_browser_have_so_many_pages_and_are_told() -> None:
@@ -293,9 +307,14 @@ def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
             two.send(ENCODE(START))
             until(lambda: connections.upload_bytes == 6000)
             two.send(ENCODE(START | {"transfer_uuid": "u"}))
-            until(lambda: len(told) == 2)
-            for part in (0, 1):
-                two.send(ENCODE(PART | {"part_index": part}))
+            two.send(ENCODE(START | {"size_bytes": 6000}))  # in place of what is under way
+            until(lambda: len(told) == 3)
+            assert connections.upload_bytes == 6000
+            two.send(ENCODE(PART | {"part_index": 0}))
+            two.send(ENCODE(PART | {"part_index": 0.9, "content": b""}))  # which is again the first
+            assert two.ping().wait(20.0)
+            assert connections.upload_bytes == 6000
+            two.send(ENCODE(PART | {"part_index": 1}))
             until(lambda: connections.upload_bytes == 4000)
             for wrong in ({"content": b"1" * 2001}, {"part_index": 2}, {"part_index": -1}):
                 with page(server) as wrongs:

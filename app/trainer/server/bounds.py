@@ -19,7 +19,8 @@ from typing import Any
 
 import msgspec
 from websockets.asyncio.server import ServerConnection
-from websockets.frames import CloseCode
+from websockets.frames import CloseCode, Frame, Opcode
+from websockets.protocol import Event
 
 from app.trainer.server.sessions import MOST_SESSIONS
 from app.trainer.viser_bridge import page_message_decoder
@@ -32,6 +33,9 @@ MOST_ADDRESSES = 1000
 CLOSE_SECONDS = 2.0
 """s that a page may take to close its connection when asked."""
 LEAST_RATE = 10.0
+MOST_FRAMES, FRAMES_PER_SECOND = 200.0, 10.0
+"""Pings and small fragments of a page, at once and in the long run: browsers send hardly any."""
+SMALL_BYTES = 1024
 SPARE = 32
 """Connections beside the pages: of requests for the page, and of pages that are being closed."""
 OPENINGS_PER_SECOND = 2.0
@@ -187,6 +191,7 @@ class PageConnection(ServerConnection):
         bounds = connections.bounds
         self._connections, self._bounds = connections, bounds
         self._messages = Bucket(3.0 * bounds.messages_per_second, bounds.messages_per_second)
+        self._frames = Bucket(MOST_FRAMES, FRAMES_PER_SECOND)
         self._uploads: dict[str, _Upload] = {}
         self._patience: asyncio.TimerHandle | None = None
         self._ending: asyncio.Task[None] | None = None
@@ -220,6 +225,16 @@ class PageConnection(ServerConnection):
                 last = ip_address(forwarded[-1].rpartition(",")[2].strip())
                 self.address = _network(str(last))
 
+    def process_event(self, event: Event) -> None:
+        """Take a frame. Pings and small fragments are counted: they never come to `recv`."""
+        if isinstance(event, Frame) and event.opcode is not Opcode.BINARY:
+            small = event.opcode is not Opcode.CONT or len(event.data) < SMALL_BYTES
+            if small and self._frames.take() > 0.0:
+                self._connections.refuse("frames", self, "pings or fragments without end")
+                self.transport.abort()
+                return
+        super().process_event(event)
+
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message that a page may send."""
         while True:
@@ -249,14 +264,16 @@ class PageConnection(ServerConnection):
         """Return whether a valid message may be read; not if it is of a file that is too large."""
         kind = type(message).__name__
         if kind == "FileTransferStartUpload":
-            size, parts = round(message.size_bytes), round(message.part_count)
-            self._uploads.pop(message.transfer_uuid, None)
+            # Whole numbers as viser makes them of these, and like it a second start replaces one.
+            size, parts = int(message.size_bytes), int(message.part_count)
             if not 0 <= parts <= size:
                 raise msgspec.ValidationError("parts of nothing")
+            before = self._uploads.get(message.transfer_uuid)
+            more = size - (0 if before is None else before.size_bytes)
             mine = self._bounds.upload_bytes
             if (
-                self.upload_bytes + size > mine
-                or self._connections.upload_bytes + size > self._bounds.all_upload_bytes
+                self.upload_bytes + more > mine
+                or self._connections.upload_bytes + more > self._bounds.all_upload_bytes
             ):
                 self._connections.refuse("uploads", self, "more bytes of uploads than it may send")
                 self._connections.tell(
@@ -265,13 +282,14 @@ class PageConnection(ServerConnection):
                     f"{mine // MIB} MiB at a time, and less while many do.",
                 )
                 return False
-            if parts:
-                self._uploads[message.transfer_uuid] = _Upload(parts, size)
+            self._uploads[message.transfer_uuid] = _Upload(parts, size)
+            if parts == 0:
+                del self._uploads[message.transfer_uuid]
         elif kind == "FileTransferPart":
             upload = self._uploads.get(message.transfer_uuid)
             if upload is None:
                 return False
-            upload.came.add(round(message.part_index))
+            upload.came.add(int(message.part_index))
             upload.bytes_came += len(message.content)
             if upload.bytes_came > upload.size_bytes or not (
                 0 <= message.part_index < upload.parts
