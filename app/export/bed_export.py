@@ -110,7 +110,7 @@ class BedExport(OrganExport):
         return self._organ().at(self.steps)
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
-        """Yield the duct after each step, and the share of the path that is behind it."""
+        """Yield the duct at rest and after each step, with the time in the motion, s."""
         organ = self._organ()
         for key, time in enumerate(self.motion.times.tolist()):
             yield time, organ.at(key)

@@ -76,7 +76,7 @@ class OrganExport(ABC):
 
     @abstractmethod
     def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
-        """Yield the moments of a series, each with the value of its axis."""
+        """Yield the moments of a series, each with its value: force, N, or time, s."""
 
     @abstractmethod
     def written_table(self) -> tuple[bytes, ExportResult]:

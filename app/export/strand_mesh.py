@@ -45,16 +45,16 @@ def strand_mesh(bed: BedTrack) -> StrandMesh:
     across /= np.sqrt((across**2).sum(axis=1, keepdims=True))
     other = np.cross(way, across)
     angles = 2.0 * np.pi * np.arange(SIDES) / SIDES
-    round_it = (
+    outward = (
         np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
     )  # (S, SIDES, 3)
     foot, foot_tip = bed.feet[:, :1], bed.feet[:, 1:]
     end, end_tip = bed.ends[:, :1], bed.ends[:, 1:]
-    tube = RADIUS * round_it
+    tube = RADIUS * outward
     # Of each strand: the tube's rings at the foot and the end, then ring and tip of both stubs.
-    nothing = np.zeros_like(round_it)
+    nothing = np.zeros_like(outward)
     vertices = [foot + tube, end + tube, foot + nothing, foot_tip, end + nothing, end_tip]
-    normals = [round_it, round_it, round_it, way[:, None], round_it, -way[:, None]]
+    normals = [outward, outward, outward, way[:, None], outward, -way[:, None]]
     parting = [-tube, -tube, tube, nothing[:, :1], tube, nothing[:, :1]]
     size = sum(part.shape[1] for part in vertices)
     on_bed = np.repeat([True, False, True, True, False, False], [SIDES, SIDES, SIDES, 1, SIDES, 1])
