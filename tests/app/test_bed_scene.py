@@ -179,14 +179,15 @@ def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
 def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> None:
     """A whole strand runs from foot to duct; a parted one's halves stay near their ends."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    context = new_context(browser, 500, 400)
     try:
         connected: list[viser.ClientHandle] = []
         server.on_client_connect(connected.append)
-        page = new_context(browser, 500, 400).new_page()
+        page = context.new_page()
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
-        for _ in range(300):
+        for _ in range(600):
             if connected:
                 break
             page.wait_for_timeout(100)
@@ -208,6 +209,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         )
         assert not errors, errors
     finally:
+        context.close()
         server.stop()
     middles = np.array(places).reshape(reading.strands, 8, 2, 3).mean(axis=2)
     state = session.duct.beam.state
@@ -221,6 +223,6 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
     step = np.linalg.norm(middles[:, 4] - middles[:, 3], axis=1)
     length = np.linalg.norm(ends - feet, axis=1)
     assert (step[~parted] < 0.5 * length[~parted]).all()
-    assert np.linalg.norm(middles[parted, :4] - ends[parted, None], axis=2).max() < 2.5
+    assert np.linalg.norm(middles[parted, :4] - ends[parted, None], axis=2).max() < 3.0
     on_bed = middles[parted, 4:] - middles[parted, -1:]
-    assert np.linalg.norm(on_bed, axis=2).max() < 2.5
+    assert np.linalg.norm(on_bed, axis=2).max() < 3.0
