@@ -127,7 +127,9 @@ class Stage:
         self._spilt = False
         floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
         self.floor = floor  # where that is, mm
-        self.bed_columns = COLUMNS if full else PLAIN_COLUMNS  # of the bed's grid of points
+        # Points in a row of the bed; a bench does not give way.
+        soft = COLUMNS if full else PLAIN_COLUMNS
+        self.bed_columns = 0 if surroundings == "bench" else soft
 
         light_stage(scene, span=self.span, look=look)
         for name in files.keys() & {"tissue_bed", "neighbours"}:

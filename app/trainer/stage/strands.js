@@ -423,14 +423,16 @@
       this.ribbons.mesh.updateWorldMatrix(true, false);
       this.ribbons.mesh.worldToLocal(p.setFromMatrixPosition(camera.matrixWorld));
       const away = Math.hypot(p.x - this.eye[0], p.y - this.eye[1], p.z - this.eye[2]);
-      if (!this.ground) this.stale = true;
+      if (this.bed.columns && !this.ground) this.stale = true;
       if (!this.stale && !this.moving && away < 0.2) return false;
       this.eye = [p.x, p.y, p.z];
       if (this.stale) {
         this.stale = false;
         this.given = this.source.geometry.attributes.position.array;
-        this.drawUp();
-        this.layBed();
+        if (this.bed.columns) {
+          this.drawUp();
+          this.layBed();
+        }
         this.place();
       }
       return this.moving = this.draw(now);

@@ -45,7 +45,7 @@ class StrandsInBed:
 
     `aside`, (S, 3) mm in the order of `beam.strands`, is how far off its place each is drawn, where
     the duct's skin is not the beam's. `floor` and `scale` are the place and the scale of the
-    stage's bed, `bed_columns` how many points a row of it has, and `fibres` how many threads a
+    stage's bed, `bed_columns` how many points a row of it has, 0 for a hard one, and `fibres` how many threads a
     strand is drawn with.
     """
 
