@@ -129,7 +129,7 @@ def accuracy(organ: OrganSet) -> dict[str, float] | None:
 def times_of(file: OrganBytes, mesh: DracoMesh | None, runs: int = 9) -> dict[str, float]:
     """Return the times to write and to read both files."""
     vertices = USUAL_VERTICES if mesh is None else mesh.faces // 2
-    times = {"build_ms": 1e3 * file.built.seconds, **file_times(file.built.organ, vertices)}
+    times = {"build_ms": 1e3 * file.seconds, **file_times(file.built.organ, vertices)}
     if mesh is not None:
         encode, decode = mesh.times(import_module("DracoPy"), runs)
         times |= {"draco_encode_ms": 1e3 * encode, "draco_decode_ms": 1e3 * decode}

@@ -47,6 +47,7 @@ class OrganBytes:
     built: BuiltOrgan
     size: int  # Bytes of the whole file
     rms: float  # RMS distance of the surface read back to the true surface, mm
+    seconds: float  # Time to encode it, s
 
 
 class OrganSearch:
@@ -62,6 +63,7 @@ class OrganSearch:
         """Return the organ of a tolerance, or None if the builder says that it cannot be kept."""
         # RMS distances, mm: what each section may have, and what all together may.
         self.tried += 1
+        started = time.perf_counter()
         try:
             built = build_fitted(
                 self._fitted,
@@ -69,9 +71,10 @@ class OrganSearch:
             )
         except ToleranceTooSmall:
             return None
+        seconds = time.perf_counter() - started
         size, organ = stored(built.organ)
         rms = self._organ.rms(organ_mesh(organ), CHECK_POINTS)
-        return OrganBytes(tolerance, overall, built, size, rms)
+        return OrganBytes(tolerance, overall, built, size, rms, seconds)
 
     def best(self, target: float) -> OrganBytes | None:
         """Return the smallest organ file whose error is a target at most."""

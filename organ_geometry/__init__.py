@@ -4,7 +4,7 @@
     built = build_organ(stack, TraceOptions(polarity="dark"), Promise(tolerance_mm=0.05))
     write_organ(built.organ, Path("duct.organ"))
 
-Between the two are the stages `reslice_where_needed`, `trace_organ`, `fit_organ`, `encode_organ`
+Between the two are the stages `trace_organ`, `reslice_where_needed`, `fit_organ`, `encode_organ`
 and `report_organ`, each of which takes what the one before returns.
 
 Surfaces of an organ are in `organ_geometry.mesh`. Each name is imported when it is first asked for,

@@ -2,21 +2,20 @@
 
 The stages, each a function whose value the next takes:
 
-    read      `read_image_stack(path, ReadOptions)`       -> ImageStack
-    reslice   `reslice_where_needed(stack, TraceOptions)` -> ImageStack, TraceOptions
-    trace     `trace_organ(stack, TraceOptions)`          -> TracedOrgan, edges in px
-    fit       `fit_organ(stack, traced)`                  -> FittedOrgan, edges in mm, half-curves
-    encode    `encode_organ(fitted, Promise)`             -> EncodedOrgan, the organ of its file
-    report    `report_organ(fitted, encoded)`             -> BuiltOrgan
+    read      `read_image_stack(path, ReadOptions)`  -> ImageStack
+    trace     `trace_organ(stack, TraceOptions)`     -> TracedOrgan, edges in px
+    reslice   `reslice_where_needed(stack, traced)`  -> ImageStack, TracedOrgan: the same or better
+    fit       `fit_organ(stack, traced)`             -> FittedOrgan, edges in mm, half-curves
+    encode    `encode_organ(fitted, Promise)`        -> EncodedOrgan, the organ of its file
+    report    `report_organ(fitted, encoded)`        -> BuiltOrgan
 
-`build_organ` does all after the images; `build_fitted` the last two, which is what another
-tolerance costs.
+`build_organ` does all after the images but reslicing; `build_fitted` the last two, which is what
+another tolerance costs.
 """
 
 import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +111,6 @@ class BuiltOrgan:
         RMS distance to the organ that no section's edge points exceed, mm.
     overall_mm
         RMS distance that all edge points together were not to exceed, mm, or None.
-    seconds
-        Time for reading the images and building the organ, s.
     warnings
         What the organ's user should know, one sentence each.
     doubts
@@ -130,7 +127,6 @@ class BuiltOrgan:
     polarity: FoundPolarity
     tolerance_mm: float
     overall_mm: float | None
-    seconds: float
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -216,21 +212,15 @@ def build_organ(
     ValueError
         If an image cannot be read or fewer than two sections show an edge.
     """
-    started = time.perf_counter()
-    traced = trace_organ(stack, trace, progress=progress)
-    fitted = fit_organ(stack, traced)
-    built = build_fitted(fitted, promise, name=name)
-    return replace(built, seconds=time.perf_counter() - started)
+    fitted = fit_organ(stack, trace_organ(stack, trace, progress=progress))
+    return build_fitted(fitted, promise, name=name)
 
 
 def build_fitted(
     fitted: FittedOrgan, promise: Promise | None = None, *, name: str | None = None
 ) -> BuiltOrgan:
     """Return the organ of fitted sections, and its report: no image is read again."""
-    started = time.perf_counter()
-    encoded = encode_organ(fitted, promise, name=name)
-    built = report_organ(fitted, encoded, promise)
-    return replace(built, seconds=time.perf_counter() - started)
+    return report_organ(fitted, encode_organ(fitted, promise, name=name), promise)
 
 
 def encode_organ(
@@ -276,7 +266,6 @@ def report_organ(
         polarity=fitted.polarity,
         tolerance_mm=encoded.organ.tolerance_mm,
         overall_mm=promise.overall_of(fitted.stack.mean_pixel),
-        seconds=0.0,
         warnings=tuple(warning.text for warning in warnings),
         doubts=tuple(warning.text for warning in warnings if warning.doubtful),
         notes=fitted.notes,

@@ -293,8 +293,9 @@ def _opened(
             raise ImageStackError("the point is outside of the part that is looked at")
         seed = seed[0] - region[0], seed[1] - region[1], seed[2] - region[4]
     trace = TraceOptions(seed=seed)
-    stack, trace = reslice_where_needed(stack, trace, "auto" if choice.reslice else "never")
     traced = trace_organ(stack, trace, progress=progress)
+    when = "auto" if choice.reslice else "never"
+    stack, traced = reslice_where_needed(stack, traced, trace, when, progress=progress)
     return OpenedStack(source, whole, labels, choice, stack, traced, sizes_mm)
 
 

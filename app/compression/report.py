@@ -84,7 +84,9 @@ class Facts:
         }
 
 
-def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -> Facts:
+def facts(
+    built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path, seconds: float
+) -> Facts:
     """Return the facts of a compressed stack."""
     bytes_out = output.stat().st_size
     pixel = images.mean_pixel
@@ -113,7 +115,7 @@ def facts(built: BuiltOrgan, images: ImageStack, *, stack: Path, output: Path) -
         bytes_in=images.bytes_in,
         bytes_out=bytes_out,
         ratio=images.bytes_in / bytes_out,
-        seconds=built.seconds,
+        seconds=seconds,
         warnings=(*images.notes, *built.warnings),
         doubts=built.doubts,
         notes=built.notes,

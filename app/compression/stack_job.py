@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -17,10 +18,12 @@ from organ_geometry import (
     TraceOptions,
     When,
     WorkFolder,
-    build_organ,
+    build_fitted,
     check_target,
+    fit_organ,
     read_image_stack,
     reslice_where_needed,
+    trace_organ,
     write_organ,
 )
 
@@ -83,15 +86,20 @@ def _check_job(job: StackJob) -> None:
 def compress_stack(job: StackJob, progress: Callable[[int, int], None] | None = None) -> Facts:
     """Build a stack's organ and write its file, and its figure where one is wanted."""
     _check_job(job)
+    started = time.perf_counter()
     with _unpacked(job.stack) as source:
         images = read_image_stack(source, job.read)
-        images, trace = reslice_where_needed(images, job.trace, job.reslice)
-        built = build_organ(images, trace, job.promise, progress=progress)
+        traced = trace_organ(images, job.trace, progress=progress)
+        images, traced = reslice_where_needed(
+            images, traced, job.trace, job.reslice, progress=progress
+        )
+        built = build_fitted(fit_organ(images, traced), job.promise)
+        seconds = time.perf_counter() - started
         write_organ(built.organ, job.output)
         if job.figure is not None:
             edges = [contour.outer for contour in built.contours]
             draw_organ_figure(built.organ, edges, job.figure, title=job.output.stem)
-        return facts(built, images, stack=job.stack, output=job.output)
+        return facts(built, images, stack=job.stack, output=job.output, seconds=seconds)
 
 
 @contextmanager

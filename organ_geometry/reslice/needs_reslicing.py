@@ -1,74 +1,61 @@
-"""Whether parallel slices may not suit the organ they show, by a look at some of them."""
+"""Whether parallel slices may not suit the organ they show, by what was traced in them."""
 
-import cv2
+import math
+
 import numpy as np
-from numpy.typing import NDArray
 
 from organ_geometry.contours.trace_options import TraceOptions
+from organ_geometry.contours.traced_organ import TracedOrgan
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
-from organ_geometry.reslice.organ_voxels import PART_SHARE, organ_level, sample_images
 
 _FEWEST_IMAGES = 8
 
 # A mask: all but this share of its pixels are within this share of its levels of either end.
 _GREY_SHARE = 0.05
 _GREY_LEVELS = 0.15
+# Images and sections that are looked at, spread over the stack.
+_SAMPLES = 48
 
-# More than these shares of the slices show several parts, or drift by over 45 degrees to the next.
-# They are below those that decide: a closer look is what this is for.
-_SEVERAL_SHARE = 0.08
+# In more than these shares of the slices the organ is lost or beside something else, or drifts by
+# over 45 degrees to the next. They are below those that decide: a closer look is what this is for.
+_LOST_SHARE = 0.08
 _DRIFT_SHARE = 0.12
-# The organ is so many times longer across the slices than the part of the stack that shows it.
-_LONG = 1.0
 
 
-def needs_reslicing(stack: ImageStack, options: TraceOptions) -> bool:
-    """Return whether a closer look is worth its time: a few images are read."""
-    threshold = options.threshold
+def needs_reslicing(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) -> bool:
+    """Return whether a closer look is worth its time."""
     if len(stack) < _FEWEST_IMAGES:
         return False
     try:
-        step = even_step(stack.planes, stack.source)
+        gap = float(np.linalg.norm(even_step(stack.planes, stack.source)))
     except ImageStackError:
         return False
-    if threshold is None and not _is_mask(stack.image(len(stack) // 2)):
-        return False
-    images = sample_images(stack)
-    if threshold is None and not all(_is_mask(image) for image in images):
-        return False
-    found = organ_level(images, options)
-    if found is None:
-        return False
-    level, bright = found
-    several = drifting = shown = 0
-    longest = 0.0
-    gap = float(np.linalg.norm(step)) * (len(stack) - 1) / (len(images) - 1)
-    before: NDArray[np.float64] | None = None
-    for image in images:
-        mask = (image > level) if bright else (image < level)
-        _, _, stats, centroids = cv2.connectedComponentsWithStats(
-            mask.astype(np.uint8), connectivity=4
-        )
-        if len(stats) < 2:
-            before = None
-            continue
-        shown += 1
-        areas = np.asarray(stats)[1:, cv2.CC_STAT_AREA]
-        largest = int(areas.argmax())
-        several += int(np.count_nonzero(areas >= PART_SHARE * areas[largest]) > 1)
-        box = np.asarray(stats)[1 + largest, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
-        longest = max(longest, float((box * stack.pixel_size).max()))
-        middle = np.asarray(centroids)[1 + largest] * stack.pixel_size
-        if before is not None:
-            drifting += int(np.linalg.norm(middle - before) > gap)
-        before = middle
-    return (
-        several > _SEVERAL_SHARE * shown
-        or drifting > _DRIFT_SHARE * shown
-        or longest > _LONG * shown * gap
+    return _is_doubtful(stack, traced, options, gap) and (
+        options.threshold is not None or _are_masks(stack)
     )
+
+
+def _is_doubtful(stack: ImageStack, traced: TracedOrgan, options: TraceOptions, gap: float) -> bool:
+    """Return whether an organ may be cut lengthwise, or more than once, by slices a gap apart."""
+    sections = traced.sections
+    # With a seed, what else an image shows is not looked for.
+    beside = sum(section.other_part or section.carried for section in sections)
+    if options.seed is not None or len(traced.problems) + beside > _LOST_SHARE * len(stack):
+        return True
+    longest = max(float((np.ptp(one.outer, axis=0) * stack.pixel_size).max()) for one in sections)
+    some = sections[:: math.ceil(len(sections) / _SAMPLES)]
+    middles = np.array([one.outer.mean(axis=0) for one in some]) * stack.pixel_size
+    drifts = np.linalg.norm(np.diff(middles, axis=0), axis=1)
+    drifting = int(np.count_nonzero(drifts > gap * np.diff([one.index for one in some])))
+    return longest > gap * len(sections) or drifting > _DRIFT_SHARE * len(some)
+
+
+def _are_masks(stack: ImageStack) -> bool:
+    count = min(_SAMPLES, len(stack))
+    wanted = np.unique(np.linspace(0, len(stack) - 1, count).round().astype(int))
+    return all(_is_mask(stack.image(int(index))) for index in wanted)
 
 
 def _is_mask(image: GreyImage) -> bool:

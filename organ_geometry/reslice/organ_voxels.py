@@ -1,17 +1,15 @@
-"""The voxels of one organ in a stack of parallel images: those that hang together in space.
+"""The voxels of an organ: those that hang together in space, where tracing cannot follow it.
 
-A voxel is of an organ where its level is beyond one threshold for all images: as given, or the mean
-of the mean levels on both sides of Otsu's threshold of their joint histogram [Otsu 1979]. Which
-side is decided as for the tracing (`find_polarity`). Parts of neighbouring images that overlap in
-a pixel are one organ (union and find); the largest is taken, or the one that a seed is on. Images
-are read one at a time, twice: to link their parts, and to fill the box around the organ.
+Tracing follows one outline from slice to slice. A slice that cuts the organ lengthwise or more than
+once ends it there, or leads it into one limb of several; only in space do they hang together. So a
+region is grown at the level of the edges traced, on their side of it. It is the seed's, or the
+largest: single slices show a thin upright organ more clearly than a large one that lies flat. Where
+nothing was traced, because the organ runs out of every picture, some images are split as one.
 
-[Otsu 1979] N. Otsu, A threshold selection method from gray-level histograms, IEEE Transactions on
-Systems, Man, and Cybernetics 9, 62-66.
+Parts of neighbouring images that overlap in a pixel are one organ (union and find). Images are read
+one at a time, twice: to link their parts, and to fill the box around the organ.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -20,11 +18,11 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.edges import find_polarity
 from organ_geometry.contours.organ_tracing import SAMPLES
+from organ_geometry.contours.section_region import otsu
 from organ_geometry.contours.trace_options import Seed, TraceOptions, seed_point
+from organ_geometry.contours.traced_organ import TracedOrgan
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
-
-_SAMPLES = 48
 
 # A part of the organ in an image counts beside the largest from this share of its area.
 PART_SHARE = 0.1
@@ -44,78 +42,45 @@ class OrganVoxels:
     outside_level: float  # Typical level around the organ
 
 
-def sample_images(stack: ImageStack) -> list[GreyImage]:
-    """Return some images spread evenly over a stack."""
-    count = min(_SAMPLES, len(stack))
-    wanted = np.unique(np.linspace(0, len(stack) - 1, count).round().astype(int))
-    return [stack.image(int(index)) for index in wanted]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """The connected parts of all images, numbered in one row."""
+
+    first: list[int]  # Number of each image's first part
+    organs: NDArray[np.intp]  # (P,) number of a part that stands for the organ each is of
+    stats: NDArray[np.int32]  # (P, 5) column, row, width, height and area of each
+    images: NDArray[np.intp]  # (P,) image of each
 
 
-def organ_level(images: Sequence[GreyImage], options: TraceOptions) -> tuple[float, bool] | None:
-    """Return the level of an organ's edge and whether the organ is above it, if any."""
-    level = half_level(images) if options.threshold is None else options.threshold
-    if level is None:
-        return None
-    few = images[:: math.ceil(len(images) / SAMPLES)]
-    polarity = find_polarity(few) if options.polarity == "auto" else options.polarity
-    return level, polarity == "bright"
-
-
-def half_level(images: Sequence[GreyImage]) -> float | None:
-    """Return the level midway between the dark and the bright of images; None of one level only."""
-    most = max(int(image.max()) for image in images) + 1
-    counts = np.zeros(most)
-    for image in images:
-        counts += np.bincount(image.ravel(), minlength=most)
-    levels = np.flatnonzero(counts)
-    if len(levels) < 2:
-        return None
-    counts = counts[levels]
-    below, sums = np.cumsum(counts), np.cumsum(counts * levels)
-    above = below[-1] - below[:-1]
-    mean_below, mean_above = sums[:-1] / below[:-1], (sums[-1] - sums[:-1]) / above
-    best = int((below[:-1] * above * (mean_above - mean_below) ** 2).argmax())
-    return float(0.5 * (mean_below[best] + mean_above[best]))
-
-
-def organ_voxels(
-    stack: ImageStack, *, threshold: float, bright: bool, seed: Seed | None = None
-) -> OrganVoxels:
-    """Return the voxels of one organ; images are read one at a time, twice."""
-    roots, sizes, boxes = _linked_parts(stack, threshold, bright)
-    if not sizes:
+def organ_voxels(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) -> OrganVoxels:
+    """Return the voxels of a traced organ."""
+    level, bright = _level_and_side(stack, traced, options)
+    found = _linked_parts(stack, level, bright)
+    if len(found.organs) == 0:
         raise ImageStackError(f"nothing stands out in the images of {stack.source}")
-    if seed is None:
-        wanted = max(sizes, key=lambda root: sizes[root])
-    else:
-        point = seed_point(seed, stack)
-        labels, _ = _parts_of(stack.image(point.index), threshold, bright)
-        label = int(labels[round(point.y), round(point.x)])
-        wanted = roots[point.index].get(label, -1)
-        if wanted < 0:
-            raise ImageStackError(
-                f"the seed {point.x:g},{point.y:g} is not on an organ in {stack.names[point.index]}"
-            )
+    mine = found.organs == _wanted(stack, options.seed, found, level, bright)
     rows, columns = stack.shape
-    x0, y0, x1, y1, first, last = boxes[wanted]
-    x0, y0, first = max(0, x0 - _MARGIN), max(0, y0 - _MARGIN), max(0, first - 1)
-    x1, y1 = min(columns - 1, x1 + _MARGIN), min(rows - 1, y1 + _MARGIN)
-    last = min(len(stack) - 1, last + 1)
-    shape = (last - first + 1, y1 - y0 + 1, x1 - x0 + 1)
+    x, y, width, height, _ = found.stats[mine].T
+    x0, y0 = max(0, int(x.min()) - _MARGIN), max(0, int(y.min()) - _MARGIN)
+    x1 = min(columns, int((x + width).max()) + _MARGIN)
+    y1 = min(rows, int((y + height).max()) + _MARGIN)
+    first = max(0, int(found.images[mine].min()) - 1)
+    last = min(len(stack) - 1, int(found.images[mine].max()) + 1)
+    shape = (last - first + 1, y1 - y0, x1 - x0)
     inside = np.zeros(shape, dtype=np.bool_)
     levels = np.empty(shape, dtype=stack.image(first).dtype)
     parts = np.zeros(shape[0], dtype=np.intp)
     around: list[float] = []
     for place, index in enumerate(range(first, last + 1)):
         image = stack.image(index)
-        levels[place] = image[y0 : y1 + 1, x0 : x1 + 1]
-        labels, _ = _parts_of(image, threshold, bright)
-        mine = [label for label, root in roots[index].items() if root == wanted]
-        if mine:
-            mask = np.isin(labels, mine)[y0 : y1 + 1, x0 : x1 + 1]
-            areas = np.bincount(labels.ravel())[mine]
+        levels[place] = image[y0:y1, x0:x1]
+        numbers = np.flatnonzero(mine & (found.images == index))
+        if len(numbers):
+            labels, _ = _parts_of(image, level, bright)
+            areas = found.stats[numbers, cv2.CC_STAT_AREA]
             parts[place] = int(np.count_nonzero(areas >= PART_SHARE * areas.max()))
-            inside[place] = _filled(mask)
+            labels = labels[y0:y1, x0:x1]
+            inside[place] = _filled(np.isin(labels, numbers - found.first[index] + 1))
         outer = levels[place][~inside[place]]
         if outer.size:
             around.append(float(np.median(outer)))
@@ -128,19 +93,43 @@ def organ_voxels(
     )
 
 
-_Box = tuple[int, int, int, int, int, int]
+def _level_and_side(
+    stack: ImageStack, traced: TracedOrgan, options: TraceOptions
+) -> tuple[float, bool]:
+    """Return the level of an organ's edge, and whether the organ is above it."""
+    if traced.sections:
+        level = float(np.median([section.threshold for section in traced.sections]))
+        polarity = traced.polarity
+    else:
+        count = min(SAMPLES, len(stack))
+        wanted = np.linspace(0, len(stack) - 1, count).round().astype(int)
+        images = [stack.image(int(index)) for index in wanted]
+        level = otsu(np.concatenate(images).astype(np.float32))
+        polarity = find_polarity(images) if options.polarity == "auto" else options.polarity
+    return level if options.threshold is None else options.threshold, polarity == "bright"
 
 
-def _linked_parts(
-    stack: ImageStack, threshold: float, bright: bool
-) -> tuple[list[dict[int, int]], dict[int, int], dict[int, _Box]]:
-    """Return the organ of each part of each image, and each organ's size and box."""
-    # Parts of neighbouring images that overlap belong to one organ: union and find.
+def _wanted(stack: ImageStack, seed: Seed | None, found: _Parts, level: float, bright: bool) -> int:
+    """Return the number of the organ that a seed is on, or of the largest."""
+    if seed is None:
+        sizes = np.bincount(found.organs, weights=found.stats[:, cv2.CC_STAT_AREA])
+        return int(sizes.argmax())
+    point = seed_point(seed, stack)
+    labels, _ = _parts_of(stack.image(point.index), level, bright)
+    label = int(labels[round(point.y), round(point.x)])
+    if label == 0:
+        raise ImageStackError(
+            f"the seed {point.x:g},{point.y:g} is not on an organ in {stack.names[point.index]}"
+        )
+    return int(found.organs[found.first[point.index] + label - 1])
+
+
+def _linked_parts(stack: ImageStack, level: float, bright: bool) -> _Parts:
+    """Return the parts of all images, those that overlap in neighbouring ones of one organ."""
     parents: list[int] = []
-    parts: list[dict[int, int]] = []
-    areas: list[int] = []
-    boxes: list[_Box] = []
-    before: NDArray[np.int32] | None = None
+    first: list[int] = []
+    stats: list[NDArray[np.int32]] = []
+    before = np.zeros(stack.shape, dtype=np.int32)
 
     def root(number: int) -> int:
         while parents[number] != number:
@@ -148,47 +137,31 @@ def _linked_parts(
             number = parents[number]
         return number
 
-    for index, image in enumerate(stack.images()):
-        labels, stats = _parts_of(image, threshold, bright)
-        numbers: dict[int, int] = {}
-        for label in range(1, len(stats)):
-            x, y, width, height, area = (int(value) for value in stats[label])
-            numbers[label] = len(parents)
-            parents.append(len(parents))
-            areas.append(area)
-            boxes.append((x, y, x + width - 1, y + height - 1, index, index))
-        if before is not None:
-            both = (before > 0) & (labels > 0)
-            pairs = np.unique(np.stack([before[both], labels[both]], axis=1), axis=0)
-            for old, new in pairs.tolist():
-                parents[root(numbers[new])] = root(parts[-1][old])
-        parts.append(numbers)
+    for image in stack.images():
+        labels, found = _parts_of(image, level, bright)
+        first.append(len(parents))
+        parents.extend(range(len(parents), len(parents) + len(found)))
+        both = (before > 0) & (labels > 0)
+        pairs = np.unique(np.stack([before[both], labels[both]], axis=1), axis=0)
+        for old, new in pairs.tolist():
+            parents[root(first[-1] + new - 1)] = root(first[-2] + old - 1)
+        stats.append(found)
         before = labels
-    roots = [{label: root(number) for label, number in numbers.items()} for numbers in parts]
-    sizes: dict[int, int] = {}
-    whole: dict[int, _Box] = {}
-    for number, area in enumerate(areas):
-        organ = root(number)
-        sizes[organ] = sizes.get(organ, 0) + area
-        one, other = boxes[number], whole.get(organ, boxes[number])
-        whole[organ] = (
-            min(one[0], other[0]),
-            min(one[1], other[1]),
-            max(one[2], other[2]),
-            max(one[3], other[3]),
-            min(one[4], other[4]),
-            max(one[5], other[5]),
-        )
-    return roots, sizes, whole
+    return _Parts(
+        first=first,
+        organs=np.array([root(number) for number in range(len(parents))], dtype=np.intp),
+        stats=np.concatenate(stats),
+        images=np.repeat(np.arange(len(stack)), [len(found) for found in stats]),
+    )
 
 
 def _parts_of(
-    image: GreyImage, threshold: float, bright: bool
+    image: GreyImage, level: float, bright: bool
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the (H, W) labels of the connected parts of an image, and their (L, 5) statistics."""
-    mask = ((image > threshold) if bright else (image < threshold)).astype(np.uint8)
+    """Return the (H, W) labels of an image's connected parts, from 1, and their (L, 5) stats."""
+    mask = ((image > level) if bright else (image < level)).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
-    return np.asarray(labels, dtype=np.int32), np.asarray(stats, dtype=np.int32)
+    return np.asarray(labels, dtype=np.int32), np.asarray(stats, dtype=np.int32)[1:]
 
 
 def _filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

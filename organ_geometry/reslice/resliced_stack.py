@@ -1,6 +1,7 @@
 """Parallel images of a curved organ, resliced: cut again perpendicular to its centreline.
 
-Straightened curved planar reformation: the organ's voxels (`organ_voxels`), the minimal path
+Straightened curved planar reformation of an organ that was traced: whether its slices suit it
+(`needs_reslicing`), the voxels that hang together with it (`organ_voxels`), the minimal path
 through them (`minimal_path`), the centreline it is relaxed to (`centreline`), planes along it that
 do not cross each other inside the organ (`section_planes`), and the images in them (`plane_cut`).
 """
@@ -12,7 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.contours.organ_tracing import Progress, trace_organ
 from organ_geometry.contours.trace_options import TraceOptions
+from organ_geometry.contours.traced_organ import TracedOrgan
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
@@ -28,12 +31,7 @@ from organ_geometry.reslice.curve_frames import (
     smooth_points,
 )
 from organ_geometry.reslice.needs_reslicing import needs_reslicing
-from organ_geometry.reslice.organ_voxels import (
-    OrganVoxels,
-    organ_level,
-    organ_voxels,
-    sample_images,
-)
+from organ_geometry.reslice.organ_voxels import OrganVoxels, organ_voxels
 from organ_geometry.reslice.plane_cut import plane_cut
 from organ_geometry.reslice.section_planes import section_planes
 
@@ -72,39 +70,41 @@ def reslice_stack(
     stack: ImageStack, options: TraceOptions | None = None, *, spacing: float | None = None
 ) -> ImageStack:
     """Return a curved organ's sections, perpendicular to its centreline."""
-    voxels, tube = _organ(stack, TraceOptions() if options is None else options)
-    try:
-        line = centreline(tube)
-    except NoTube as error:
-        raise ImageStackError(f"the organ in {stack.source} has no centreline: {error}") from error
-    return _resliced_along(stack, voxels, tube, line, spacing)
+    options = TraceOptions() if options is None else options
+    return _resliced(stack, trace_organ(stack, options), options, spacing)
 
 
 def reslice_where_needed(
-    stack: ImageStack, options: TraceOptions | None = None, when: When = "auto"
-) -> tuple[ImageStack, TraceOptions]:
-    """Return images that suit their organ, with a note if resliced, and how to trace it there."""
+    stack: ImageStack,
+    traced: TracedOrgan,
+    options: TraceOptions | None = None,
+    when: When = "auto",
+    *,
+    progress: Progress | None = None,
+) -> tuple[ImageStack, TracedOrgan]:
+    """Return images that suit the organ traced, with a note if resliced, and its edges in them."""
     options = TraceOptions() if options is None else options
-    resliced = _where_needed(stack, options, when)
+    resliced = _where_needed(stack, traced, options, when)
     if resliced is None:
-        return stack, options
+        return stack, traced
     # The seed was a pixel of the images as they were.
-    return resliced, dataclasses.replace(options, seed=None)
+    options = dataclasses.replace(options, seed=None)
+    return resliced, trace_organ(resliced, options, progress=progress)
 
 
-def _where_needed(stack: ImageStack, options: TraceOptions, when: When) -> ImageStack | None:
+def _where_needed(
+    stack: ImageStack, traced: TracedOrgan, options: TraceOptions, when: When
+) -> ImageStack | None:
     """Return the resliced images, or None where they stay as they are."""
-    if when == "never":
-        return None
     if when == "always":
-        return reslice_stack(stack, options)
-    if not needs_reslicing(stack, options):
+        return _resliced(stack, traced, options)
+    if when == "never" or not needs_reslicing(stack, traced, options):
         return None
     try:
-        voxels, tube = _organ(stack, options)
+        voxels, tube = _organ(stack, traced, options)
         line = centreline(tube)
     except (ImageStackError, NoTube):
-        # What is wrong with the images is for the one to say who looks for the organ in each.
+        # What is wrong with the images, the sections traced say.
         return None
     reason = _reason(voxels, line)
     if reason is None:
@@ -113,14 +113,24 @@ def _where_needed(stack: ImageStack, options: TraceOptions, when: When) -> Image
     return dataclasses.replace(found, notes=(f"{reason}: {found.notes[-1]}", *stack.notes))
 
 
-def _organ(stack: ImageStack, options: TraceOptions) -> tuple[OrganVoxels, Tube]:
-    """Return an organ's voxels."""
+def _resliced(
+    stack: ImageStack, traced: TracedOrgan, options: TraceOptions, spacing: float | None = None
+) -> ImageStack:
+    """Return the images across the centreline of the organ traced."""
+    voxels, tube = _organ(stack, traced, options)
+    try:
+        line = centreline(tube)
+    except NoTube as error:
+        raise ImageStackError(f"the organ in {stack.source} has no centreline: {error}") from error
+    return _resliced_along(stack, voxels, tube, line, spacing)
+
+
+def _organ(
+    stack: ImageStack, traced: TracedOrgan, options: TraceOptions
+) -> tuple[OrganVoxels, Tube]:
+    """Return the voxels of the organ traced."""
     step = even_step(stack.planes, stack.source)
-    found = organ_level(sample_images(stack), options)
-    if found is None:
-        raise ImageStackError(f"nothing stands out in the images of {stack.source}")
-    level, bright = found
-    voxels = organ_voxels(stack, threshold=level, bright=bright, seed=options.seed)
+    voxels = organ_voxels(stack, traced, options)
     sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])
     return voxels, Tube(voxels.inside.astype(np.uint8) * np.uint8(255), sizes)
 

@@ -11,13 +11,13 @@ from drawn_stack import traced_edges
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from organ_geometry import TraceOptions
+from organ_geometry import TraceOptions, trace_organ
 from organ_geometry.images.grey_image import GreyImage
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.image_volume import VolumeSlices
 from organ_geometry.images.stack_reader import read_image_stack
-from organ_geometry.reslice.organ_voxels import half_level, organ_voxels
-from organ_geometry.reslice.resliced_stack import reslice_stack, reslice_where_needed
+from organ_geometry.reslice.organ_voxels import organ_voxels
+from organ_geometry.reslice.resliced_stack import When, reslice_stack, reslice_where_needed
 
 # A stack that stands obliquely, with pixels that are not square and slices further apart.
 PIXEL = np.array([0.5, 0.6])
@@ -82,6 +82,13 @@ def arc_distance(points: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.fixture(scope="module")
 def arc() -> ImageStack:
     return volume_stack(drawn(arc_distance(places(SHAPE))))
+
+
+def suited(
+    stack: ImageStack, options: TraceOptions | None = None, when: When = "auto"
+) -> ImageStack:
+    """The images in which an organ is traced: those given, or resliced ones."""
+    return reslice_where_needed(stack, trace_organ(stack, options), options, when)[0]
 
 
 def own_axes(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -190,13 +197,13 @@ def mask(distance: NDArray[np.float64]) -> GreyImage:
 
 def test_lengthwise_slices_are_cut_again_and_it_is_said() -> None:
     bent = volume_stack(mask(arc_distance(places(SHAPE))))
-    sections = reslice_where_needed(bent)[0]
+    sections = suited(bent)
     assert sections is not bent
     (note,) = sections.notes
     assert "of the organ" in note or "flatter than 45 degrees" in note
     assert "cut again into" in note
     flat = volume_stack(mask(straight((-20, -20, 12), (18, 20, 22), 5.0)))
-    (note,) = reslice_where_needed(flat)[0].notes
+    (note,) = suited(flat).notes
     assert note.startswith("the organ lies flatter than 45 degrees to the images over ")
 
 
@@ -204,7 +211,7 @@ def test_lengthwise_slices_are_cut_again_and_it_is_said() -> None:
 def test_a_tube_tilted_to_thirty_degrees_is_left_alone(degrees: float) -> None:
     slope = np.tan(np.radians(degrees))
     stack = volume_stack(mask(straight((-10, 0, -9), (-10 + 44 * slope, 0, 35), 4.0)))
-    assert reslice_where_needed(stack)[0] is stack
+    assert suited(stack) is stack
 
 
 def test_two_organs_side_by_side_are_left_alone() -> None:
@@ -212,23 +219,45 @@ def test_two_organs_side_by_side_are_left_alone() -> None:
         straight((-12, 0, -9), (-12, 0, 50), 5), straight((12, 0, -9), (12, 0, 50), 4)
     )
     stack = volume_stack(mask(beside))
-    assert reslice_where_needed(stack)[0] is stack
+    assert suited(stack) is stack
 
 
 def test_grey_images_are_looked_at_with_a_threshold_only() -> None:
     noise = np.random.default_rng(0).normal(scale=30.0, size=SHAPE)
     grey = np.clip(drawn(arc_distance(places(SHAPE))) + noise, 0, 255).astype(np.uint8)
     stack = volume_stack(grey)
-    assert reslice_where_needed(stack)[0] is stack
-    assert reslice_where_needed(stack, TraceOptions(threshold=120.0), "auto")[0] is not stack
-    assert reslice_where_needed(stack, TraceOptions(threshold=120.0), "never")[0] is stack
+    assert suited(stack) is stack
+    assert suited(stack, TraceOptions(threshold=120.0), "auto") is not stack
+    assert suited(stack, TraceOptions(threshold=120.0), "never") is stack
 
 
 def test_never_and_always_are_obeyed() -> None:
     bent = volume_stack(mask(arc_distance(places(SHAPE))))
-    assert reslice_where_needed(bent, when="never")[0] is bent
+    assert suited(bent, when="never") is bent
     upright = volume_stack(mask(straight((-10, 0, -9), (-5, 0, 50), 4.0)))
-    assert len(reslice_where_needed(upright, when="always")[0]) == pytest.approx(SHAPE[0], abs=3)
+    assert len(suited(upright, when="always")) == pytest.approx(SHAPE[0], abs=3)
+
+
+def test_an_organ_that_leaves_every_picture_is_cut_again() -> None:
+    # No slice shows a closed outline of it, so that nothing is traced in them.
+    across = straight((-60, 0, 17), (60, 0, 17), 5.0)
+    stack = volume_stack(mask(across))
+    assert trace_organ(stack).sections == ()
+    seed = (30.0, (stack.shape[0] - 1) / 2, round(17 / SPACING))
+    for options in (TraceOptions(), TraceOptions(seed=seed), TraceOptions(polarity="bright")):
+        sections, traced = reslice_where_needed(stack, trace_organ(stack, options), options)
+        assert len(sections) == pytest.approx(SHAPE[2] * PIXEL[0] / SPACING, abs=2)
+        assert len(traced.sections) > 0.9 * len(sections)
+
+
+def test_the_largest_organ_in_space_is_cut_again() -> None:
+    # Slices show the thin upright one more clearly, and tracing alone follows it.
+    flat = straight((-20, -20, 17), (-20, 20, 17), 5.0)
+    upright = straight((12, 0, 5), (12, 0, 30), 3.0)
+    stack = volume_stack(mask(np.minimum(flat, upright)))
+    middle = 0.5 * (stack.shape[1] - 1)
+    assert min(one.outer[:, 0].min() for one in trace_organ(stack).sections) > middle
+    assert own_axes(suited(stack).origins)[:, 0].max() < 0.0
 
 
 def test_what_the_sections_leave_out_is_said() -> None:
@@ -279,13 +308,6 @@ def test_a_lumen_does_not_lead_the_centreline_astray(arc: ImageStack) -> None:
     assert middle[middle.shape[0] // 2, middle.shape[1] // 2] < 60
 
 
-def test_half_level_is_between_two_levels() -> None:
-    image = np.full((10, 10), 50, dtype=np.uint16)
-    image[2:5, 2:5] = 1050
-    assert half_level([image]) == pytest.approx(550.0)
-    assert half_level([np.zeros((3, 3), np.uint8)]) is None
-
-
 def test_an_organ_hangs_together_over_its_images() -> None:
     # A horseshoe standing on its bend: two parts in each image, one organ; a loose voxel is not it.
     voxels = np.zeros((8, 9, 12), dtype=np.uint8)
@@ -293,7 +315,8 @@ def test_an_organ_hangs_together_over_its_images() -> None:
     voxels[2:7, 3:6, 2:4] = 255
     voxels[2:7, 3:6, 8:10] = 255
     voxels[5, 0, 0] = 255
-    organ = organ_voxels(volume_stack(voxels), threshold=128.0, bright=True)
+    stack = volume_stack(voxels)
+    organ = organ_voxels(stack, trace_organ(stack), TraceOptions())
     assert organ.inside.sum() == 3 * 8 + 2 * 5 * 3 * 2
     assert organ.parts.tolist() == [0, 1, 2, 2, 2, 2, 2, 0]
     column, row, first = organ.corner
@@ -306,7 +329,7 @@ def test_an_organ_hangs_together_over_its_images() -> None:
 
 def test_the_duodenum_s_sections_lie_on_its_reference(data_dir: Path) -> None:
     stack = read_image_stack(data_dir / "duodenum_parallel" / "masks")
-    sections = reslice_where_needed(stack)[0]
+    sections = suited(stack)
     assert sections.notes[0].startswith("34 of 96 images show several parts of the organ")
     mesh = trimesh.load_mesh(data_dir / "duodenum_parallel" / "reference" / "FJ2573.obj")
     surface = np.asarray(trimesh.sample.sample_surface(mesh, 200_000, seed=1)[0])
@@ -325,4 +348,4 @@ def test_the_duodenum_s_sections_lie_on_its_reference(data_dir: Path) -> None:
 )
 def test_organs_that_needs_reslicing_are_left_alone(data_dir: Path, name: str) -> None:
     stack = read_image_stack(data_dir / name / "masks")
-    assert reslice_where_needed(stack)[0] is stack
+    assert suited(stack) is stack
