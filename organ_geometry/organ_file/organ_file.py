@@ -7,13 +7,13 @@ what it is passed, a reader ignores that and returns what it decodes, so the two
 
 What the names in them mean:
 
-    flag      a bit that is seldom yes; it begins with counts (14, 2), odds of one in eight
-    usual     a number that mostly lies in a short range: a seldom flag says whether it does not,
-              then it follows plainly in few bits from the range's first on, or in more bits from 0
-    plain     bits at even odds (`symbol_coder`)
-    whole     a signed integer with odds learned in contexts (`symbol_coder`)
+    flag      a bit that is rarely 1; it begins with counts (14, 2), odds of one in eight
+    escaped   a number that mostly lies in a short range: a flag, the escape, says whether it does
+              not; then it follows in few bits from the range's first on, or in more bits from 0
+    uniform   bits at even odds (`symbol_coder`)
+    integer   a signed integer with odds learned in contexts (`symbol_coder`)
     kind      group of coefficients that share odds: a, e, and s_k, d_k by their order
-    start     counts of no and yes that a context begins with
+    start     counts of zeros and ones that a context begins with
     level     generation of a key in bisection order (`key_order`)
 
 All start values are part of the format and may not change without another version. A file is
@@ -172,21 +172,21 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
     hollow = _pass_flag(numbers, "hollow", code.lumen is not None)
     left_handed = _pass_flag(numbers, "left-handed", code.left_handed)
     units = _pass_units(numbers, code.units)
-    tolerance = numbers.plain(code.tolerance, 12)
-    axis_scale = _pass_usual(numbers, "scale", code.axis_scale, _USUAL_SCALES)
-    start_axis = numbers.plain(code.start_axis, 2)
-    roll = numbers.plain(code.roll, 8)
-    turn = numbers.plain(code.turn, 5) if _pass_flag(numbers, "turned", code.turn != 0) else 0
-    tilt_scale = numbers.plain(code.tilt_scale, 2)
+    tolerance = numbers.uniform(code.tolerance, 12)
+    axis_scale = _pass_escaped(numbers, "scale", code.axis_scale, _SHORT_SCALES)
+    start_axis = numbers.uniform(code.start_axis, 2)
+    roll = numbers.uniform(code.roll, 8)
+    turn = numbers.uniform(code.turn, 5) if _pass_flag(numbers, "turned", code.turn != 0) else 0
+    tilt_scale = numbers.uniform(code.tilt_scale, 2)
     tilts = np.array(
-        [[numbers.whole(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
+        [[numbers.integer(("tilt",), ("tilt",), int(lean)) for lean in end] for end in code.tilts]
     )
     ends = np.stack([_pass_point(numbers, point) for point in code.ends])
-    axis_depth = numbers.plain(key_depth(len(code.bends)), 3)
+    axis_depth = numbers.uniform(key_depth(len(code.bends)), 3)
     bends = code.bends if given else np.zeros((2**axis_depth + 1, 3), dtype=np.int64)
     bends = _pass_bends(numbers, bends, axis_depth)
-    section_scale = _pass_usual(numbers, "scale", code.section_scale, _USUAL_SCALES)
-    depth = numbers.plain(code.candidates.bit_length() - 1, 4)
+    section_scale = _pass_escaped(numbers, "scale", code.section_scale, _SHORT_SCALES)
+    depth = numbers.uniform(code.candidates.bit_length() - 1, 4)
     if depth > LARGEST_KEY_DEPTH or start_axis > 2:
         raise SymbolError("a number is out of its range")
     keys = _pass_keys(numbers, code.keys, 2**depth)
@@ -216,18 +216,18 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
 
 
 def _pass_flag(numbers: SymbolWriter | SymbolReader, name: str, flag: bool) -> bool:
-    """Pass a flag that is seldom set."""
-    return bool(numbers.bit(((name,),), int(flag), _SELDOM))
+    """Pass a flag that is rarely set."""
+    return bool(numbers.bit(((name,),), int(flag), _RARE))
 
 
-def _pass_usual(
-    numbers: SymbolWriter | SymbolReader, name: str, number: int, usual: tuple[int, int, int]
+def _pass_escaped(
+    numbers: SymbolWriter | SymbolReader, name: str, number: int, short: tuple[int, int, int]
 ) -> int:
     """Pass a number that is mostly in a range [first, first + 2^few), otherwise in more bits."""
-    first, few, more = usual
+    first, few, more = short
     if _pass_flag(numbers, name, not first <= number < first + 2**few):
-        return numbers.plain(number, more)
-    return first + numbers.plain(number - first, few)
+        return numbers.uniform(number, more)
+    return first + numbers.uniform(number - first, few)
 
 
 def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
@@ -237,8 +237,8 @@ def _pass_units(numbers: SymbolWriter | SymbolReader, units: str) -> str:
     letters = units.encode()
     if len(letters) > LONGEST_UNITS:
         raise SymbolError(f"units of more than {LONGEST_UNITS} bytes")
-    count = numbers.plain(len(letters), 4)
-    word = bytes(numbers.plain(letters[i] if i < len(letters) else 0, 8) for i in range(count))
+    count = numbers.uniform(len(letters), 4)
+    word = bytes(numbers.uniform(letters[i] if i < len(letters) else 0, 8) for i in range(count))
     try:
         return word.decode()
     except UnicodeDecodeError as error:
@@ -250,10 +250,10 @@ def _pass_point(
 ) -> NDArray[np.int64]:
     """Pass three numbers in as many bits each as the largest needs."""
     width = max(int(abs(number)).bit_length() for number in point)
-    if width >= 2 ** _USUAL_WIDTHS[2]:
+    if width >= 2 ** _SHORT_WIDTHS[2]:
         raise SymbolError("the axis ends too far away for its step")
-    bits = _pass_usual(numbers, "width", width, _USUAL_WIDTHS)
-    return np.array([numbers.plain_signed(int(number), bits) for number in point], dtype=np.int64)
+    bits = _pass_escaped(numbers, "width", width, _SHORT_WIDTHS)
+    return np.array([numbers.uniform_signed(int(number), bits) for number in point], dtype=np.int64)
 
 
 def _pass_bends(
@@ -266,7 +266,7 @@ def _pass_bends(
         for key in np.flatnonzero(levels == level):
             for way in range(3):
                 across, row = int(way > 0), min(level, 4)
-                passed[key, way] = numbers.whole(
+                passed[key, way] = numbers.integer(
                     (("bend", across, row),),
                     (("bend", row),),
                     int(bends[key, way]),
@@ -309,7 +309,7 @@ def _pass_signals(
             number = int(stored[key, signal])
             if key == 0:
                 width = signal == WIDTH
-                passed[key, signal] = numbers.whole(
+                passed[key, signal] = numbers.integer(
                     (("first", kind),),
                     (("first", width),),
                     number,
@@ -317,7 +317,7 @@ def _pass_signals(
                     WIDTH_RUN_START if width else EVEN_START,
                 )
                 continue
-            passed[key, signal] = numbers.whole(
+            passed[key, signal] = numbers.integer(
                 ((wall, signal), ("kind", kind, min(level, 4))),
                 (("size", min(level, 3)), ("size of", kind)),
                 number,
@@ -333,16 +333,16 @@ KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
 FIRST_STARTS = ((1, 5), (2, 2), (2, 3), (2, 2), (3, 2), (5, 2), (9, 1))
 """The same for the first key section, whose width is hardly ever zero."""
 WIDTH_RUN_START = (1, 5)
-"""Counts of no and yes that the odds of the first width's size begin with."""
+"""Counts of zeros and ones that the odds of the first width's size begin with."""
 BEND_STARTS = (((2, 4), (2, 3), (3, 2), (5, 2)), ((1, 5), (1, 6), (1, 4), (3, 2)))
 """Counts of zeros and others of the axis's bends, along and across, by level."""
 BEND_RUN_STARTS = ((1, 4), (1, 4), (2, 3), (3, 2))
-"""Counts of no and yes of their sizes, by level."""
-# Counts of no and yes that a seldom flag begins with: unset takes 0.19 bits, set takes 3.
-_SELDOM = (14, 2)
+"""Counts of zeros and ones of their sizes, by level."""
+# Counts of zeros and ones that a rare flag begins with: unset takes 0.19 bits, set takes 3.
+_RARE = (14, 2)
 # (first, bits in the range, bits of any). Scales 44 to 59 are steps of 1/8 to 1.75 tolerances;
 # widths 7 to 14 are axes of up to 128 to 16,384 steps.
-_USUAL_SCALES, _USUAL_WIDTHS = (44, 4, 6), (7, 3, 5)
+_SHORT_SCALES, _SHORT_WIDTHS = (44, 4, 6), (7, 3, 5)
 _BLANK = OrganCode(
     units="mm",
     left_handed=False,

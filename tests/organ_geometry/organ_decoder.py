@@ -30,7 +30,7 @@ def crc16(data: bytes) -> int:
     return register
 
 
-class Answers:
+class Bits:
     def __init__(self, packed: bytes) -> None:
         words = packed + bytes(-len(packed) % 4) + bytes(16)
         numbers = [int.from_bytes(words[i : i + 4], "big") for i in range(0, len(words), 4)]
@@ -40,40 +40,40 @@ class Answers:
     def even(self) -> int:
         return int(self.coder.decode(STREAM.model.Bernoulli(0.5, perfect=False)))
 
-    def ask(self, *contexts: Any, start: tuple[int, int] = (2, 2)) -> int:
+    def bit(self, *contexts: Any, start: tuple[int, int] = (2, 2)) -> int:
         counts = [self.counts.setdefault(context, [*start]) for context in contexts]
         odds = sum(n1 for _, n1 in counts) / sum(n0 + n1 for n0, n1 in counts)
-        answer = int(self.coder.decode(STREAM.model.Bernoulli(odds, perfect=False)))
+        value = int(self.coder.decode(STREAM.model.Bernoulli(odds, perfect=False)))
         for one in counts:
-            one[answer] += 4
-        return answer
+            one[value] += 4
+        return value
 
-    def plain(self, bits: int) -> int:
+    def uniform(self, bits: int) -> int:
         return sum(self.even() << place for place in reversed(range(bits)))
 
     def signed(self, bits: int) -> int:
-        return self.plain(bits + 1) - 2**bits
+        return self.uniform(bits + 1) - 2**bits
 
-    def seldom(self, context: str) -> int:
-        return self.ask(context, start=(14, 2))
+    def rare(self, context: str) -> int:
+        return self.bit(context, start=(14, 2))
 
-    def usual(self, context: str, first: int, few: int, many: int) -> int:
-        return self.plain(many) if self.seldom(context) else first + self.plain(few)
+    def escaped(self, context: str, first: int, few: int, many: int) -> int:
+        return self.uniform(many) if self.rare(context) else first + self.uniform(few)
 
-    def whole(
+    def integer(
         self,
         zeros: list[Any],
         sizes: list[Any],
         start: tuple[int, int] = (2, 2),
         runs: tuple[int, int] = (2, 2),
     ) -> int:
-        if not self.ask(*(("zero", context) for context in zeros), start=start):
+        if not self.bit(*(("zero", context) for context in zeros), start=start):
             return 0
         negative = self.even()
         power = 0
-        while self.ask(*(("run", context, min(power, 3)) for context in sizes), start=runs):
+        while self.bit(*(("run", context, min(power, 3)) for context in sizes), start=runs):
             power += 1
-        size = 2**power + self.plain(power)
+        size = 2**power + self.uniform(power)
         return -size if negative else size
 
 
@@ -116,33 +116,33 @@ class Decoded:
 def decode(data: bytes) -> Decoded:
     assert data[:2] == b"\x89\xe3"
     assert crc16(data[:2] + data[4:]) == int.from_bytes(data[2:4], "big")
-    answers = Answers(data[4:])
-    plain, whole, seldom, usual = answers.plain, answers.whole, answers.seldom, answers.usual
-    hollow, left = seldom("hollow"), seldom("left-handed")
-    units = bytes(plain(8) for _ in range(plain(4))).decode() if seldom("units") else "mm"
+    packed = Bits(data[4:])
+    uniform, integer, rare, escaped = packed.uniform, packed.integer, packed.rare, packed.escaped
+    hollow, left = rare("hollow"), rare("left-handed")
+    units = bytes(uniform(8) for _ in range(uniform(4))).decode() if rare("units") else "mm"
 
     def scaled(number: int) -> float:
         return tolerance * (4 + number % 4) * 2.0 ** (number // 4 - 16)
 
-    number = plain(12)
+    number = uniform(12)
     tolerance = (1 + number % 64 / 64) * 2.0 ** (number // 64 - 32)
-    axis_step = scaled(usual("scale", 44, 4, 6))
-    start_axis, roll = plain(2), plain(8)
-    turn = plain(5) * math.pi / 32 if seldom("turned") else 0.0
-    finest = 8 * 2 ** plain(2)
-    tilts = np.array([whole(["tilt"], ["tilt"]) for _ in range(4)]).reshape(2, 2) / finest
+    axis_step = scaled(escaped("scale", 44, 4, 6))
+    start_axis, roll = uniform(2), uniform(8)
+    turn = uniform(5) * math.pi / 32 if rare("turned") else 0.0
+    finest = 8 * 2 ** uniform(2)
+    tilts = np.array([integer(["tilt"], ["tilt"]) for _ in range(4)]).reshape(2, 2) / finest
     ends = []
     for _ in range(2):
-        bits = usual("width", 7, 3, 5)
-        ends.append([answers.signed(bits) for _ in range(3)])
-    axis_depth = plain(3)
+        bits = escaped("width", 7, 3, 5)
+        ends.append([packed.signed(bits) for _ in range(3)])
+    axis_depth = uniform(3)
     bends: dict[int, list[tuple[int, list[int]]]] = {}
     for level in range(1, axis_depth + 1):
         bends[level] = [
             (
                 key,
                 [
-                    whole(
+                    integer(
                         [("bend", int(way > 0), min(level, 4))],
                         [("bend", min(level, 4))],
                         BEND_STARTS[way > 0][min(level, 4) - 1],
@@ -155,15 +155,15 @@ def decode(data: bytes) -> Decoded:
                 2 ** (axis_depth - level), 2**axis_depth, 2 ** (axis_depth - level + 1)
             )
         ]
-    section_step = scaled(usual("scale", 44, 4, 6))
-    pieces = 2 ** plain(4)
+    section_step = scaled(escaped("scale", 44, 4, 6))
+    pieces = 2 ** uniform(4)
     keys, before = [0], 1
     for place in range(1, pieces):
-        before = answers.ask(("key", before))
+        before = packed.bit(("key", before))
         keys += [place] * before
     keys.append(pieces)
-    outer = signals(answers, "outer", keys, section_step)
-    lumen = outer + signals(answers, "lumen", keys, section_step) if hollow else None
+    outer = signals(packed, "outer", keys, section_step)
+    lumen = outer + signals(packed, "lumen", keys, section_step) if hollow else None
 
     first, chord = (np.array(end) * axis_step for end in ends)
     c = chord / np.linalg.norm(chord)
@@ -200,20 +200,20 @@ def decode(data: bytes) -> Decoded:
     return Decoded(units, tolerance, points, frames, turn, lengths, keys, pieces, outer, lumen)
 
 
-def signals(answers: Answers, wall: str, keys: list[int], step: float) -> NDArray[np.float64]:
+def signals(packed: Bits, wall: str, keys: list[int], step: float) -> NDArray[np.float64]:
     last = len(keys) - 1
     steps = np.array([2.0, 2.0] + [1.0] * 14) * step
     values = np.zeros((last + 1, 16))
     for n in range(16):
         kind, width = KINDS[n], int(n == 0)
         runs = (1, 5) if width else (2, 2)
-        values[0, n] = answers.whole(
+        values[0, n] = packed.integer(
             [("first", kind)], [("first", width)], FIRST_STARTS[kind], runs
         )
 
     def difference(n: int, level: int) -> int:
         kind = KINDS[n]
-        return answers.whole(
+        return packed.integer(
             [(wall, n), ("kind", kind, min(level, 4))],
             [("size", min(level, 3)), ("size of", kind)],
             STARTS[kind],

@@ -220,19 +220,19 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_whole_numbers_come_back_from_as_few_bytes_as_there_are(numbers: list[int]) -> None:
     writer = SymbolWriter()
     for number in numbers:
-        writer.whole("any", "size", number)
+        writer.integer("any", "size", number)
     data = writer.as_bytes()
     reader = SymbolReader(data)
-    assert [reader.whole("any", "size", 0) for _ in numbers] == numbers
+    assert [reader.integer("any", "size", 0) for _ in numbers] == numbers
     assert not data.endswith(b"\0")
 
 
-def test_answers_cost_what_their_odds_say() -> None:
-    # 2000 answers of which one in ten is yes: 0.469 bits each, and little to learn that.
+def test_bits_cost_what_their_odds_say() -> None:
+    # 2000 bits of which one in ten is 1: 0.469 bits each, and little to learn that.
     rng = np.random.default_rng(1)
     writer = SymbolWriter()
-    for answer in rng.random(2000) < 0.1:
-        writer.bit("often no", int(answer))
+    for bit in rng.random(2000) < 0.1:
+        writer.bit("often no", int(bit))
     assert len(writer.as_bytes()) < 1.05 * 2000 * 0.469 / 8
 
 
