@@ -54,14 +54,14 @@ class SectionReport:
     edge_points: int
     lumen: bool
     problem: str | None
-    kept: bool
-    fit_normal_rms_px: float
-    fit_normal_rms_mm: float
-    fit_algebraic_rms_px: float
-    fit_algebraic_rms_mm: float
-    rms_px: float
-    rms_mm: float
-    max_mm: float
+    kept: bool = False
+    fit_normal_rms_px: float = math.nan
+    fit_normal_rms_mm: float = math.nan
+    fit_algebraic_rms_px: float = math.nan
+    fit_algebraic_rms_mm: float = math.nan
+    rms_px: float = math.nan
+    rms_mm: float = math.nan
+    max_mm: float = math.nan
 
 
 def section_reports(fitted: FittedOrgan, encoded: EncodedOrgan) -> tuple[SectionReport, ...]:
@@ -73,19 +73,7 @@ def section_reports(fitted: FittedOrgan, encoded: EncodedOrgan) -> tuple[Section
     kept = _kept(encoded)
     reports = {
         index: SectionReport(
-            index=index,
-            name=stack.names[index],
-            edge_points=0,
-            lumen=False,
-            problem=problem,
-            kept=False,
-            fit_normal_rms_px=math.nan,
-            fit_normal_rms_mm=math.nan,
-            fit_algebraic_rms_px=math.nan,
-            fit_algebraic_rms_mm=math.nan,
-            rms_px=math.nan,
-            rms_mm=math.nan,
-            max_mm=math.nan,
+            index=index, name=stack.names[index], edge_points=0, lumen=False, problem=problem
         )
         for index, problem in fitted.problems.items()
     }

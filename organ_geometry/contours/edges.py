@@ -115,11 +115,7 @@ def region_edges(
     ------
     NoEdgeFound
         If the edge does not close.
-    ValueError
-        If the method is unknown.
     """
-    if method not in {"half-level", "canny"}:
-        raise ValueError(f"method must be half-level or canny, not {method!r}")
     trace = _half_level if method == "half-level" else _canny
     outer, lumen = trace(bright, region, region.sigma, scale)
     if lumen is not None:

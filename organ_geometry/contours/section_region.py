@@ -201,10 +201,9 @@ def outline_of(mask: Mask) -> Outline | None:
     return _pixels(max(outlines, key=len)) if outlines else None
 
 
-def with_margin(grey: Image, level: float | None = None) -> Image:
-    """Return an image in a frame of a level, by default the median of its border."""
-    if level is None:
-        level = border_median(grey)
+def with_margin(grey: Image) -> Image:
+    """Return an image in a frame of the median level of its border."""
+    level = border_median(grey)
     framed = cv2.copyMakeBorder(
         grey, MARGIN, MARGIN, MARGIN, MARGIN, cv2.BORDER_CONSTANT, value=[level]
     )

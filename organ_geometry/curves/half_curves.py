@@ -82,9 +82,9 @@ class HalfCurves:
         angles = np.asarray(angles, dtype=np.float64)
         return outline_points(np.broadcast_to(self.as_row(), (len(angles), ROW_SIZE)), angles)
 
-    def distances(self, points: NDArray[np.float64], *, count: int = 256) -> NDArray[np.float64]:
+    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance, mm, of each point to the boundary, its upright ends included."""
-        corners = closed_outlines(self.as_row()[np.newaxis], count)[0]
+        corners = closed_outlines(self.as_row()[np.newaxis])[0]
         return outline_distances(np.ascontiguousarray(points, dtype=np.float64), corners)
 
     def algebraic_distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,8 +8,6 @@ section before the change is a key section too: then no section differs from the
 twice the tolerance, and seldom by more than once.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,18 +18,9 @@ _ROUNDING = 1e-12
 
 
 def key_sections(
-    outer: NDArray[np.float64],
-    lumen: NDArray[np.float64] | None,
-    tolerance: float,
-    *,
-    stations: NDArray[np.float64] | None = None,
+    outer: NDArray[np.float64], lumen: NDArray[np.float64] | None, tolerance: float
 ) -> NDArray[np.intp]:
-    """Return which sections are key sections, by the thesis's rule."""
-    if not (math.isfinite(tolerance) and tolerance >= 0.0):
-        raise ValueError(f"tolerance must be 0 mm or more and finite, not {tolerance:g} mm")
-    if len(outer) < 2:
-        raise ValueError(f"an organ needs two or more sections, not {len(outer)}")
-    places = np.arange(len(outer), dtype=np.float64) if stations is None else stations
+    """Return which sections, at equal distances, are key sections by the thesis's rule."""
     boundaries = [closed_outlines(outer, _CORNERS)]
     if lumen is not None:
         boundaries.append(closed_outlines(lumen, _CORNERS))
@@ -47,21 +36,16 @@ def key_sections(
         )
         changed = np.flatnonzero(unlike > allowed)
         following = key + 1 + int(changed[0]) if len(changed) else last
-        if following > key + 1 and _largest_error(boundaries, places, key, following) > allowed:
+        if following > key + 1 and _largest_error(boundaries, key, following) > allowed:
             keys.append(following - 1)
         keys.append(following)
     return np.array(keys, dtype=np.intp)
 
 
-def _largest_error(
-    boundaries: list[NDArray[np.float64]],
-    places: NDArray[np.float64],
-    key: int,
-    following: int,
-) -> float:
+def _largest_error(boundaries: list[NDArray[np.float64]], key: int, following: int) -> float:
     """Return the largest RMS distance, mm, of a section between two keys to its interpolation."""
     between = slice(key + 1, following)
-    share = (places[between] - places[key]) / (places[following] - places[key])
+    share = np.arange(1.0, following - key) / (following - key)
     share = share[:, np.newaxis, np.newaxis]
     mixed = [outlines[key] * (1.0 - share) + outlines[following] * share for outlines in boundaries]
     return float(_rms_distances(mixed, [outlines[between] for outlines in boundaries]).max())

@@ -34,17 +34,28 @@ LARGEST_ASPECT = 1000.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImagePlanes:
-    """The planes of a stack of images."""
+    """The planes of a stack of S images.
 
-    # (2,) distance between pixel centres, mm, from column to column and from row to row.
+    The centre of pixel (row r, column c) of image i, of H rows and W columns, is
+    ``origins[i] + (c-(W-1)/2) pixel_size[0] x_dir + (r-(H-1)/2) pixel_size[1] y_dir``.
+    """
+
+    # (2,) distance between pixel centres, mm, from column to column (x), from row to row (y).
     pixel_size: NDArray[np.float64]
     # Distance between neighbouring planes, mm; the typical one where it varies.
     slice_spacing: float
     origins: NDArray[np.float64]  # (S, 3) centre of each image, mm
-    # (S, 3, 3) unit directions as columns: column to column, row to row, and the normal.
+    # (S, 3, 3) unit directions as columns: x_dir (column to column), y_dir (row to row, down the
+    # image) and the plane's normal, pointing along the stack.
     frames: NDArray[np.float64]
     # What the lengths are called where they come from: "mm", or "relative" and what follows it.
     units: str = MM
+
+    def __post_init__(self) -> None:
+        for field in ("pixel_size", "origins", "frames"):
+            locked = np.array(getattr(self, field), dtype=np.float64)
+            locked.setflags(write=False)
+            object.__setattr__(self, field, locked)
 
     def with_sizes(
         self,

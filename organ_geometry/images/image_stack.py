@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from organ_geometry.images.grey_image import GreyImage, ImageStackError, Slices
 from organ_geometry.images.image_planes import ImagePlanes
-from organ_geometry.images.spacing_file import MM
 
 __all__ = ["GreyImage", "ImageStack", "ImageStackError"]
 
@@ -18,9 +17,6 @@ __all__ = ["GreyImage", "ImageStack", "ImageStackError"]
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageStack:
     """Cross-section images in order, read one at a time, and the plane of each.
-
-    The centre of pixel (row r, column c) of section i, in an image of H rows and W columns, is
-    ``origins[i] + (c-(W-1)/2) pixel_size[0] x_dir + (r-(H-1)/2) pixel_size[1] y_dir``.
 
     Attributes
     ----------
@@ -32,18 +28,8 @@ class ImageStack:
         Where the images come from.
     shape
         (2,) rows H and columns W of every image.
-    pixel_size
-        (2,) distance between pixel centres, mm: first along a row (from column to column, x),
-        then along a column (from row to row, y).
-    slice_spacing
-        Distance between neighbouring planes, mm.
-    origins
-        (S, 3) centre of each image in space, mm.
-    frames
-        (S, 3, 3) unit directions as columns: x_dir (column to column), y_dir (row to row, down the
-        image) and the plane's normal, pointing along the stack.
-    units
-        What the lengths are called where they come from: "mm", or "relative" and what follows it.
+    planes
+        Where they stand in space, and the sizes of their pixels.
     bytes_in
         Size of the files that the images come from, bytes.
     level_offset, level_step
@@ -57,24 +43,19 @@ class ImageStack:
     names: tuple[str, ...]
     slices: Slices
     shape: tuple[int, int]
-    pixel_size: NDArray[np.float64]
-    slice_spacing: float
-    origins: NDArray[np.float64]
-    frames: NDArray[np.float64]
-    units: str = MM
+    planes: ImagePlanes
     bytes_in: int = 0
     level_offset: float = 0.0
     level_step: float = 1.0
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        for field in ("pixel_size", "origins", "frames"):
-            locked = np.array(getattr(self, field), dtype=np.float64)
-            locked.setflags(write=False)
-            object.__setattr__(self, field, locked)
-
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def pixel_size(self) -> NDArray[np.float64]:
+        """(2,) distance between pixel centres along a row (x) and along a column (y), mm."""
+        return self.planes.pixel_size
 
     @property
     def mean_pixel(self) -> float:
@@ -82,11 +63,24 @@ class ImageStack:
         return math.sqrt(float(self.pixel_size.prod()))
 
     @property
-    def planes(self) -> ImagePlanes:
-        """Where the images stand."""
-        return ImagePlanes(
-            self.pixel_size, self.slice_spacing, self.origins, self.frames, self.units
-        )
+    def slice_spacing(self) -> float:
+        """Distance between neighbouring planes, mm."""
+        return self.planes.slice_spacing
+
+    @property
+    def origins(self) -> NDArray[np.float64]:
+        """(S, 3) centre of each image in space, mm."""
+        return self.planes.origins
+
+    @property
+    def frames(self) -> NDArray[np.float64]:
+        """(S, 3, 3) columns x_dir, y_dir and normal of each image."""
+        return self.planes.frames
+
+    @property
+    def units(self) -> str:
+        """What the lengths are called where they come from."""
+        return self.planes.units
 
     def image(self, index: int) -> GreyImage:
         """Return one image, read from its file now or out of a volume; threads may call at once.

@@ -23,7 +23,7 @@ from organ_geometry.images.image_files import (
     file_slices,
     files_in,
 )
-from organ_geometry.images.image_planes import ImagePlanes, check_pixel_size, planes_of_files
+from organ_geometry.images.image_planes import check_pixel_size, planes_of_files
 from organ_geometry.images.image_region import CroppedSlices, Region, cropped_planes, image_region
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import (
@@ -171,7 +171,7 @@ def _whole_stack(source: Path, options: ReadOptions) -> ImageStack:
     if label is not None:
         raise ImageStackError(f"{source} has grey values and no labels")
     planes = stack.planes.with_sizes(options.pixel_size, options.slice_spacing, source)
-    return _standing(stack, planes)
+    return dataclasses.replace(stack, planes=planes)
 
 
 def _holds_dicom(folder: Path) -> bool:
@@ -204,11 +204,7 @@ def _file_stack(source: Path, options: ReadOptions) -> ImageStack:
         names=files.names,
         slices=files,
         shape=files.shape,
-        pixel_size=planes.pixel_size,
-        slice_spacing=planes.slice_spacing,
-        origins=planes.origins,
-        frames=planes.frames,
-        units=planes.units,
+        planes=planes,
         bytes_in=files.byte_count,
     )
     if options.label is not None:
@@ -238,10 +234,7 @@ def _volume_stack(source: Path, label: int | None, window: Window | None) -> Ima
         names=_plane_names(source, "k", len(voxels)),
         slices=VolumeSlices(voxels),
         shape=(voxels.shape[1], voxels.shape[2]),
-        pixel_size=planes.pixel_size,
-        slice_spacing=planes.slice_spacing,
-        origins=planes.origins,
-        frames=planes.frames,
+        planes=planes,
         bytes_in=sum(file.stat().st_size for file in volume_files(source)),
     )
     return stack if levels is None else _levelled(stack, levels)
@@ -249,17 +242,14 @@ def _volume_stack(source: Path, label: int | None, window: Window | None) -> Ima
 
 def _dicom_stack(source: Path, window: Window | None) -> ImageStack:
     series = read_series(source, window)
-    files, planes = series.slices.files, series.planes
+    files = series.slices.files
     return _levelled(
         ImageStack(
             source=source,
             names=tuple(file.name for file in files),
             slices=series.slices,
             shape=series.slices.shape,
-            pixel_size=planes.pixel_size,
-            slice_spacing=planes.slice_spacing,
-            origins=planes.origins,
-            frames=planes.frames,
+            planes=series.planes,
             bytes_in=sum(file.stat().st_size for file in files),
             notes=series.notes,
         ),
@@ -275,18 +265,6 @@ def _levelled(stack: ImageStack, levels: GreyLevels) -> ImageStack:
     return dataclasses.replace(stack, level_offset=levels.low, level_step=levels.step)
 
 
-def _standing(stack: ImageStack, planes: ImagePlanes) -> ImageStack:
-    """Return a stack with its images standing on other planes."""
-    return dataclasses.replace(
-        stack,
-        pixel_size=planes.pixel_size,
-        slice_spacing=planes.slice_spacing,
-        origins=planes.origins,
-        frames=planes.frames,
-        units=planes.units,
-    )
-
-
 def _across(stack: ImageStack, axis: Axis) -> ImageStack:
     """Return a stack as images across another axis; all images are then held in memory."""
     number = axis_number(axis, stack.planes)
@@ -300,23 +278,22 @@ def _across(stack: ImageStack, axis: Axis) -> ImageStack:
     )
     voxels, planes = along_axis(voxels, stack.planes, number, stack.source)
     check_pixel_size((float(planes.pixel_size[0]), float(planes.pixel_size[1])), stack.source)
-    turned = dataclasses.replace(
+    return dataclasses.replace(
         stack,
         names=_plane_names(stack.source, INDEX_AXES[number], len(voxels)),
         slices=VolumeSlices(voxels),
         shape=(voxels.shape[1], voxels.shape[2]),
+        planes=planes,
     )
-    return _standing(turned, planes)
 
 
 def _cropped(stack: ImageStack, roi: Region) -> ImageStack:
     """Return the part of a stack inside a region."""
     region = image_region(roi, stack.shape, len(stack))
-    planes = cropped_planes(stack.planes, stack.shape, region)
-    cropped = dataclasses.replace(
+    return dataclasses.replace(
         stack,
         names=stack.names[region.first : region.last + 1],
         slices=CroppedSlices(stack.slices, region),
         shape=region.shape,
+        planes=cropped_planes(stack.planes, stack.shape, region),
     )
-    return _standing(cropped, planes)

@@ -17,6 +17,7 @@ from organ_geometry.contours.organ_tracing import Progress, trace_organ
 from organ_geometry.contours.trace_options import TraceOptions
 from organ_geometry.contours.traced_organ import TracedOrgan
 from organ_geometry.images.grey_image import GreyImage, ImageStackError
+from organ_geometry.images.image_planes import ImagePlanes
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import even_step
 from organ_geometry.reslice.centreline import (
@@ -195,9 +196,12 @@ def _resliced_along(
             shape=(side, side),
         ),
         shape=(side, side),
-        pixel_size=np.array([pixel, pixel]),
-        slice_spacing=gap,
-        origins=start + points @ axes.T,
-        frames=axes @ frames,
+        planes=ImagePlanes(
+            pixel_size=np.array([pixel, pixel]),
+            slice_spacing=gap,
+            origins=start + points @ axes.T,
+            frames=axes @ frames,
+            units=stack.units,
+        ),
         notes=(*stack.notes, note),
     )

@@ -8,6 +8,7 @@ import numpy as np
 from organ_geometry import GreyImage, ImageStack, TraceOptions, trace_organ
 from organ_geometry.contours.edge_curve import NoEdgeFound
 from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.images.image_planes import ImagePlanes
 from organ_geometry.images.image_volume import VolumeSlices
 
 
@@ -20,10 +21,7 @@ def traced_image(
         names=("image",),
         slices=VolumeSlices(image[np.newaxis]),
         shape=(image.shape[0], image.shape[1]),
-        pixel_size=np.array(pixel_size),
-        slice_spacing=1.0,
-        origins=np.zeros((1, 3)),
-        frames=np.eye(3)[np.newaxis],
+        planes=ImagePlanes(np.array(pixel_size), 1.0, np.zeros((1, 3)), np.eye(3)[np.newaxis]),
     )
     return trace_organ(stack, TraceOptions(**options), workers=1)
 

@@ -52,14 +52,6 @@ def test_a_lumen_counts(make_tube: Tube) -> None:
     assert key_sections(organ.outer, organ.lumen, 0.1).tolist() == [0, 3, 4, 8]
 
 
-def test_sections_are_interpolated_by_their_stations(make_tube: Tube) -> None:
-    # A cone whose last step is a long one: exact in its stations, a sudden change by number.
-    stations = np.array([0.0, 1.0, 2.0, 3.0, 103.0])
-    rows = make_tube(10.0 + 0.01 * stations).outer
-    assert key_sections(rows, None, 0.05, stations=stations).tolist() == [0, 4]
-    assert key_sections(rows, None, 0.05).tolist() == [0, 3, 4]
-
-
 def test_what_is_left_out_stays_within_twice_the_tolerance(make_tube: Tube) -> None:
     rng = np.random.default_rng(3)
     for tolerance in (0.05, 0.2, 0.5):
@@ -71,14 +63,3 @@ def test_what_is_left_out_stays_within_twice_the_tolerance(make_tube: Tube) -> N
         # Circles about one centre: the distance is the difference of radii at every point.
         assert away.mean(axis=1).max() < 2.0 * tolerance * 1.02
         assert 2 < len(keys) < 60
-
-
-@pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.inf])
-def test_a_tolerance_below_zero_or_not_finite_is_refused(make_tube: Tube, tolerance: float) -> None:
-    with pytest.raises(ValueError, match="tolerance must be 0 mm or more and finite, not"):
-        key_sections(make_tube([1.0, 1.0]).outer, None, tolerance)
-
-
-def test_one_section_is_refused(make_tube: Tube) -> None:
-    with pytest.raises(ValueError, match="two or more sections, not 1"):
-        key_sections(make_tube([1.0, 1.0]).outer[:1], None, 0.1)

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from organ_geometry import TraceOptions, trace_organ
 from organ_geometry.images.grey_image import GreyImage
+from organ_geometry.images.image_planes import ImagePlanes
 from organ_geometry.images.image_stack import ImageStack, ImageStackError
 from organ_geometry.images.image_volume import VolumeSlices
 from organ_geometry.images.stack_reader import read_image_stack
@@ -28,20 +29,22 @@ SHAPE = (40, 110, 130)
 EDGE = 0.6
 
 
-def volume_stack(voxels: GreyImage, **changes: Any) -> ImageStack:
-    """A stack of (K, H, W) voxels, standing as above."""
+def volume_stack(voxels: GreyImage, frames: NDArray[np.float64] | None = None) -> ImageStack:
+    """A stack of (K, H, W) voxels, standing as above, or in other frames."""
     count = len(voxels)
-    arguments: dict[str, Any] = {
-        "source": Path("drawn"),
-        "names": tuple(f"slice {index}" for index in range(count)),
-        "slices": VolumeSlices(voxels),
-        "shape": (voxels.shape[1], voxels.shape[2]),
-        "pixel_size": PIXEL,
-        "slice_spacing": SPACING,
-        "origins": ORIGIN + SPACING * np.arange(count)[:, None] * NORMAL,
-        "frames": np.broadcast_to(np.stack([X_DIR, Y_DIR, NORMAL], axis=1), (count, 3, 3)),
-    }
-    return ImageStack(**(arguments | changes))
+    own = np.broadcast_to(np.stack([X_DIR, Y_DIR, NORMAL], axis=1), (count, 3, 3))
+    return ImageStack(
+        source=Path("drawn"),
+        names=tuple(f"slice {index}" for index in range(count)),
+        slices=VolumeSlices(voxels),
+        shape=(voxels.shape[1], voxels.shape[2]),
+        planes=ImagePlanes(
+            pixel_size=PIXEL,
+            slice_spacing=SPACING,
+            origins=ORIGIN + SPACING * np.arange(count)[:, None] * NORMAL,
+            frames=own if frames is None else frames,
+        ),
+    )
 
 
 def places(shape: tuple[int, int, int]) -> NDArray[np.float64]:
