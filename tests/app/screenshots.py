@@ -4,8 +4,16 @@ import sys
 import time
 from pathlib import Path
 
-from browser import TrainerPage, close_browser, newest, running_browser, trainer_page
-from playwright.sync_api import expect
+import numpy as np
+from browser import (
+    TrainerPage,
+    close_browser,
+    newest,
+    newest_dissection,
+    running_browser,
+    trainer_page,
+)
+from playwright.sync_api import Browser, expect
 from simulated import phantom
 
 from app.simulation import CAREFUL, Session, do_exercise
@@ -59,14 +67,39 @@ def take_exercise(tab: TrainerPage, session: Session, folder: Path) -> None:
     tab.open("Train")
 
 
+def take_dissection(trainer: Trainer, browser: Browser, size: str, folder: Path) -> None:
+    """Take pictures of a duct that a hook has half freed, with a dissector behind it."""
+    width, height = SIZES[size]
+    with trainer_page(browser, trainer.address, width=width, height=height) as tab:
+        state = newest_dissection(trainer).state
+        session = state.session
+        place = session.grab(0, 20.0)
+        assert place is not None
+        session.move_hand(0, place + np.array([0.0, 0.0, 7.0]))
+        state.choose_instrument(1, "dissector")
+        behind = session.duct.hands[1].place
+        session.move_hand(1, np.array([32.0, 4.0, behind[2]]))
+        tab.wait_until(lambda: session.duct.hands[1].arrived)
+        session.open_jaws(1, 8.0)
+        tab.wait_until(lambda: all(hand.arrived for hand in session.duct.hands))
+        name = "" if size == "wide" else f"-{size}"
+        take(tab, folder / f"trainer-dissect{name}.jpg")
+        if size == "wide":
+            tab.press("Freed")
+            take(tab, folder / "trainer-freed.jpg")
+
+
 def main(folder: Path) -> None:
     """Take a picture of each state and size."""
     folder.mkdir(parents=True, exist_ok=True)
-    trainer = Trainer(phantom(), port=0, mode="pull")
+    trainer = Trainer(phantom(), port=0)
     try:
         with running_browser(drawing=True) as browser:
             for size, (width, height) in SIZES.items():
-                with trainer_page(browser, trainer.address, width=width, height=height) as tab:
+                take_dissection(trainer, browser, size, folder)
+                with trainer_page(
+                    browser, trainer.address, width=width, height=height, query="&mode=pull"
+                ) as tab:
                     if size == "wide":
                         take(tab, folder / "trainer-rest.jpg")
                         tab.open("Model")
