@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
+from weakref import WeakMethod
 
 import numpy as np
 import viser
@@ -64,7 +65,14 @@ class DuctOnStage(Generic[AnySession]):
         self._hand: DragProxy | None = None
         self._finish: tuple[Appearance, float] | None = None
         # Once for the client, not for each stage: viser keeps callbacks as long as the client.
-        client.camera.on_update(self._camera_moved)
+        # It does not keep a scene that has been removed.
+        moved = WeakMethod(self._camera_moved)
+
+        def camera_moved(camera: viser.CameraHandle) -> None:
+            if (follow := moved()) is not None:
+                follow(camera)
+
+        client.camera.on_update(camera_moved)
 
     def _camera_moved(self, camera: viser.CameraHandle) -> None:
         if self._stage is not None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.simulation import Phase, Reading, Run, Session
 from app.trainer.client.pull_state import PullState
-from app.trainer.panel.panel import Panel
+from app.trainer.panel.pull_panel import PullPanel
 from app.trainer.scene.annotations import Annotations
 from app.trainer.scene.duct_scene import DuctScene
 from app.trainer.server.mode_view import ModeView
@@ -32,7 +32,7 @@ class PullView(ModeView):
         # Before the panel is sent, so that all that can be seen can be dragged.
         self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
         self._annotations = Annotations(client)
-        self._panel = Panel(state)
+        self._panel = PullPanel(state)
         self._watch_pace(look)
         self._notice: viser.NotificationHandle | None = None
         self._told: Run | None = session.run if session.run.over else None

@@ -258,6 +258,7 @@ class Trainer:
                     self._workers,
                     self._look,
                     exercise_inputs=self._exercise_inputs,
+                    haptics=self._hand is not None,
                     ready=self.warm_up.wait,
                 )
                 if lost:

@@ -1,4 +1,4 @@
-"""The panel of one client: the read-out, the tabs and the keys."""
+"""The panel of a duct without a bed: the read-out, the tabs and the keys."""
 
 import viser
 
@@ -26,10 +26,10 @@ from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import heat_legend_html
 from app.trainer.viser_bridge import announce, open_tab, take_arrows
 
-__all__ = ["Panel"]
+__all__ = ["PullPanel"]
 
 
-class Panel:
+class PullPanel:
     """One client's panel: it passes inputs to the session and shows its readings."""
 
     def __init__(self, state: PullState) -> None:
