@@ -193,9 +193,9 @@ def _write(
                 (end[0] - foot[0]) ** 2 + (end[1] - foot[1]) ** 2 + (end[2] - foot[2]) ** 2
             )
             for m in range(rods.shape[0]):
-                if rods[m, kernels.IN_USE] != 0.0 and side[m, i] != 0:
-                    touch, way, _, _, _ = kernels.way_round(end, foot, rods[m], side[m, i])
-                    if touch != 0:
+                if rods[m, kernels.IN_USE] != 0.0:
+                    touch, way, _, _, _ = kernels.way_round(end, foot, rods[m], side[m, i], False)
+                    if touch & 1 == 1:
                         length = way
                         out[at + 4] = 1 + 2 * m + (1 if touch > 0 else 0)
                         break
