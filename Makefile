@@ -13,7 +13,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer test test-all check bench screenshots soak licences audit lint types layers format clean
+.PHONY: help trainer test test-all coverage check bench screenshots soak licences audit lint types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -26,6 +26,9 @@ test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 
 test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests too (Blender: 370 MB)
 	@BLENDER_PYTHON=$(BLENDER)/bin/python $(BIN)/python -m pytest $(WORKERS) -m "long or not long" $(ARGS)
+
+coverage: $(VENV)/.coverage  ## run all tests and say which lines and branches they reach
+	@$(BIN)/python -m pytest $(WORKERS) --cov --cov-report=term:skip-covered $(ARGS)
 
 check: lint types layers  ## lint, types and import layers
 
@@ -60,7 +63,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) $(BLENDER) $(AUDIT) build tests/export/node_modules *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) $(AUDIT) build tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
@@ -87,6 +90,11 @@ $(AUDIT)/.done: tests/audit-requirements.txt
 		     && $(PYTHON) -m pip --quiet --python $(AUDIT)/bin/python install pip; }
 	@$(AUDIT)/bin/python -m pip install --quiet --disable-pip-version-check \
 		-r tests/audit-requirements.txt && touch $@
+
+$(VENV)/.coverage: pyproject.toml constraints.txt $(VENV)/.tests $(VENV)/.readers
+	@echo "Installing what counts lines ..."
+	@$(PIP_INSTALL) -e '.[coverage]'
+	@touch $@
 
 # What reads our exports, and axe for the page: without npm their tests are skipped.
 $(VENV)/.readers: tests/export/package.json | $(BIN)/python

@@ -7,10 +7,10 @@ from threading import Thread
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, newest, trainer_page
+from browser import PATIENCE, TrainerPage, newest, trainer_page
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, FloatRect
 from simulated import phantom
 
 from app.trainer.server.trainer import Trainer
@@ -65,7 +65,7 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
 def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Look) -> None:
     trainer = Trainer(phantom(), port=0, mode="pull", look=look)
     try:
-        with trainer_page(drawing_browser, trainer.address, width=450, height=300) as tab:
+        with trainer_page(drawing_browser, trainer.address, width=900, height=600) as tab:
             view = newest(trainer)
             session = view.session
             (surface,) = session.drawn.surfaces
@@ -132,12 +132,14 @@ def _wait_for_color(tab: TrainerPage, wanted: np.ndarray) -> None:
     right, up = view.picture_points(point, aspect)[0]
     column = round(canvas["x"] + 0.5 * (1.0 + right) * canvas["width"])
     row = round(canvas["y"] + 0.5 * (1.0 - up) * canvas["height"])
-    shown = np.zeros(3)
-    for _ in range(40):
-        picture = cv2.imdecode(np.frombuffer(tab.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    around: FloatRect = {"x": column - 1, "y": row - 1, "width": 3, "height": 3}
+    end = time.monotonic() + PATIENCE / 1000
+    while True:
+        content = np.frombuffer(tab.page.screenshot(clip=around), np.uint8)
+        picture = cv2.imdecode(content, cv2.IMREAD_COLOR)
         assert picture is not None
-        shown = picture[row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))[::-1]
+        shown = picture.mean(axis=(0, 1))[::-1]
         if np.abs(shown - wanted).max() <= SCREEN:
             return
-        time.sleep(0.5)
-    raise AssertionError(f"the page shows {shown.round()}, the key says {wanted}")
+        assert time.monotonic() < end, f"the page shows {shown.round()}, the key says {wanted}"
+        tab.page.wait_for_timeout(200)
