@@ -150,7 +150,10 @@ def trainer(
     bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
-        print("Preparing the trainer; a first start takes some 20 s ...", file=sys.stderr)
+        print(
+            "Preparing the trainer; after a first start a page waits a minute for its duct ...",
+            file=sys.stderr,
+        )
     from app.trainer.server.log import set_up_log
     from app.trainer.server.trainer import Trainer
 

@@ -70,11 +70,12 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
         session = view.session
-        drag(tab, view, aside(view, 15.0), (0.0, -110.0))
+        drag(tab, view, aside(view, 20.0), (0.0, -70.0))
         tab.wait_until(lambda: session.reading().parted > 20)
+        assert session.reading().torn_at is None
         assert session.reading().held == (True, False)
         node = session.duct.hands[0].node
-        assert session.duct.beam.stations[node] == pytest.approx(15.0, abs=1.5)
+        assert session.duct.beam.stations[node] == pytest.approx(20.0, abs=1.5)
         tab.page.wait_for_timeout(1200)
         reading = session.reading()
         assert reading.torn_at is None
