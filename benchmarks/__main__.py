@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.command_line.load import shipped_organ
+from benchmarks.bed_step import measure_bed
 from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
@@ -150,6 +151,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "geometry": measure_geometry,
     "export": measure_export,
     "haptics": measure_haptics,
+    "bed": measure_bed,
     "exercises": measure_exercises,
 }
 

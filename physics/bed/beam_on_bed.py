@@ -452,7 +452,10 @@ class BeamOnBed:
             far_each = sum(float(np.abs(w).sum()) for w in way)
             least = 0.01 * books * books * total + noise * far_each + 1e-14 * after.stored
             close = abs(missing) <= books * gross + least
-            jump = unsure <= 0.01 * books * total + noise * far_each
+            # A jump releases energy. Where some came from nowhere, another equilibrium than the one
+            # that the beam would have moved to was found.
+            sure = unsure <= 0.01 * books * total + noise * far_each
+            jump = sure and missing > -books * total
             if not (close or jump) and size > 0.5**deepest:
                 s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
                 size *= SHORTER

@@ -104,6 +104,8 @@ class Bed:
                 raise ValueError(f"{name} of a bed must be {limit} {unit}, got {value:g}".strip())
         if self.around is not None and not 0.0 <= self.around <= math.pi:
             raise ValueError(f"around of a bed must be from 0 to pi rad, got {self.around}")
+        if self.two_sided and self.slack > 0.0:
+            raise ValueError(f"a two_sided bed cannot be slack, got slack {self.slack:g} mm")
         if self.seed < 0:
             raise ValueError(f"seed of a bed must be 0 or more, got {self.seed}")
 

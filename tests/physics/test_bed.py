@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.random_pulls import pulled_in_real_time
 from physics import Beam
 from physics.bed import (
     BeamOnBed,
@@ -490,6 +491,13 @@ def test_no_pull_is_lost(seed: int, at: float, way: tuple[float, float, float]) 
     balanced(history)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_no_pull_is_lost_in_real_time(seed: int) -> None:
+    """By hooks, springs and rods, with tears; `benchmarks.random_pulls` plays thousands."""
+    pulled_in_real_time(seed)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -497,6 +505,7 @@ def test_no_pull_is_lost(seed: int, at: float, way: tuple[float, float, float]) 
         (lambda: Bed(stiffness=1.0, toughness=0.0), "toughness of a bed must be above 0"),
         (lambda: Bed(stiffness=1.0, toughness=1.0, scatter=-0.1), "scatter of a bed must be"),
         (lambda: Bed(stiffness=1.0, toughness=1.0, softening=0.5), "softening of a bed must be"),
+        (lambda: Bed(stiffness=1.0, toughness=1.0, two_sided=True, slack=1.0), "cannot be slack"),
         (lambda: Hand(at=1.0, path=((0, 0, math.nan),)), "a hand's path must be finite"),
         (lambda: Hand(at=1.0, path=((0, 0, 1.0),), steps=0), "needs as many steps"),
         (lambda: Patch(5.0, 4.0, 2.0), "a patch must end after it begins"),

@@ -245,6 +245,8 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         slack = finite(self.slack_mm, f"slack_mm of {name}", "mm")
         if slack < 0.0:
             raise ValueError(f"slack_mm of {name} must be 0 or more, got {slack:g} mm")
+        if self.two_sided and slack > 0.0:
+            raise ValueError(f"{name} is two_sided and cannot be slack, got {slack:g} mm")
         place, frame = beam.frames_at(np.array([at]))
         y, z = (finite(each, f"offset_mm of {name}", "mm") for each in self.offset_mm)
         end = place[0] + y * frame[0, 1] + z * frame[0, 2]
