@@ -45,8 +45,8 @@ class StrandsInBed:
 
     `aside`, (S, 3) mm in the order of `beam.strands`, is how far off its place each is drawn, where
     the duct's skin is not the beam's. `floor` and `scale` are the place and the scale of the
-    stage's bed, `bed_columns` how many points a row of it has, 0 for a hard one, and `fibres` how many threads a
-    strand is drawn with.
+    stage's bed, `bed_columns` how many points a row of it has, 0 for a hard one, and `fibres` how
+    many threads a strand is drawn with.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ def write_strands(
     if out is None:
         out = np.zeros(s.rods.size + NUMBERS * beam.strands.count, np.float32)
     out[: s.rods.size] = s.rods.reshape(-1)
-    _write(s.x, s.q, s.first, s.strand, s.damage, s.rods, s.side, aside, out[s.rods.size :])
+    _write(s, aside, out[s.rods.size :])
     return out
 
 
@@ -148,61 +148,32 @@ def film_pairs(beam: BeamOnBed) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def _write(
-    x: NDArray[np.float64],
-    q: NDArray[np.float64],
-    first: NDArray[np.int64],
-    strand: NDArray[np.float64],
-    damage: NDArray[np.float64],
-    rods: NDArray[np.float64],
-    side: NDArray[np.int64],
-    aside: NDArray[np.float64],
-    out: NDArray[np.float32],
-) -> None:
-    for n in range(x.shape[0]):
-        w, a, b, c = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
-        for i in range(first[n], first[n + 1]):
-            u, v, z = strand[kernels.ARM_X, i], strand[kernels.ARM_Y, i], strand[kernels.ARM_Z, i]
-            end = (
-                x[n, 0]
-                + (1 - 2 * (b * b + c * c)) * u
-                + 2 * (a * b - w * c) * v
-                + 2 * (a * c + w * b) * z,
-                x[n, 1]
-                + 2 * (a * b + w * c) * u
-                + (1 - 2 * (a * a + c * c)) * v
-                + 2 * (b * c - w * a) * z,
-                x[n, 2]
-                + 2 * (a * c - w * b) * u
-                + 2 * (b * c + w * a) * v
-                + (1 - 2 * (a * a + b * b)) * z,
-            )
-            at = 5 * i
+def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32]) -> None:
+    for n in range(s.x.shape[0]):
+        for i in range(s.first[n], s.first[n + 1]):
+            at = NUMBERS * i
+            end, foot = kernels.strand_ends(s, n, i)
             for k in range(3):
                 out[at + k] = end[k] + aside[i, k]
             out[at + 4] = 0.0
-            if damage[i] >= 1.0:
+            if s.damage[i] >= 1.0:
                 out[at + 3] = PARTED
                 continue
-            foot = (
-                strand[kernels.FOOT_X, i],
-                strand[kernels.FOOT_Y, i],
-                strand[kernels.FOOT_Z, i],
-            )
             length = np.sqrt(
                 (end[0] - foot[0]) ** 2 + (end[1] - foot[1]) ** 2 + (end[2] - foot[2]) ** 2
             )
-            for m in range(rods.shape[0]):
-                if rods[m, kernels.IN_USE] != 0.0:
-                    touch, way, _, _, _ = kernels.way_round(end, foot, rods[m], side[m, i], False)
-                    if touch & 1 == 1:
-                        length = way
-                        out[at + 4] = 1 + 2 * m + (1 if touch > 0 else 0)
-                        break
+            for m in range(s.rods.shape[0]):
+                if s.rods[m, kernels.IN_USE] == 0.0 or s.side[m, i] & 1 == 0:
+                    continue
+                side, way, _, _, _ = kernels.way_round(end, foot, s.rods[m], s.side[m, i], False)
+                if side & 1 == 1:
+                    length = way
+                    out[at + 4] = 1 + 2 * m + (1 if side > 0 else 0)
+                    break
             # Elongation over that at which it parts; below zero how slack it is, over its length.
-            elongation = length - strand[kernels.LENGTH, i]
-            scale = strand[kernels.PART, i] if elongation > 0.0 else strand[kernels.LENGTH, i]
-            out[at + 3] = elongation / scale
+            elongation = length - s.strand[kernels.LENGTH, i]
+            row = kernels.PART if elongation > 0.0 else kernels.LENGTH
+            out[at + 3] = elongation / s.strand[row, i]
 
 
 def _text(numbers: NDArray[np.generic]) -> str:
