@@ -85,7 +85,7 @@ def set_figures(name: str) -> dict[str, Any]:
 def compress_command(organ: OrganSet, file: OrganBytes) -> str:
     """Return the command that writes an organ's file again."""
     return (
-        f"bluntdissect compress {organ.stack.source} -o {organ.name}.organ --effort full "
+        f"bluntdissect compress {organ.stack.source} -o {organ.name}.organ "
         f"--edge-shift-mm {organ.edge_shift!r} --tolerance-mm {file.tolerance!r} "
         f"--overall-mm {file.overall!r}"
     )

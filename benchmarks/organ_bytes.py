@@ -1,4 +1,4 @@
-"""The fewest bytes of our organ file at an error, and its times to write and read."""
+"""The fewest bytes of our organ file at an error, by default effort; times to write and read it."""
 
 import math
 import tempfile
@@ -67,7 +67,7 @@ class OrganSearch:
         try:
             built = build_fitted(
                 self._fitted,
-                Promise(tolerance_mm=tolerance, overall_mm=overall, effort="full"),
+                Promise(tolerance_mm=tolerance, overall_mm=overall),
             )
         except ToleranceTooSmall:
             return None

@@ -37,7 +37,7 @@ class EncoderSettings:
     axis_bit_worth: float = 0.1
     # Farthest that a bend is moved in one refinement, in steps; distances are linear only near
     # where they were measured. 0: the axis stays as its centroids made it, which takes
-    # hardly more bytes and less time with the steps above (table: bends).
+    # hardly more bytes and less time with the steps above (table: + bends).
     farthest_bend: int = 0
     # Whether end sections may lean out of the axis, as oblique images do (table: tilts).
     tilts: bool = True
@@ -62,7 +62,7 @@ class EncoderSettings:
     # Refinement: rounds of linearise, descend, evaluate, for choosing an axis, and for the chosen.
     choice_rounds: int = 3
     rounds: int = 3
-    # How many axes go on to more than the first section step (table: axes).
+    # How many axes go on to more than the first section step (table: + second axis).
     axes: int = 1
     # Edge points of a boundary that stand for all of it while integers are chosen; evaluated is
     # what comes out by all of them.
@@ -77,12 +77,12 @@ class EncoderSettings:
     # because bits go with the logarithm of the error.
     overall_share: float = 0.4
     # How many of the smallest encodings have their key sections moved, dropped and added one by
-    # one, in how many rounds, and the bits such a move must save (table, full effort: key moves).
+    # one, in how many rounds, and the bits such a move must save (table: + key moves).
     moved: int = 0
     moved_rounds: int = 0
     moved_bits: float = 0.5
 
-    # Stacks of so many sections are searched by about `sample` of them first (table: sampling).
+    # Stacks of so many sections are searched by about `sample` of them first.
     many_sections: int = 192
     sample: int = 48
 
