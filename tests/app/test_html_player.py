@@ -120,7 +120,7 @@ def test_titles_are_text() -> None:
     assert titled.index("</script>") < titled.index('<div id="about">') < titled.rindex("</body>")
 
 
-def test_a_page_of_a_duct_in_its_bed_says_which_and_can_be_sent(tmp_path: Path) -> None:
+def test_a_page_of_a_duct_in_its_bed_says_which_and_can_be_sent() -> None:
     dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
     edge_length = page_edge_length(dissection.organ)
     few, many = (
