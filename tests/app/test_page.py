@@ -219,6 +219,7 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         tab.open("Train")
         key = tab.page.get_by_test_id("plot-key")
         expect(key).to_contain_text("exact beam")
+        expect(key).to_contain_text("thesis's cubic")  # now that another theory is chosen
         # The key's marks are drawn as the curves are, and these not to whole pixels.
         marks: dict[str, bool] = key.evaluate(
             "key => Object.fromEntries([...key.children].map("
@@ -367,7 +368,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.page.locator("input[type=file]").set_input_files(file)
         tab.wait_until(lambda: view.state.playback is not None)
         assert view.state.playback is not None
-        assert run_json(view.state.playback.run) == file.read_bytes()
+        assert view.state.playback._replay.run_file() == run
         tab.press("Leave the replay")
         file.write_text("{}")
         tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)
