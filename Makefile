@@ -39,7 +39,7 @@ screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium
 	@$(BIN)/python tests/app/screenshots.py docs/images
 
 soak: $(VENV)/.tests  ## attack a trainer on loopback, and write docs/reliability.md (some 15 min)
-	@PYTHONPATH=. $(BIN)/python tests/app/soak.py
+	@PYTHONPATH=. $(BIN)/python tests/app/soak.py $(ARGS)
 
 licences: $(AUDIT)/.done $(VENV)/.tests  ## list the licences of all dependencies; GPL and AGPL fail
 	@$(AUDIT)/bin/pip-licenses --python $(BIN)/python --from=mixed --order=license \

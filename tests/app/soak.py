@@ -1,6 +1,7 @@
 """Attack a trainer on loopback, bounded in count and time, and write down what came of it.
 
-`make soak` runs it and writes the figures, with date and versions, into docs/reliability.md.
+`make soak` runs it and writes the figures, with date and versions, into docs/reliability.md;
+`make soak ARGS=0.1` has a tenth of the messages, requests and pages.
 """
 
 import asyncio
@@ -31,7 +32,9 @@ from benchmarks.page_protocol import CAMERA, Page, connected
 FIGURES = Path(__file__).parents[2] / "docs" / "reliability.md"
 MARK = "<!-- figures: all below is written by `make soak` -->\n"
 ENCODE = msgspec.msgpack.encode
-ORIGINS, HOSTS, MESSAGES, REQUESTS, PAGES = 60, 60, 10_000, 10_000, 200
+SCALE = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+ORIGINS, HOSTS = 60, 60
+MESSAGES, REQUESTS, PAGES = (round(SCALE * most) for most in (10_000, 10_000, 200))
 PER_PAGE = 300  # Hostile messages of a page; what closes it is sent last
 SEED = 15
 
