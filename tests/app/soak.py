@@ -72,7 +72,7 @@ def trainer(*options: object) -> Iterator[Running]:
         with (
             log.open("w") as errors,
             subprocess.Popen(
-                command("trainer", "--port", 0, "--look", "plain", *options),
+                command("trainer", "--port", 0, "--look", "plain", "--mode", "pull", *options),
                 stdout=subprocess.PIPE, stderr=errors, text=True,
             ) as process,
         ):  # fmt: skip

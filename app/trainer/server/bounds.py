@@ -30,7 +30,7 @@ __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
 MIB = 2**20
 MOST_ADDRESSES = 1000
 """Addresses whose openings are remembered."""
-CLOSE_SECONDS = 2.0
+CLOSE_SECONDS = 0.5
 """s that a page may take to close its connection when asked."""
 LEAST_RATE = 10.0
 MOST_FRAMES, FRAMES_PER_SECOND = 200.0, 10.0
