@@ -1230,9 +1230,9 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             energy = assemble(s, kind, 0.0)
             shift = max(64.0 * shift, least_shift)
             if shift > 1e18 * least_shift:
-                return -1
+                return it if rods else -1
         # Where a strand's end goes into a rod its length has a kink: at a minimum there no forces
-        # balance, and the energy falls no more.
+        # balance, and the energy falls no more, by however short a step.
         stalled = stalled + 1 if rods and energy > before - 10.0 * rounding else 0
         if stalled == STALLED:
             return it
