@@ -314,7 +314,7 @@ def test_a_signal_while_it_compiles_ends_it_at_once(number: signal.Signals, tmp_
 
 
 def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> None:
-    with started("--port", 0, "--look", "plain") as (process, address):
+    with started("--port", 0, "--look", "plain", "--mode", "pull") as (process, address):
         for _ in range(3):
             with trainer_page(browser, address, width=640, height=480) as tab:
                 tab.slide("Force F (N)", 3.0)  # and gone, while the duct still moves
