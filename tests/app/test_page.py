@@ -368,7 +368,9 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.page.locator("input[type=file]").set_input_files(file)
         tab.wait_until(lambda: view.state.playback is not None)
         assert view.state.playback is not None
-        assert view.state.playback._replay.run_file() == run
+        replay = view.state.playback._replay
+        assert isinstance(replay, Replay)
+        assert replay.run_file() == run
         tab.press("Leave the replay")
         file.write_text("{}")
         tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)

@@ -14,6 +14,7 @@ from program import refused, run
 from simulated import phantom
 from test_vtk_gltf import blocks
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.bed_export import BedExport
@@ -59,7 +60,7 @@ def strands(key: int) -> StrandsSnapshot:
     return motion.bed.strands_at(key, export.dissection.driving, motion.transforms[key])
 
 
-def vtp(path: Path) -> vtkXMLPolyDataReader:
+def vtp(path: Path) -> vtkPolyData:
     reader = vtkXMLPolyDataReader()
     reader.SetFileName(str(path))
     reader.Update()

@@ -21,7 +21,7 @@ def test_vtk_reads_points_faces_and_figures_to_the_bit(tmp_path: Path, wall: flo
         'a "name" & <more>': random.normal(size=len(skin.vertices)).astype(np.float32),
     }
     path = tmp_path / "duct.vtp"
-    path.write_bytes(vtp_content(skin.vertices, skin.faces, figures))
+    path.write_bytes(vtp_content(skin.vertices, faces=skin.faces, point_data=figures))
     reader = vtkXMLPolyDataReader()
     assert reader.CanReadFile(str(path))
     reader.SetFileName(str(path))
