@@ -5,7 +5,8 @@ import typing
 from typing import Annotated, Any
 
 import msgspec
-from viser import _messages  # pyright: ignore[reportPrivateUsage]
+
+from app.trainer.viser_bridge.private_api import PAGE_MESSAGES
 
 __all__ = ["page_message_decoder"]
 
@@ -23,28 +24,12 @@ def page_message_decoder() -> msgspec.msgpack.Decoder[Any]:
             tag=kind.__name__,
             forbid_unknown_fields=True,
         )
-        for kind in _PAGE_MESSAGES
+        for kind in PAGE_MESSAGES
         for hints in (typing.get_type_hints(kind),)
     ]
     return msgspec.msgpack.Decoder(typing.Union[tuple(structs)])  # noqa: UP007
 
 
-_PAGE_MESSAGES = (
-    _messages.ViewerCameraMessage,
-    _messages.GuiUpdateMessage,
-    _messages.GuiButtonHoldMessage,
-    _messages.CommandTriggerMessage,
-    _messages.SceneNodeClickMessage,
-    _messages.SceneNodeDragMessage,
-    _messages.ScenePointerMessage,
-    _messages.TransformControlsUpdateMessage,
-    _messages.TransformControlsDragStartMessage,
-    _messages.TransformControlsDragEndMessage,
-    _messages.FileTransferStartUpload,
-    _messages.FileTransferPart,
-    _messages.FileTransferPartAck,
-    _messages.LocalStorageGetItemResponseMessage,
-)
 # Not NaN, which no comparison holds of; and JavaScript has one type for whole and other numbers.
 _Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 _Text = Annotated[str, msgspec.Meta(max_length=100_000)]

@@ -19,6 +19,7 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 __all__ = [
+    "PAGE_MESSAGES",
     "close_page",
     "page_number",
     "page_of",
@@ -28,6 +29,23 @@ __all__ = [
     "stop_server",
 ]
 
+PAGE_MESSAGES = (
+    _messages.ViewerCameraMessage,
+    _messages.GuiUpdateMessage,
+    _messages.GuiButtonHoldMessage,
+    _messages.CommandTriggerMessage,
+    _messages.SceneNodeClickMessage,
+    _messages.SceneNodeDragMessage,
+    _messages.ScenePointerMessage,
+    _messages.TransformControlsUpdateMessage,
+    _messages.TransformControlsDragStartMessage,
+    _messages.TransformControlsDragEndMessage,
+    _messages.FileTransferStartUpload,
+    _messages.FileTransferPart,
+    _messages.FileTransferPartAck,
+    _messages.LocalStorageGetItemResponseMessage,
+)
+"""viser's declarations of what a page of this trainer may send; its other kinds are refused."""
 
 Guard = Callable[[ServerConnection, Request], Response | None]
 
