@@ -224,7 +224,11 @@ def test_figures_are_served_to_who_has_the_token_and_only_when_asked_for(
     own = {"Host": "localhost:PORT"}
     assert Answer(trainer.port, own, "/metrics").status == 404
     guard = trainer._guard
-    monkeypatch.setattr(guard, "metrics", trainer_metrics(trainer))
+    monkeypatch.setattr(
+        guard,
+        "metrics",
+        trainer_metrics(lambda: len(trainer.frames), trainer.timer, trainer.connections),
+    )
     answer = Answer(trainer.port, own, "/metrics")
     assert answer.status == 200
     assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")

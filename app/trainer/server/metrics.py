@@ -1,26 +1,26 @@
 """The trainer's figures in Prometheus' text."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollector, generate_latest
 
-if TYPE_CHECKING:
-    from app.trainer.server.trainer import Trainer
+from app.trainer.server.bounds import Connections
+from app.trainer.server.fixed_rate_timer import FixedRateTimer
 
 __all__ = ["trainer_metrics"]
 
 
-def trainer_metrics(trainer: "Trainer") -> Callable[[], bytes]:
+def trainer_metrics(
+    pages: Callable[[], int], timer: FixedRateTimer, connections: Connections
+) -> Callable[[], bytes]:
     """Return a function that gives a trainer's figures as they are then."""
     registry = CollectorRegistry()
     ProcessCollector(registry=registry)
-    timer, connections = trainer.timer, trainer.connections
 
     def gauge(name: str, what: str, value: Callable[[], float]) -> None:
         Gauge(f"bluntdissect_{name}", what, registry=registry).set_function(value)
 
-    gauge("pages", "Pages that have a duct.", lambda: len(trainer.frames))
+    gauge("pages", "Pages that have a duct.", pages)
     gauge("connections", "Connections of pages and requests.", lambda: len(connections))
     gauge("upload_bytes", "Bytes of unfinished uploads.", lambda: connections.upload_bytes)
     gauge("ticks", "Ticks of 1/30 s that ran.", lambda: timer.ticks)

@@ -160,7 +160,9 @@ class Trainer:
         if metrics:
             from app.trainer.server.metrics import trainer_metrics
 
-            self._guard.metrics = trainer_metrics(self)
+            self._guard.metrics = trainer_metrics(
+                lambda: len(self.frames), self.timer, self.connections
+            )
         self._server = _serve(host, port, self._guard, socket_options(self.connections, tls))
         self._hand: HapticHand | None = None
         if haptics is not None:
