@@ -24,9 +24,10 @@ def validate(
 
     Example: bluntdissect validate -o docs
     """
+    from app.validation.bed_checks import bed_checks
     from app.validation.comparison import compared, held_out_errors, solid_errors
     from app.validation.figures import draw_figures
-    from app.validation.page import errors_table, page, rows_table, solids_table
+    from app.validation.page import beds_table, errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
     from organ_geometry import make_folder, write_atomic
 
@@ -34,11 +35,11 @@ def validate(
         make_folder(output, f"--output {output} cannot be a folder")
     comparisons = [compared(table) for table in TABLES]
     solids = [solid_errors(table) for table in TABLES]
+    beds = [] if output is None else bed_checks()
     if output is not None:
         draw_figures({each.table.number: each for each in comparisons}, output / "validation")
-        write_atomic(
-            output / "validation.md", page(comparisons, solids, held_out_errors()).encode()
-        )
+        text = page(comparisons, solids, held_out_errors(), beds)
+        write_atomic(output / "validation.md", text.encode())
     if as_json:
         print(
             json.dumps(
@@ -69,4 +70,6 @@ def validate(
     print("Errors against three-dimensional neo-Hookean solids, %\n")
     print(solids_table(solids))
     if output is not None:
+        print("A beam on its bed beside closed forms\n")
+        print(beds_table(beds))
         print(f"{output / 'validation.md'} and its figures are written")

@@ -261,6 +261,12 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     np.testing.assert_array_equal(camera.position, looked_from)
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
+    stage.camera_moved(client)  # brought home by the user, who goes on at once
+    now[0] += 0.5
+    camera.position = looked_from
+    stage.camera_moved(client)
+    np.testing.assert_array_equal(camera.position, looked_from)
+    stage.frame_camera(client)
     stage.remove()
     camera.aspect = 2.0
     stage.camera_moved(client)

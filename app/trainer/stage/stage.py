@@ -20,6 +20,7 @@ from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN,
 from app.trainer.viser_bridge import keep_in_sight
 
 _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
+_HOMING_TIME = 0.3  # s of the same once the page has settled: nobody has looked elsewhere so soon
 _ASPECT_CHANGE = 0.02  # relative change of width by height that counts as another shape
 _POSE_TOLERANCE = 0.01  # of the distance, within which a camera is where it was put
 _LIFT_ROOM = 3.0  # mm between the duct and the bed, at the reference span or less
@@ -118,6 +119,7 @@ class Stage:
         self._lift: float | None = None
         self._framed_at = 0.0
         self._arrived = False
+        self._settling_time = _SETTLING_TIME
         self._looked_around = False
         full = look == "full"
         files = stage_files(
@@ -223,6 +225,8 @@ class Stage:
 
     def frame_camera(self, client: viser.ClientHandle) -> None:
         """Set the client's camera so that both clamps are in its picture."""
+        settled = self._arrived and time.monotonic() - self._framed_at >= self._settling_time
+        self._settling_time = _HOMING_TIME if settled else _SETTLING_TIME
         self._looked_around = False
         self._frame(client, client.camera.aspect)
 
@@ -232,8 +236,8 @@ class Stage:
         A browser that is still laying out its page reports a size that changes a moment later, and
         resets the camera once after it connects. So the camera is framed again when the picture's
         shape changes, and whenever it is not where it was put, until `_SETTLING_TIME` after the
-        page, which may be slow, first had it there. Once the user has looked around after that, the
-        camera is left alone.
+        page, which may be slow, first had it there, or `_HOMING_TIME` when it is framed once more.
+        Once the user has looked around after that, the camera is left alone.
         """
         if self._removed or self._looked_around:
             return
@@ -243,7 +247,7 @@ class Stage:
         away = not self._is_framed(camera)
         if not (away or self._arrived):
             self._arrived, self._framed_at = True, time.monotonic()
-        settling = not self._arrived or time.monotonic() - self._framed_at < _SETTLING_TIME
+        settling = not self._arrived or time.monotonic() - self._framed_at < self._settling_time
         if reshaped or (settling and away):
             self._frame(client, aspect, settles=reshaped)
         elif away:
