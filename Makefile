@@ -13,13 +13,18 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer test test-all coverage check bench screenshots soak licences audit lint types layers format clean
+.PHONY: help trainer wheel test test-all coverage check bench screenshots soak licences audit lint types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
 
 trainer: $(VENV)/.runs  ## start the trainer and print its address (ARGS= is passed on)
 	@$(BIN)/bluntdissect trainer $(ARGS)
+
+wheel: $(BIN)/python  ## build dist/bluntdissect-*.whl, which pip, pipx and uvx install
+	@rm -rf build
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w dist . && rm -rf build
+	@ls dist/*.whl
 
 test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 	@$(BIN)/python -m pytest $(WORKERS) $(ARGS)
@@ -63,7 +68,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) $(BLENDER) $(AUDIT) build tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) $(AUDIT) build dist tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
