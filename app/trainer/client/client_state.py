@@ -50,7 +50,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     """What the parts of one client's page share. Its methods may be called by any thread.
 
     `plain` is the client's choice of the simple picture; `last_run` the last run that ended or was
-    given up, to be judged and replayed.
+    given up, to be judged and replayed. `kept` is called when there is one.
     """
 
     def __init__(self, client: viser.ClientHandle, session: SessionT, workers: Workers) -> None:
@@ -59,6 +59,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self._playback: ReplayPlayback[SessionT] | None = None
         self.plain = False
         self.choose_mode: Callable[[Mode], None] = lambda _: None
+        self.kept: Callable[[], None] = lambda: None
         self._paused = False
         self._changed = True
         self._home = False
@@ -136,6 +137,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         """Keep the run so far as the last one, if there was any input."""
         with suppress(ValueError):  # there was none
             self.last_run = self.run_so_far()
+            self.kept()
 
     def finish(self) -> None:
         """End the run as it stands."""

@@ -40,3 +40,9 @@ class Practice:
             if self._dissect is None:
                 self._dissect = BedSession(self._organ, self._preset)
             return self._dissect
+
+    def renew(self, organ: Organ, preset: Preset | None) -> None:
+        """Begin with other ducts."""
+        with self._lock:
+            self._organ, self._preset = organ, preset
+            self._pull = self._dissect = None

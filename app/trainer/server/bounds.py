@@ -10,7 +10,7 @@ import logging
 import ssl
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -197,6 +197,9 @@ class PageConnection(ServerConnection):
         self._ending: asyncio.Task[None] | None = None
         self.address = ""
         self.browser: str | None = None
+        self.trainee: str | None = None  # whose cookie of a trainee's link it has
+        self.is_teacher = False  # whether it has that of the teacher's link
+        self.serve: Callable[[], Awaitable[None]] | None = None  # in place of viser
         self.opened = self.spoke = False
 
     @property
@@ -238,11 +241,7 @@ class PageConnection(ServerConnection):
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message that a page may send."""
         while True:
-            raw = await super().recv(decode)
-            if (wait := self._messages.take()) > 0.0:
-                if not self._connections.refusals["messages"]:
-                    self._connections.refuse("messages", self, "too many messages; they wait")
-                await asyncio.sleep(wait)
+            raw = await self._next(decode)
             try:
                 if isinstance(raw, str):
                     raise msgspec.ValidationError("a text")
@@ -253,12 +252,31 @@ class PageConnection(ServerConnection):
                 await self.close(CloseCode.POLICY_VIOLATION, "a message that no page sends")
                 while True:  # until the end is raised
                     await super().recv(decode)
-            if not self.spoke:
-                self.spoke = True
-                if self._patience is not None:
-                    self._patience.cancel()
+            self._hear()
             if passes:
                 return raw
+
+    async def recv_text(self) -> str:
+        """Return the next text, of a page that is not viser's."""
+        raw = await self._next(None)
+        self._hear()
+        return raw if isinstance(raw, str) else ""
+
+    async def _next(self, decode: bool | None) -> Any:
+        """Return the next message, at the pace that is allowed."""
+        raw = await super().recv(decode)
+        if (wait := self._messages.take()) > 0.0:
+            if not self._connections.refusals["messages"]:
+                self._connections.refuse("messages", self, "too many messages; they wait")
+            await asyncio.sleep(wait)
+        return raw
+
+    def _hear(self) -> None:
+        """Note that it has spoken as a page."""
+        if not self.spoke:
+            self.spoke = True
+            if self._patience is not None:
+                self._patience.cancel()
 
     def _passes(self, message: Any) -> bool:
         """Return whether a valid message may be read; not if it is of a file that is too large."""

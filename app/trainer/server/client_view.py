@@ -5,7 +5,7 @@ from threading import Lock
 
 import viser
 
-from app.simulation import ExerciseInputs, Session
+from app.simulation import ExerciseInputs, Preset, Session
 from app.simulation.bed import BedSession
 from app.trainer.client.client_state import Mode, Workers, explained
 from app.trainer.client.dissect_state import DissectState
@@ -14,6 +14,7 @@ from app.trainer.client.pull_state import PullState
 from app.trainer.server.dissect_view import DissectView
 from app.trainer.server.pull_view import PullView
 from app.trainer.stage.lighting import LookChoice
+from organ_geometry import Organ
 
 __all__ = ["ClientView"]
 
@@ -23,8 +24,9 @@ ELSEWHERE = "It pulls a duct without a bed: choose Pull at the top of the panel.
 class ClientView:
     """What one client sees of its practice: one of its sessions at a time.
 
-    `haptics` says whether there is a device; `ready` waits until what a mode needs is compiled. The
-    look "plain" is for slow machines; "auto" changes to it where the page draws too slowly.
+    `haptics` says whether there is a device; `ready` waits until what a mode needs is compiled;
+    `furnish` adds to the page of a mode, each time that it is shown. The look "plain" is for slow
+    machines; "auto" changes to it where the page draws too slowly.
     """
 
     def __init__(
@@ -37,6 +39,7 @@ class ClientView:
         exercise_inputs: ExerciseInputs = "hand",
         haptics: bool = False,
         ready: Callable[[Mode], object] = lambda _: None,
+        furnish: Callable[["ClientView"], object] = lambda _: None,
     ) -> None:
         self.client, self._practice, self._workers = client, practice, workers
         self._look: LookChoice = look
@@ -45,7 +48,9 @@ class ClientView:
         self._plain = look == "plain"
         self._lock = Lock()  # while one mode is replaced by the other, nothing ticks
         self._closed = False
+        self._furnish = furnish
         self.view = self._open(practice.mode or "dissect")
+        furnish(self)
 
     @property
     def state(self) -> PullState | DissectState:
@@ -89,15 +94,26 @@ class ClientView:
         if state.in_exercise:
             state.refuse("An exercise goes on until it is over. Stop it first.")
             return
+        self._show(mode)
+
+    def show_duct(self, organ: Organ, preset: Preset | None, mode: Mode) -> None:
+        """Show a new duct, whatever goes on."""
+        self._show(mode, lambda: self._practice.renew(organ, preset))
+
+    def _show(self, mode: Mode, prepare: Callable[[], object] | None = None) -> None:
+        """Show a mode, if it is not shown yet or there is something to prepare for it."""
         with explained(self.client, "Preparing your duct."):
             self._ready(mode)
             with self._lock:
-                if self._closed or mode == self.mode:
+                if self._closed or (prepare is None and mode == self.mode):
                     return
-                self._plain = state.plain
+                self._plain = self.view.state.plain
                 self.view.leave()
                 self.client.gui.reset()
+                if prepare is not None:
+                    prepare()
                 self.view = self._open(mode)
+            self._furnish(self)
 
     def _open(self, mode: Mode) -> PullView | DissectView:
         """Return a new view of a mode, whose page goes to the client."""

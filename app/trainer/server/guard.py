@@ -10,7 +10,7 @@ Behind a reverse proxy both headers must name the proxy's public address.
 import hmac
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from ipaddress import ip_address
 from urllib.parse import SplitResult, parse_qs, urlsplit
@@ -20,7 +20,10 @@ from websockets.http11 import Request, Response
 
 from app.trainer.server.bounds import Connections, PageConnection
 
-__all__ = ["TOKEN_VARIABLE", "Guard", "is_loopback"]
+__all__ = ["TOKEN_VARIABLE", "Answer", "Guard", "is_loopback"]
+
+Answer = Response | Awaitable[Response] | None
+"""What a request gets, now or later; None lets it through to viser."""
 
 TOKEN_VARIABLE = "BLUNTDISSECT_TOKEN"  # noqa: S105
 """Environment variable that can give the token."""
@@ -28,6 +31,7 @@ TOKEN_VARIABLE = "BLUNTDISSECT_TOKEN"  # noqa: S105
 TOKEN_BYTES = 24
 BROWSER_BYTES = 12
 LONGEST_PATH = 200
+CLASS_PATH = "/class"
 RETRY_SECONDS = 10
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 _PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
@@ -37,6 +41,7 @@ FOREIGN_HOST = "This trainer serves its own machine only: open it as localhost.\
 OTHER_HOST = "This trainer is served under another name.\n"
 FOREIGN_ORIGIN = "This trainer takes nothing from pages of other sites.\n"
 NO_TOKEN = "Open this trainer by the link that it printed when it started.\n"  # noqa: S105
+NOT_THE_TEACHER = "Open this page by the teacher's link.\n"
 NO_BEARER = "Send the trainer's token: Authorization: Bearer TOKEN\n"
 ENTERED = """<!doctype html>
 <html lang="en">
@@ -65,11 +70,15 @@ class Guard:
         Whether the trainer itself speaks TLS.
     connections
         Says whether there is a place for one more page; None for always.
+    teacher_token
+        What the teacher's link must have, whose cookie alone opens `/class`; None for no class.
 
     Attributes
     ----------
     token
         As given or made; None where none is needed.
+    teacher_page
+        Answers the teacher's requests below `/class`.
     healthy
         Whether the trainer goes on as it should, for `/healthz`.
     metrics
@@ -89,6 +98,7 @@ class Guard:
         *,
         public_url: str | None = None,
         encrypted: bool = False,
+        teacher_token: str | None = None,
     ) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
             raise ValueError(
@@ -100,6 +110,8 @@ class Guard:
         if token is None and not self._loopback:
             token = secrets.token_urlsafe(TOKEN_BYTES)
         self.token, self._connections = token, connections
+        self._teacher_token = teacher_token
+        self.teacher_page: Callable[[PageConnection, Request], Answer] | None = None
         path = "" if self._public is None else self._public.path
         self._place = f"{path}/" if path else "./"
         secure = encrypted if self._public is None else self._public.scheme == "https"
@@ -107,7 +119,7 @@ class Guard:
         self.healthy: Callable[[], bool] = lambda: True
         self.metrics: Callable[[], bytes] | None = None
 
-    def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
+    def __call__(self, connection: ServerConnection, request: Request) -> Answer:
         """Return None for a request that gets in, else its answer."""
         headers = request.headers
         if isinstance(connection, PageConnection):
@@ -139,15 +151,42 @@ class Guard:
         if self.token is not None:
             # Cookies know no ports: another trainer on this machine has one of its own.
             name = f"bluntdissect-{connection.local_address[1]}"
-            given = parse_qs(query).get("token", [])
+            given, cookies = parse_qs(query).get("token", []), headers.get_all("Cookie")
             if len(given) == 1 and _same(given[0], self.token):
-                return self._entered(connection, name)
-            browser = self._browser(headers.get_all("Cookie"), name)
+                return self._entered(connection, name, self.token, self._place)
+            browser = self._browser(cookies, name, self.token)
+            if isinstance(connection, PageConnection):
+                connection.trainee = browser
+            if self._teacher_token is not None:
+                place, name = f"{self._place}{CLASS_PATH[1:]}", f"{name}-teacher"
+                if len(given) == 1 and _same(given[0], self._teacher_token):
+                    return self._entered(connection, name, self._teacher_token, place)
+                teacher = self._browser(cookies, name, self._teacher_token)
+                if isinstance(connection, PageConnection):
+                    connection.is_teacher = teacher is not None
+                browser = browser or teacher
+                if path == CLASS_PATH or path.startswith(f"{CLASS_PATH}/"):
+                    if teacher is None:
+                        return connection.respond(HTTPStatus.FORBIDDEN, NOT_THE_TEACHER)
+                    return self._teachers(connection, request, teacher)
             if browser is None:
                 return connection.respond(HTTPStatus.FORBIDDEN, NO_TOKEN)
+        return self._placed(connection, request, browser)
+
+    def _teachers(self, connection: ServerConnection, request: Request, browser: str) -> Answer:
+        """Return the answer of the teacher's page."""
+        if self.teacher_page is None or not isinstance(connection, PageConnection):
+            return connection.respond(HTTPStatus.NOT_FOUND, "There is no such page.\n")
+        full = self._placed(connection, request, browser)
+        return self.teacher_page(connection, request) if full is None else full
+
+    def _placed(
+        self, connection: ServerConnection, request: Request, browser: str | None
+    ) -> Response | None:
+        """Return None for a request that gets a place, else its answer."""
         if self._connections is None or not isinstance(connection, PageConnection):
             return None
-        opens = headers.get("Upgrade") == "websocket"
+        opens = request.headers.get("Upgrade") == "websocket"
         full = self._connections.admit(connection, browser, opens=opens)
         if full is None:
             return None
@@ -155,34 +194,36 @@ class Guard:
         response.headers["Retry-After"] = str(RETRY_SECONDS)
         return response
 
-    def _entered(self, connection: ServerConnection, name: str) -> Response:
-        response = connection.respond(HTTPStatus.OK, ENTERED.replace("PLACE", self._place))
+    def _entered(self, connection: ServerConnection, name: str, token: str, place: str) -> Response:
+        response = connection.respond(HTTPStatus.OK, ENTERED.replace("PLACE", place))
         del response.headers["Content-Type"]
         response.headers.update(
             {
                 "Content-Type": "text/html; charset=utf-8",
-                "Set-Cookie": f"{name}={self._cookie()}; {self._attributes}",
+                "Set-Cookie": f"{name}={_cookie(token)}; {self._attributes}",
                 "Cache-Control": "no-store",
                 "Referrer-Policy": "no-referrer",
             }
         )
         return response
 
-    def _cookie(self, browser: str | None = None) -> str:
-        """Return a browser's cookie, which a start with the same token knows again."""
-        browser = secrets.token_urlsafe(BROWSER_BYTES) if browser is None else browser
-        # It does not give the token away.
-        proof = hmac.digest((self.token or "").encode(), b"cookie" + browser.encode(), "sha256")
-        return f"{browser}.{proof.hex()}"
-
-    def _browser(self, cookies: list[str], name: str) -> str | None:
+    @staticmethod
+    def _browser(cookies: list[str], name: str, token: str) -> str | None:
         """Return which browser's cookie this is, if it is one of ours."""
         for each in (part.strip() for line in cookies for part in line.split(";")):
             called, _, value = each.partition("=")
             browser = value.partition(".")[0]
-            if called == name and browser.isascii() and _same(value, self._cookie(browser)):
+            if called == name and browser.isascii() and _same(value, _cookie(token, browser)):
                 return browser
         return None
+
+
+def _cookie(token: str, browser: str | None = None) -> str:
+    """Return a browser's cookie, which a start with the same token knows again."""
+    browser = secrets.token_urlsafe(BROWSER_BYTES) if browser is None else browser
+    # It does not give the token away.
+    proof = hmac.digest(token.encode(), b"cookie" + browser.encode(), "sha256")
+    return f"{browser}.{proof.hex()}"
 
 
 def is_loopback(host: str) -> bool:

@@ -25,6 +25,7 @@ from app.trainer.viser_bridge.page import (
 from app.trainer.viser_bridge.page_messages import page_message_decoder
 from app.trainer.viser_bridge.private_api import (
     close_page,
+    connection_of,
     page_of,
     read_icons,
     start_server,
@@ -38,6 +39,7 @@ __all__ = [
     "close_page",
     "closer_html",
     "command_number",
+    "connection_of",
     "keep_in_sight",
     "kept_by_tab",
     "letter_keys_on",

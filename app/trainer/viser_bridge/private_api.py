@@ -6,7 +6,7 @@ import io
 import logging
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Generator, Iterable, Mapping
 from typing import Any
 
 import viser
@@ -21,6 +21,7 @@ from websockets.http11 import Request, Response
 __all__ = [
     "PAGE_MESSAGES",
     "close_page",
+    "connection_of",
     "page_number",
     "page_of",
     "queue_script",
@@ -47,11 +48,17 @@ PAGE_MESSAGES = (
 )
 """viser's declarations of what a page of this trainer may send; its other kinds are refused."""
 
-Guard = Callable[[ServerConnection, Request], Response | None]
+Answer = Response | Awaitable[Response] | None
+Guard = Callable[[ServerConnection, Request], Answer]
+Handler = Callable[[ServerConnection], Awaitable[None]]
 
 
 def start_server(
-    host: str, port: int, guard: Guard, options: Mapping[str, Any] | None = None
+    host: str,
+    port: int,
+    guard: Guard,
+    options: Mapping[str, Any] | None = None,
+    apart: Callable[[ServerConnection], Awaitable[None] | None] = lambda _: None,
 ) -> viser.ViserServer:
     """Start viser's server without its printed address and its public tunnels.
 
@@ -63,6 +70,8 @@ def start_server(
         Asked about each request before viser sees it; answers those that it refuses.
     options
         Options of websockets' `serve` in place of viser's.
+    apart
+        Serves a websocket that is not of viser's page; None leaves it to viser.
 
     Returns
     -------
@@ -81,7 +90,7 @@ def start_server(
     log.setLevel(max(logging.INFO, log.getEffectiveLevel()))
     log.addFilter(_is_of_this_side)
     # viser prints its own address whatever `verbose` says.
-    with contextlib.redirect_stdout(io.StringIO()), _guarded(guard, options or {}) as opened:
+    with contextlib.redirect_stdout(io.StringIO()), _guarded(guard, options or {}, apart) as opened:
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if not opened.is_set():
         stop_server(server)
@@ -125,7 +134,11 @@ _opening = threading.Lock()
 
 
 @contextlib.contextmanager
-def _guarded(guard: Guard, chosen: Mapping[str, Any]) -> Generator[threading.Event]:
+def _guarded(
+    guard: Guard,
+    chosen: Mapping[str, Any],
+    apart: Callable[[ServerConnection], Awaitable[None] | None],
+) -> Generator[threading.Event]:
     """Put a guard in the socket that viser opens meanwhile, and give an event that says it is in.
 
     viser fixes all options of websockets' `serve`, but looks that name up when it starts.
@@ -133,18 +146,22 @@ def _guarded(guard: Guard, chosen: Mapping[str, Any]) -> Generator[threading.Eve
     opened = threading.Event()
 
     def guarded_serve(
+        handler: Handler,
         *arguments: Any,
         process_request: Guard | None = None,
         **options: Any,
     ) -> websockets.asyncio.server.serve:
-        def answer(connection: ServerConnection, request: Request) -> Response | None:
+        def answer(connection: ServerConnection, request: Request) -> Answer:
             refusal = guard(connection, request)
             if refusal is not None or process_request is None:
                 return refusal
             return process_request(connection, request)
 
+        async def handle(connection: ServerConnection) -> None:
+            await (apart(connection) or handler(connection))
+
         opened.set()
-        return serve(*arguments, process_request=answer, **(options | dict(chosen)))
+        return serve(handle, *arguments, process_request=answer, **(options | dict(chosen)))
 
     with _opening:
         serve = websockets.asyncio.server.serve
@@ -161,6 +178,11 @@ def stop_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
+def connection_of(server: viser.ViserServer, number: int) -> ServerConnection | None:
+    """Return the connection of a page, by its client's number."""
+    return server._websock_server._live_connections.get(number)  # pyright: ignore[reportPrivateUsage]
+
+
 def page_of(server: viser.ViserServer, connection: ServerConnection) -> viser.ClientHandle | None:
     """Return the page that a connection is of, if it has spoken."""
     live = dict(server._websock_server._live_connections)  # pyright: ignore[reportPrivateUsage]
@@ -170,7 +192,7 @@ def page_of(server: viser.ViserServer, connection: ServerConnection) -> viser.Cl
 
 def close_page(server: viser.ViserServer, number: int, reason: str) -> None:
     """Close a page's connection and say why."""
-    connection = server._websock_server._live_connections.get(number)  # pyright: ignore[reportPrivateUsage]
+    connection = connection_of(server, number)
     if connection is not None:
         closing = connection.close(CloseCode.POLICY_VIOLATION, reason)
         asyncio.run_coroutine_threadsafe(closing, server.get_event_loop())
