@@ -14,6 +14,7 @@ from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session
 from app.simulation.bed import BedSession, DissectionFile
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.scene.drag_proxy import Hold
 
 __all__ = ["FEW", "MODES", "ClientState", "Mode", "Workers", "explained"]
 
@@ -88,8 +89,20 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         return run.exercise is not None and not run.over
 
     @abstractmethod
+    def grab(self, hold: Hold) -> None:
+        """Take with the mouse what it has pressed."""
+
+    @abstractmethod
+    def move_hand(self, hold: Hold) -> None:
+        """Lead what the mouse holds, if it holds something."""
+
+    @abstractmethod
     def release_hand(self) -> None:
         """Let go what the mouse holds, if it holds something."""
+
+    def release(self) -> None:
+        """Let go of the duct when a run is over."""
+        self.release_hand()
 
     @abstractmethod
     def reset(self) -> None:

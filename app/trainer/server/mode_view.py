@@ -1,14 +1,17 @@
 """What one client sees of one of its sessions: drawn and told about as often as there is time."""
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import viser
 
-from app.simulation import Clock
+from app.simulation import Clock, Reading
+from app.simulation.bed import BedReading
 from app.trainer.client.client_state import ClientState
+from app.trainer.panel.mode_panel import ModePanel
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
-from app.trainer.stage.lighting import LookChoice
+from app.trainer.scene.duct_on_stage import DuctOnStage
+from app.trainer.stage.lighting import Look, LookChoice
 from app.trainer.viser_bridge import watch_pace
 
 __all__ = ["ModeView"]
@@ -22,22 +25,35 @@ REMEDY = (
 )
 
 
-class ModeView(ABC):
-    """The scene and the panel of one mode of the page. `frames` counts how often it was drawn."""
+StateT = TypeVar("StateT", bound=ClientState[Any, Any])
+SceneT = TypeVar("SceneT", bound=DuctOnStage[Any])
+PanelT = TypeVar("PanelT", bound=ModePanel[Any, Any, Any])
+ReadingT = TypeVar("ReadingT", Reading, BedReading)
 
-    def __init__(self, state: ClientState[Any, Any]) -> None:
-        self.client = state.client
+
+class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
+    """The scene and the panel of one mode of the page. `frames` counts how often it was drawn.
+
+    The state's session is the client's alone. The look "plain" is for slow machines; "auto" changes
+    to it where the page draws too slowly.
+    """
+
+    def __init__(self, state: StateT, look: LookChoice) -> None:
+        self.client, self.state, self.session = state.client, state, state.session
         self.frames = 0
         self._clock = Clock()
         self._undrawn = False
         self._panel_due = 0.0
         self._panel_stale = True
         self._figures = True
-
-    @property
-    @abstractmethod
-    def state(self) -> ClientState[Any, Any]:
-        """What the parts of the page share."""
+        self._notice: viser.NotificationHandle | None = None
+        run = self.session.run
+        self._told: object = run if run.over else None  # the run whose end was told
+        self._scene = self._make_scene("plain" if state.plain else "full")
+        # Before the panel is sent, so that all that can be seen can be dragged.
+        self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
+        self._panel = self._make_panel()
+        self._watch_pace(look)
 
     def tick(self, seconds: float, *, draws: bool = True) -> None:
         """Advance the session, or its replay, by real time, s, and send what has changed."""
@@ -61,29 +77,87 @@ class ModeView(ABC):
             self._panel_stale = False
             self._tell()
 
-    @abstractmethod
     def close(self) -> None:
-        """Release the duct and remove what was uploaded, when the client has gone."""
+        """Release the duct and remove what was sent, when the client has gone."""
+        self.state.release_hand()
+        self._panel.close()
 
-    @abstractmethod
     def leave(self) -> None:
         """Remove the scene, for another mode."""
+        self.state.leave_replay()
+        self.close()
+        self._forget_tear()
+        self._scene.remove()
 
     @abstractmethod
+    def _make_scene(self, look: Look) -> SceneT:
+        """Return the scene."""
+
+    @abstractmethod
+    def _make_panel(self) -> PanelT:
+        """Return the panel."""
+
     def _advance(self, ticks: int) -> bool:
         """Advance what is shown by some ticks; return whether anything has moved."""
+        state = self.state
+        if state.take_home():
+            self._scene.frame_camera()
+        if (playback := state.playback) is not None:
+            return playback.tick(ticks)
+        return not state.paused and self.session.advance(ticks)
 
-    @abstractmethod
     def _has_news(self) -> bool:
         """Return whether the panel has something to tell although nothing has moved."""
+        run = self.session.run
+        # While all stands still the time shown runs on.
+        timed = run.going and run.exercise is not None
+        return timed or (run.over and run is not self._told)
 
-    @abstractmethod
     def _draw(self) -> None:
         """Draw the session as it is now."""
+        state, scene = self.state, self._scene
+        scene.watch(state.shown)
+        scene.set_look("plain" if state.plain else "full")
+        self._draw_reading(state.shown.reading())
 
     @abstractmethod
+    def _draw_reading(self, reading: ReadingT) -> None:
+        """Draw what the mode shows of a reading."""
+
     def _tell(self) -> None:
-        """Bring the panel up to date."""
+        """Bring the panel up to date, announce a tear, and show the result of an exercise."""
+        state = self.state
+        self._panel.show(state.shown.reading())
+        run, reading = self.session.run, self.session.reading()
+        if run.over and run is not self._told and self._tear_is_seen(reading):
+            self._told = run
+            state.keep_run()
+            kept = state.last_run
+            if run.exercise is not None and kept is not None:
+                state.release()
+                state.workers.background.submit(
+                    (id(self), "result"), lambda: self._panel.show_result(kept)
+                )
+            elif torn := self._torn_words(reading):
+                self._notice = self.client.add_notification(
+                    "The duct is torn", f"{torn} Press Reset (R) for a new one.", color="red"
+                )
+            self._panel_stale = True
+        if not run.over:
+            self._forget_tear()
+
+    def _forget_tear(self) -> None:
+        if self._notice is not None:
+            self._notice.remove()
+            self._notice = None
+
+    def _tear_is_seen(self, reading: ReadingT) -> bool:
+        """Return whether the picture shows a torn duct in two: it is not called torn before."""
+        return True
+
+    @abstractmethod
+    def _torn_words(self, reading: ReadingT) -> str:
+        """Return where the duct has torn, in a sentence; nothing for a whole one."""
 
     def _watch_pace(self, look: LookChoice) -> None:
         """Suggest the simple picture to a page that draws in software; "auto" switches to it."""
