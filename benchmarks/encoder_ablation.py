@@ -28,7 +28,6 @@ WITHOUT: dict[str, EncoderSettings] = {
 }
 """Settings without an idea each."""
 ADDED: dict[str, EncoderSettings] = {
-    "+ bends": replace(QUICK, farthest_bend=2),
     "+ second axis": replace(QUICK, axes=2),
     "+ more rounds": replace(QUICK, rounds=6),
     "+ key moves": replace(QUICK, moved=1, moved_rounds=2),

@@ -12,8 +12,7 @@ plus their bits, coarse levels first: refinement is hierarchical, each level add
 the coarser ones. Only the part across the axis counts, since along it places are free.
 """
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from organ_geometry.curves.axis_curve import (
     refinement,
 )
 from organ_geometry.encoder.coordinate_descent import (
-    UNBOUNDED,
+    ANYWHERE,
     Coordinates,
     Residuals,
     dense_bands,
@@ -54,11 +53,6 @@ class QuantisedAxis:
     step: float  # mm
     keys: NDArray[np.float64]  # (K, 3) mm, decoded from ends and bends
     cost: float  # Squared error plus the worth of its bits, mm^2
-
-    def bent(self, bends: NDArray[np.int64]) -> "QuantisedAxis":
-        """Return the axis with other (K, 3) bends; its cost is not known."""
-        keys = axis_keys(self.ends, bends, self.step)
-        return replace(self, bends=bends, keys=keys, cost=math.nan)
 
 
 def quantised_axis(
@@ -104,8 +98,6 @@ def quantised_axis(
         row=np.arange(size),
         change=np.zeros(size, dtype=np.intp),
         step=np.ones(size),
-        lowest=np.full(size, -UNBOUNDED),
-        highest=np.full(size, UNBOUNDED),
         bits=np.tile(first_axis_bits(), (size, 1)),
     )
     # Weight 1/2 of each squared component: a shift moves a point of a round boundary along its
@@ -120,7 +112,7 @@ def quantised_axis(
         known = 3 * np.count_nonzero(levels[inner] <= level)
         ranges = np.array([[0, known]])
         descend(
-            integers, coordinates, bands, ones, points, penalty, ranges, UNBOUNDED, 20
+            integers, coordinates, bands, ones, points, penalty, ranges, ANYWHERE, 20
         )  # fmt: skip
     bends = np.zeros((count, 3), dtype=np.int64)
     bends[inner] = integers.reshape(-1, 3)

@@ -23,12 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import ContourLoft, SectionContour
-from organ_geometry.curves.axis_curve import even_places, key_depth, natural_cubic, refinement
 from organ_geometry.curves.half_curves import HALF_WIDTH, closed_outlines
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.curves.outline_distance import polygon_distances
 from organ_geometry.encoder.axis_encoder import QuantisedAxis
-from organ_geometry.encoder.jacobian import AxisMotion, EdgeJacobian
+from organ_geometry.encoder.jacobian import EdgeJacobian
 from organ_geometry.encoder.section_encoder import (
     Outlines,
     SectionEncoder,
@@ -43,8 +42,6 @@ from organ_geometry.organ_file.organ_code import (
     TURNS,
     axis_and_frames,
     axis_pieces,
-    bend_steps,
-    chord_frame,
     leans_of,
 )
 from organ_geometry.surface_distance import LocatedPoints
@@ -175,7 +172,6 @@ class AxisSampling:
             keys, self.pieces, self.start_axis, self.roll, self._leans, self.turn,
             left_handed=left_handed,
         )  # fmt: skip
-        self._frames_read = frames
         # For each wall its edge points in their sections, and the (N,) slices that they are of.
         self.edges: list[tuple[LocatedPoints, NDArray[np.intp]]] = []
         for wall in ("outer", "lumen") if hollow else ("outer",):
@@ -193,21 +189,8 @@ class AxisSampling:
     def jacobian(self) -> EdgeJacobian:
         """Return how edge points' distances change with integers about this axis."""
         return EdgeJacobian.of(
-            self.edges, len(self.places), self.pieces, self.candidates, self._motion(),
-            self._settings.points,
+            self.edges, len(self.places), self.pieces, self.candidates, self._settings.points
         )  # fmt: skip
-
-    def _motion(self) -> AxisMotion:
-        """Return how the sections of a reader's axis move with the axis's bends."""
-        axis = self.axis
-        count = len(axis.bends)
-        spline = natural_cubic(even_places(axis.keys, self.pieces), count)
-        weights = spline @ refinement(key_depth(count))
-        # Directions of a bend by one step, in space, then as x and y of each section.
-        ways = chord_frame(np.asarray(axis.ends[1] * axis.step, dtype=np.float64))
-        ways *= bend_steps(axis.step)[:, np.newaxis]
-        across = np.einsum("wc,ncx->nwx", ways, self._frames_read[:, :, :2])
-        return AxisMotion(weights, across)
 
     def section_rms(
         self, keys: NDArray[np.intp], walls: Sequence[NDArray[np.float64]]

@@ -30,7 +30,7 @@ from organ_geometry.curves.outline_distance import polygon_distances, polygon_si
 from organ_geometry.encoder.axis_encoder import QuantisedAxis, quantised_axis
 from organ_geometry.encoder.axis_sampling import AxisSampling
 from organ_geometry.encoder.costs import PenaltyController
-from organ_geometry.encoder.refinement import OrganIntegers, Refinement
+from organ_geometry.encoder.refinement import Refinement
 from organ_geometry.encoder.section_encoder import KeySections
 from organ_geometry.encoder.settings import EncoderSettings
 from organ_geometry.organ import Wall
@@ -66,10 +66,10 @@ class Encoding:
         return code_bytes(self.code)
 
     @property
-    def integers(self) -> OrganIntegers:
-        """Those of the integers that refinement chooses together."""
+    def sections(self) -> KeySections:
+        """The integers of the key sections."""
         walls = [self.code.outer] if self.code.lumen is None else [self.code.outer, self.code.lumen]
-        return OrganIntegers(KeySections(self.code.keys, np.stack(walls)), self.code.bends)
+        return KeySections(self.code.keys, np.stack(walls))
 
 
 class CandidateEncoder:
@@ -166,7 +166,7 @@ class CandidateEncoder:
             4.0 * self._radius, settings=self.settings, left_handed=self._left_handed,
             frames_from=one.sampling,
         )  # fmt: skip
-        return self.evaluate(sampling, code.section_scale, one.integers.sections)
+        return self.evaluate(sampling, code.section_scale, one.sections)
 
     def axis(
         self, levels: int, scale: int, reach: tuple[float, float] = (0.0, 0.0)
@@ -244,42 +244,28 @@ class CandidateEncoder:
             penalty = replace(penalty, slope=slope)
         controller = PenaltyController(penalty, together=together)
         found: list[Encoding] = []
-        sampling, jacobian = one.sampling, one.sampling.jacobian()
-        # Near the sections the axis is kept: bends are linear no more where distances are so small.
-        bend_axis, still = not nearest, 0
+        sampling, jacobian, still = one.sampling, one.sampling.jacobian(), 0
         for _ in range(rounds):
             # Enough, the price found, or twice nothing changed although the penalty did.
             if (nearest and one.worst <= 1.0) or controller.settled or still == 2:
                 break
-            if one.sampling is not sampling:
-                sampling, jacobian = one.sampling, one.sampling.jacobian()
             refinement = Refinement(
-                jacobian, one.integers, signal_steps(step), self.limits, one.rms,
-                controller.penalty, settings, bend_axis=bend_axis,
+                jacobian, one.sections, signal_steps(step), self.limits, one.rms,
+                controller.penalty, settings,
             )  # fmt: skip
-            integers = refinement.refined(move_keys=move_keys)
-            bent = not np.array_equal(integers.bends, one.code.bends)
-            new = sampling
-            if bent:
-                new = self._sample(
-                    sampling.axis.bent(integers.bends), sampling.depth, sampling.turn
-                )
-            encoding = self.evaluate(new, scale, integers.sections)
-            excess = math.inf if encoding is None else float((encoding.rms / self.limits).max())
-            # Sections that are off by a fifth more than predicted: the axis was bent too far for
-            # linear distances, and stays as it is from here on.
-            if bent and excess > 1.2 * max(1.0, refinement.predicted):
-                bend_axis = False
-                continue
+            sections = refinement.refined(move_keys=move_keys)
+            encoding = self.evaluate(sampling, scale, sections)
             if encoding is None:
                 break
             found.append(encoding)
-            same = not bent and _same(encoding, one)
+            same = _same(sections, one.sections)
             still = still + 1 if same else 0
             if same and encoding.worst <= 1.0 and not together:
                 break
             if settings.penalty_learned:
-                controller.learn(excess, encoding.overall / self._overall)
+                controller.learn(
+                    float((encoding.rms / self.limits).max()), encoding.overall / self._overall
+                )
             # With an overall limit, one that missed it is not gone on from if one that kept it is
             # there: it has lost key sections, and refinement does not put them back.
             if not together or encoding.worst <= 1.0 or one.worst > 1.0:
@@ -355,9 +341,8 @@ def thinnest_wall(outer: NDArray[np.float64], lumen: NDArray[np.float64]) -> flo
     return float(np.where(inside, away, -away).min())
 
 
-def _same(one: Encoding, other: Encoding) -> bool:
-    here, there = one.integers.sections, other.integers.sections
-    return np.array_equal(here.keys, there.keys) and np.array_equal(here.stored, there.stored)
+def _same(one: KeySections, other: KeySections) -> bool:
+    return np.array_equal(one.keys, other.keys) and np.array_equal(one.stored, other.stored)
 
 
 def _depth(sections: int) -> int:

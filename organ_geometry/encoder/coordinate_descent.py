@@ -14,7 +14,7 @@ d k_s), with l_s = sum w A e and k_s = sum w A^2: the errors of any number of ch
 over the points. So each integer is compared at a few values, with the optimum of the quadratic
 through the current slopes among them, and set to the cheapest; e and D follow. Passes are repeated
 until nothing changes. It is the same for all that is quantised here: an axis's bends to its
-centroids, coefficients to one boundary's fit, and all of an organ's integers to its edges.
+centroids, coefficients to one boundary's fit, and those of all key sections to the edges.
 """
 
 import math
@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from organ_geometry.encoder.settings import Penalty
 
-UNBOUNDED = 2**40
-"""A bound on integers that bounds none: the file holds sizes below 2^48."""
+ANYWHERE = 2**40
+"""A reach that bounds no integer: the file holds sizes below 2^48."""
 
 
 class Bands(NamedTuple):
@@ -56,18 +56,12 @@ class Coordinates(NamedTuple):
     row: NDArray[np.intp]
     change: NDArray[np.intp]
     step: NDArray[np.float64]  # (M,) step_i
-    # (M,) bounds of q_i, both included.
-    lowest: NDArray[np.int64]
-    highest: NDArray[np.int64]
     bits: NDArray[np.float64]  # (M, 13) r_i of sizes 0 to 12; larger ones are extrapolated
 
 
-def dense_bands(columns: NDArray[np.float64], least: float = 0.0) -> Bands:
-    """Return a dense (N, R) matrix's columns as rows, cut where below a share of their largest."""
-    # Natural splines reach far with next to nothing. What a share cuts off there only makes the
-    # prediction a little worse: evaluation has all of it.
-    sizes = np.abs(columns)
-    used = sizes > least * sizes.max(axis=0, initial=0.0)
+def dense_bands(columns: NDArray[np.float64]) -> Bands:
+    """Return a dense (N, R) matrix's columns as rows, without the zeros at both ends."""
+    used = columns != 0.0
     there = used.any(axis=0)
     first = np.where(there, used.argmax(axis=0), 0)
     last = np.where(there, len(columns) - used[::-1].argmax(axis=0), 0)
@@ -76,16 +70,6 @@ def dense_bands(columns: NDArray[np.float64], least: float = 0.0) -> Bands:
     ]
     start = np.cumsum(last - first) - (last - first)
     return Bands(first, last, start, np.concatenate(rows))
-
-
-def joined_bands(one: Bands, other: Bands) -> Bands:
-    """Return the rows of one and then of another."""
-    return Bands(
-        np.concatenate([one.first, other.first]),
-        np.concatenate([one.last, other.last]),
-        np.concatenate([one.start, other.start + len(one.weights)]),
-        np.concatenate([one.weights, other.weights]),
-    )
 
 
 def penalty_row(penalty: Penalty) -> NDArray[np.float64]:
@@ -123,7 +107,7 @@ def descend(
     # them e_p and D_s of the points, in place; `passes` bounds the rounds over all of them.
     # Integers follow one another along the organ, so that a pass carries an error made by one on to
     # its neighbours, as in Gauss-Seidel iteration.
-    row, change, step, lowest, highest, bits = coordinates
+    row, change, step, bits = coordinates
     first, last, start, weights = bands
     sections, shares, residuals, errors = points
     effect = np.empty(len(residuals))  # A_pi of one integer
@@ -161,7 +145,7 @@ def descend(
                     stiff += (slope + 1e-3) * quadratic[s]
                     cost += _phi(errors[s], penalty)
                 now = integers[i]
-                low, high = max(lowest[i], now - reach), min(highest[i], now + reach + 1)
+                low, high = now - reach, now + reach + 1
                 wanted = min(max(now - force / stiff, float(low)), float(high))
                 floor = int(np.floor(wanted))
                 # Zero first: it is the cheapest, and what is not cheaper than the best so far in
@@ -221,7 +205,7 @@ def zero_groups(
     """Set all integers of a group to zero where that lowers J, and return of how many groups."""
     # A group is a range [begin, end) of integers of one row; its own bits are saved with it. One by
     # one they would not go: each alone costs more error than it saves bits.
-    row, change, step, _, _, bits = coordinates
+    row, change, step, bits = coordinates
     first, last, start, weights = bands
     sections, shares, residuals, errors = points
     trial = np.empty(len(residuals))  # e_p without the group

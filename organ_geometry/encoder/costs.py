@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.curves.axis_curve import key_depth, key_levels
 from organ_geometry.encoder.settings import Penalty
 from organ_geometry.organ_file.coefficients import SIGNALS
 
@@ -49,24 +48,6 @@ def first_axis_bits() -> NDArray[np.float64]:
     # choice of an axis only.
     sizes = np.arange(1.0, LARGEST_SIZE + 1)
     return np.concatenate([[0.7], 2.5 + 2.0 * np.log2(sizes)])
-
-
-def learned_axis_bits(bends: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the (3 B, 13) bits of bends like those that are stored, by level and direction."""
-    # The file has four contexts by level, and one along the chord beside one for both across it.
-    levels = np.minimum(key_levels(key_depth(len(bends))), 4)
-    # The two ends are stored otherwise: their bends are zero and stay so.
-    bits = np.full((len(bends), 3, LARGEST_SIZE + 1), np.inf)
-    bits[:, :, 0] = 0.0
-    for level in range(1, int(levels.max()) + 1):
-        here = levels == level
-        sizes = np.abs(bends[here])
-        of_sizes = _size_bits(sizes)
-        for directions in (slice(0, 1), slice(1, 3)):
-            zeros = ((sizes[:, directions] == 0).sum() + 0.5) / (sizes[:, directions].size + 1.0)
-            bits[here, directions, 0] = -math.log2(zeros)
-            bits[here, directions, 1:] = 1.0 - math.log2(1.0 - zeros) + of_sizes
-    return bits.reshape(-1, LARGEST_SIZE + 1)
 
 
 def _size_bits(sizes: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -14,9 +14,7 @@ with h_k = s_k + a g_k (g the half-circle), so that, on the half of sign h = +-1
 
     C_a = -(n_x u + h n_y sum g_k U_k(u)),  C_e = -n_x,  C_sk = -h n_y U_k(u),  C_dk = -n_y U_k(u)
 
-Between the two halves, on the upright sides, h goes from one to the other. A bend of the axis moves
-a section as a whole: along x as C_e does and along y as C_d0, so that bends are of the same form,
-with the weights of the axis's spline for b and three rows C, one a direction.
+Between the two halves, on the upright sides, h goes from one to the other.
 
 b is banded, because a key section has to do with few pieces around it: `Bands` keeps, for each row,
 the first point that it has to do with, the one after the last, and the weights between.
@@ -31,7 +29,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.curves.key_blend import KeyBlend
-from organ_geometry.encoder.coordinate_descent import Bands, dense_bands
+from organ_geometry.encoder.coordinate_descent import Bands
 from organ_geometry.organ_file.coefficients import (
     ASIDE,
     CIRCLE,
@@ -47,17 +45,6 @@ from organ_geometry.surface_distance import OUTLINE_CORNERS, LocatedPoints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AxisMotion:
-    """How the sections of an axis move with its bends."""
-
-    # (N + 1, K) weight of a bend of each of K axis keys in each of N + 1 sections of the axis.
-    weights: NDArray[np.float64]
-    # (N + 1, 3, 2) how far a bend of one in each of its three directions moves a section in x and y
-    # where its weight is one, mm.
-    directions: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class EdgeJacobian:
     """A part of the edge points p of every slice s, located in the sections of one axis."""
 
@@ -70,7 +57,6 @@ class EdgeJacobian:
     # Of a reader's axis, and between candidates for key sections, which divide them.
     pieces: int
     candidates: int
-    motion: AxisMotion
 
     @classmethod
     def of(
@@ -79,7 +65,6 @@ class EdgeJacobian:
         count: int,
         pieces: int,
         candidates: int,
-        motion: AxisMotion,
         most: int,
     ) -> "EdgeJacobian":
         """Return the Jacobian at about `most` edge points a wall of each of `count` slices."""
@@ -109,7 +94,6 @@ class EdgeJacobian:
             weights=stands_for / np.bincount(slices, stands_for, count)[slices],
             pieces=pieces,
             candidates=candidates,
-            motion=motion,
         )
 
     def of_slices(self, slices: NDArray[np.intp]) -> "EdgeJacobian":
@@ -125,7 +109,6 @@ class EdgeJacobian:
             weights=self.weights[some],
             pieces=self.pieces,
             candidates=self.candidates,
-            motion=self.motion,
         )
 
     def key_bands(self, keys: NDArray[np.intp]) -> Bands:
@@ -158,20 +141,6 @@ class EdgeJacobian:
     def signals(self, keys: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (N, 16) coefficients in the points' sections, from those at the key sections."""
         return KeyBlend.at(self.at, keys).of(values)
-
-    def axis_bands(self, changes: NDArray[np.float64]) -> tuple[Bands, NDArray[np.float64]]:
-        """Return the weights b of the axis's keys in the points, and (3, N) their rows of C."""
-        # (16, N) changes are those by the outer boundary's coefficients, as `linearised` has them.
-        piece, share = self.points.piece, self.points.share[:, np.newaxis]
-        weights, moves = self.motion.weights, self.motion.directions
-        weights = weights[piece] * (1.0 - share) + weights[piece + 1] * share
-        # The axis's two ends are kept: no bend is theirs.
-        weights[:, [0, -1]] = 0.0
-        share = share[:, np.newaxis]
-        moves = moves[piece] * (1.0 - share) + moves[piece + 1] * share
-        ways = np.einsum("pwx,xp->wp", moves, np.stack([changes[ASIDE], changes[SKEW][0]]))
-        # A cubic's bends die away along it: a thousandth of the largest is let go.
-        return dense_bands(weights, 1e-3), ways
 
 
 def _changes(

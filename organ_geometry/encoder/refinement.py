@@ -1,19 +1,18 @@
 """Refinement of an organ's integers: fewer bits, every slice within its limit.
 
-All integers of an encoding, the axis's bends and what is stored of the key sections, are chosen
-together by coordinate descent on the distances linearised about the encoding (`jacobian`,
-`coordinate_descent`): the least J = R + sum of phi(D_s). A slice is a section as it was imaged.
+All integers of an encoding's key sections are chosen together by coordinate descent on the
+distances linearised about the encoding (`jacobian`, `coordinate_descent`): the least J = R + sum of
+phi(D_s). The axis stays. A slice is a section as it was imaged.
 
     w_p   share of p in its slice's mean, over limit_s^2: D_s = sum of w_p e_p^2 is 1 at the limit
     D_s   begins as measured by all edge points, and changes by what the chosen points predict
 
 Key sections go where all their integers are zero and where that costs less. With full effort they
 are also moved, left out and put between others one by one: a greedy search over sets of keys, each
-trial by a short descent of the keys nearby. Integers are in one row: the axis's 3 B bends, then for
-each key section the 16 of the outer boundary and the 16 of the lumen.
+trial by a short descent of the keys nearby. Integers are in one row: for each key section the 16 of
+the outer boundary and the 16 of the lumen.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,17 +20,14 @@ from numpy.typing import NDArray
 
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import (
-    UNBOUNDED,
     Coordinates,
     Residuals,
     descend,
-    joined_bands,
     penalty_row,
     zero_groups,
 )
 from organ_geometry.encoder.costs import (
     first_bits,
-    learned_axis_bits,
     learned_bits,
     total_bits,
     total_penalty,
@@ -43,20 +39,12 @@ from organ_geometry.organ_file.coefficients import SIGNALS
 from organ_geometry.organ_file.key_order import differences_to_values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OrganIntegers:
-    """The integers of an organ that are chosen together."""
-
-    sections: KeySections  # What is stored of the key sections
-    bends: NDArray[np.int64]  # (B, 3) stored differences of the axis's keys
-
-
 @dataclass(slots=True, eq=False)
 class _State:
     """Integers, with the distances and errors predicted for them."""
 
     keys: NDArray[np.intp]  # (K,) key sections
-    # (3 B + 16 W K,) bends, then those of each key section: of the outer boundary, of the lumen.
+    # (16 W K,) of each key section those of the outer boundary and then of the lumen.
     integers: NDArray[np.int64]
     residuals: NDArray[np.float64]  # (N,) distances of the points, mm
     errors: NDArray[np.float64]  # (S,) D of each slice
@@ -68,25 +56,20 @@ class Refinement:
     def __init__(
         self,
         jacobian: EdgeJacobian,
-        integers: OrganIntegers,  # Where descent begins
+        sections: KeySections,  # Where descent begins
         steps: NDArray[np.float64],  # (16,) steps of the coefficients, mm
         limits: NDArray[np.float64],  # (S,) RMS distance that each slice may have, mm
         measured: NDArray[np.float64],
         penalty: Penalty,
         settings: EncoderSettings,
-        *,
-        bend_axis: bool,
     ) -> None:
         # (S,) measured RMS distances are of all edge points, mm; the Jacobian has a part of them.
-        sections, bends = integers.sections, integers.bends
         self._jacobian, self._steps, self._settings = jacobian, steps, settings
         self._penalty, self._row = penalty, penalty_row(penalty)
         # C is linearised once, about the integers given; e_p and D_s then follow all changes.
         residuals, changes = jacobian.linearised(sections.keys, sections.stored, steps)
-        self._axis, ways = jacobian.axis_bands(changes[0])
-        # Rows of C: those of the walls' coefficients, then the axis's three directions.
         self._walls = len(sections.stored)
-        self._changes = np.concatenate([*changes, ways])
+        self._changes = np.concatenate(changes)  # Rows of C: those of the walls' coefficients
         self._weights = jacobian.weights / limits[jacobian.slices] ** 2
         # The first key section's integers have bits of their own.
         self._bits = np.stack([
@@ -94,20 +77,15 @@ class Refinement:
             np.concatenate([learned_bits(wall) for wall in sections.stored]),
         ])  # fmt: skip
         # Tables are learned from the encoding given, and stay: they are the prices of this round.
-        self._axis_bits = learned_axis_bits(bends)
-        self._bends, self._bend_axis = bends, bend_axis and settings.farthest_bend > 0
-        stored = sections.stored.transpose(1, 0, 2).ravel()
         self._state = _State(
             sections.keys,
-            np.concatenate([bends.ravel(), stored]),
+            sections.stored.transpose(1, 0, 2).flatten(),
             residuals,
             # Each slice begins with what was measured by all its points.
             (measured / limits) ** 2,
         )
-        # The largest RMS distance of a slice, in limits, that the integers returned are to have.
-        self.predicted = math.sqrt(float(self._state.errors.max()))
 
-    def refined(self, *, move_keys: bool = False) -> OrganIntegers:
+    def refined(self, *, move_keys: bool = False) -> KeySections:
         """Return integers of lower cost, without key sections that are not worth their bits."""
         self._descend(self._state)
         if move_keys:
@@ -117,54 +95,40 @@ class Refinement:
                     break
             self._descend(self._state)
         state = self._state = self._without_zero_keys(self._state)
-        self.predicted = math.sqrt(max(0.0, float(state.errors.max())))
-        return OrganIntegers(
-            KeySections(state.keys, np.ascontiguousarray(self._stored(state))),
-            state.integers[: self._bends.size].reshape(self._bends.shape).copy(),
-        )
+        return KeySections(state.keys, np.ascontiguousarray(self._stored(state)))
 
     def _stored(self, state: _State) -> NDArray[np.int64]:
         """Return a state's (W, K, 16) integers of key sections, as a view."""
-        stored = state.integers[self._bends.size :]
-        return stored.reshape(len(state.keys), self._walls, SIGNALS).transpose(1, 0, 2)
+        stored = state.integers.reshape(len(state.keys), self._walls, SIGNALS)
+        return stored.transpose(1, 0, 2)
 
     def _coordinates(self, keys: int) -> Coordinates:
         """Return effect and cost of each integer, with so many key sections."""
-        # Integers of a key section share its row b, and a column of C each; a bend's row is its
-        # axis key's, its columns come after those of the coefficients.
-        bends, block = self._bends.ravel(), self._walls * SIGNALS
-        reach = self._settings.farthest_bend
-        unbounded = np.full(keys * block, UNBOUNDED)
+        # Integers of a key section share its row b, and have a row of C each.
+        block = self._walls * SIGNALS
         return Coordinates(
-            row=np.concatenate([
-                np.arange(bends.size) // 3, len(self._bends) + np.arange(keys * block) // block,
-            ]),
-            change=np.concatenate([
-                block + np.arange(bends.size) % 3, np.tile(np.arange(block), keys),
-            ]),
-            step=np.concatenate([np.ones(bends.size), np.tile(self._steps, keys * self._walls)]),
-            lowest=np.concatenate([bends - reach, -unbounded]),
-            highest=np.concatenate([bends + reach, unbounded]),
+            row=np.arange(keys * block) // block,
+            change=np.tile(np.arange(block), keys),
+            step=np.tile(self._steps, keys * self._walls),
             bits=self._tables(keys),
-        )  # fmt: skip
+        )
 
     def _tables(self, keys: int) -> NDArray[np.float64]:
         first, others = self._bits
-        return np.concatenate([self._axis_bits, first, np.tile(others, (keys - 1, 1))])
+        return np.concatenate([first, np.tile(others, (keys - 1, 1))])
 
     def _descend(self, state: _State, trial: int | None = None) -> None:
         """Lower a state's cost with its key sections fixed; on trial only near one of them."""
-        count, bends = len(state.keys), self._bends.size
+        count = len(state.keys)
         coordinates = self._coordinates(count)
-        bands = joined_bands(self._axis, self._jacobian.key_bands(state.keys))
+        bands = self._jacobian.key_bands(state.keys)
         points = Residuals(self._jacobian.slices, self._weights, state.residuals, state.errors)
-        starts = bends + self._walls * SIGNALS * np.arange(count + 1)
+        starts = self._walls * SIGNALS * np.arange(count + 1)
         begin, end = 0, count
         if trial is not None:
             # What a move changes is taken up by the two key sections to both its sides.
             begin, end = max(0, trial - 2), min(count, trial + 3)
-        free = self._bend_axis and trial is None
-        ranges = np.array([[0, bends if free else 0], [starts[begin], starts[end]]])
+        ranges = np.array([[starts[begin], starts[end]]])
         # The first and the last key section are always stored: no groups of theirs.
         groups = np.stack([starts[1:-2], starts[2:-1]], axis=1)
         # Zeroed key sections let others change, and the other way round.
@@ -203,7 +167,6 @@ class Refinement:
         """Return a state of other key sections, with nearly the same coefficients between them."""
         # The old blend's values at the new keys, rounded again; residuals follow by C.
         here, there = differences_to_values(state.keys), differences_to_values(keys)
-        bends = self._bends.size
         stored: list[NDArray[np.int64]] = []
         residuals = state.residuals.copy()
         for wall, own in enumerate(self._stored(state)):
@@ -220,9 +183,7 @@ class Refinement:
             self._weights * (residuals**2 - state.residuals**2),
             len(state.errors),
         )
-        flat = np.stack(stored, axis=1).ravel()
-        integers = np.concatenate([state.integers[:bends], flat])
-        return _State(keys, integers, residuals, errors)
+        return _State(keys, np.stack(stored, axis=1).ravel(), residuals, errors)
 
     def _without_zero_keys(self, state: _State) -> _State:
         """Return a state without the keys of which all integers are zero, where it costs less."""

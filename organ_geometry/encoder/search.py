@@ -327,11 +327,10 @@ class SampledSearch:
             joined[_worst_of_runs(kept.rms / limits)] = True
             slices = np.flatnonzero(joined)
             refinement = Refinement(
-                jacobian.of_slices(slices), kept.integers, signal_steps(code.section_step),
-                limits[slices], kept.rms[slices], controller.penalty, settings, bend_axis=False,
+                jacobian.of_slices(slices), kept.sections, signal_steps(code.section_step),
+                limits[slices], kept.rms[slices], controller.penalty, settings,
             )  # fmt: skip
-            sections = refinement.refined().sections
-            again = candidates.evaluate(kept.sampling, code.section_scale, sections)
+            again = candidates.evaluate(kept.sampling, code.section_scale, refinement.refined())
             if again is None or again.worst <= 1.0:
                 return again
             kept = again

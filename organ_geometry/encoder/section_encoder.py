@@ -25,7 +25,7 @@ from kernel_cache import njit
 from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_SHARE
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import (
-    UNBOUNDED,
+    ANYWHERE,
     Coordinates,
     Residuals,
     dense_bands,
@@ -184,8 +184,6 @@ class _Quantiser:
                 row=np.arange(count),
                 change=np.zeros(count, dtype=np.intp),
                 step=np.full(count, step),
-                lowest=np.full(count, -UNBOUNDED),
-                highest=np.full(count, UNBOUNDED),
                 bits=tables,
             )
             best = math.inf
@@ -197,7 +195,7 @@ class _Quantiser:
                 errors = np.array([weights @ (rest * rest)])
                 points = Residuals(section, weights, rest, errors)
                 descend(
-                    integers, coordinates, self._bands, ones, points, row, everything, UNBOUNDED, 20
+                    integers, coordinates, self._bands, ones, points, row, everything, ANYWHERE, 20
                 )  # fmt: skip
                 cost = penalty.slope * float(errors[0]) + total_bits(tables, integers)
                 if cost < best:

@@ -35,10 +35,6 @@ class EncoderSettings:
     # Squared error, in squared steps summed over sections, that a bit of the first axis is worth:
     # few bits, because sections take up what it leaves.
     axis_bit_worth: float = 0.1
-    # Farthest that a bend is moved in one refinement, in steps; distances are linear only near
-    # where they were measured. 0: the axis stays as its centroids made it, which takes
-    # hardly more bytes and less time with the steps above (table: + bends).
-    farthest_bend: int = 0
     # Whether end sections may lean out of the axis, as oblique images do (table: tilts).
     tilts: bool = True
 
@@ -88,13 +84,12 @@ class EncoderSettings:
 
 
 QUICK = EncoderSettings()
-# Full effort also tries what gains little, or on few sets: more axes, rotations and rounds, bends
-# together with sections, and moved key sections.
+# Full effort also tries what gains little, or on few sets: more axes, rotations and rounds, and
+# moved key sections.
 FULL = EncoderSettings(
     axis_levels=(0, -1, -2),
     axis_steps=(1.0, 1.5, 2.0, 3.0),
     axis_bit_worth=0.2,
-    farthest_bend=2,
     bit_worths=(0.1, 0.3),
     rotation_tried=0.95,
     rounds=10,
