@@ -13,7 +13,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer wheel test test-all coverage check bench screenshots soak licences audit lint types layers format clean
+.PHONY: help trainer wheel test test-all coverage check bench docs screenshots soak licences audit lint types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -40,8 +40,12 @@ check: lint types layers  ## lint, types and import layers
 bench: $(VENV)/.peers  ## measure what things cost on this machine, beside peers
 	@$(BIN)/python -m benchmarks
 
+docs: $(VENV)/.tests  ## build the site in site/: open site/index.html
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
 	@$(BIN)/python tests/app/screenshots.py docs/images
+	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
 
 soak: $(VENV)/.tests  ## attack a trainer on loopback, and write docs/reliability.md (some 15 min)
 	@PYTHONPATH=. $(BIN)/python tests/app/soak.py $(ARGS)
@@ -68,7 +72,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) $(BLENDER) $(AUDIT) build dist tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) $(AUDIT) build dist site tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:

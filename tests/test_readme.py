@@ -12,21 +12,11 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import run
+from program import blocks, commands, run
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text()
-
-
-def blocks(text: str, kind: str) -> list[str]:
-    return re.findall(rf"^```{kind}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-
-
-def commands(text: str, program: str) -> list[list[str]]:
-    lines = "\n".join(blocks(text, "sh")).splitlines()
-    split = [shlex.split(line, comments=True) for line in lines]
-    return [words[1:] for words in split if words and words[0] == program]
 
 
 def test_every_command_is_tested_here() -> None:

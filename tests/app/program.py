@@ -3,6 +3,7 @@
 import contextlib
 import io
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -70,3 +71,15 @@ def started(*arguments: object, entry: str = ENTRY) -> Iterator[tuple[subprocess
             yield process, found.group()
         finally:
             process.kill()
+
+
+def blocks(text: str, kind: str) -> list[str]:
+    """The fenced blocks of a page in one language."""
+    return re.findall(rf"^```{kind}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def commands(text: str, program: str) -> list[list[str]]:
+    """The words after the program's name, of each of its lines in a page."""
+    lines = "\n".join(blocks(text, "sh")).splitlines()
+    split = [shlex.split(line, comments=True) for line in lines]
+    return [words[1:] for words in split if words and words[0] == program]

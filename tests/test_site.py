@@ -1,0 +1,91 @@
+"""The site builds, loads nothing from elsewhere, and what it shows is what its lines give."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from program import blocks, commands, run
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+PAGES = ("index", "gallery", "tutorials/dissect", "tutorials/check", "tutorials/organ")
+TEXTS = [(ROOT / "docs" / f"{page}.md").read_text() for page in PAGES]
+EXAMPLES = sorted(re.findall(r'^--8<-- "examples/(.*?)"$', "\n".join(TEXTS), flags=re.MULTILINE))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built strictly: a link to a page, a heading or a picture that is not there is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", folder],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 20
+    for page in pages:
+        html = page.read_text()
+        loaded = re.findall(r"<(?:script|img|iframe|source|video)[^>]*?src=\"?([^\">\s]+)", html)
+        loaded += re.findall(
+            r"<link[^>]*?rel=\"?(?:stylesheet|preconnect)[^>]*?href=\"?([^\">\s]+)", html
+        )
+        loaded += re.findall(r"url\(([^)]+)\)", html)
+        assert not [place for place in loaded if re.match(r"[\"']?(https?:)?//", place)], page
+        assert "Not clinically validated, not a medical device." in html
+
+
+def test_python_s_faces_are_described(site: Path) -> None:
+    import physics
+    import physics.bed
+
+    for page, package in (("physics", physics), ("bed", physics.bed)):
+        html = (site / "api" / f"{page}.html").read_text()
+        for name in package.__all__:
+            assert re.search(rf'id="{package.__name__}\.(\w+\.)?{name}"', html), name
+
+
+def test_every_example_is_shown() -> None:
+    scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - {"gallery.py"}
+    assert set(EXAMPLES) == scripts
+
+
+@pytest.mark.parametrize("name", sorted(set(EXAMPLES)))
+def test_example_prints_what_its_page_shows(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    source = (ROOT / "examples" / name).read_text()
+    exec(compile(source, name, "exec"), {"__name__": "__main__"})
+    printed = capsys.readouterr().out
+    shown = [text for page in TEXTS for text in blocks(page, "text")]
+    assert printed in shown
+    written = re.findall(r'(?:savefig|Path)\("(.*?)"', source)
+    assert written
+    for file in written:
+        assert Path(file).stat().st_size > 0
+
+
+def test_commands_of_the_tutorials_run_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    monkeypatch.chdir(tmp_path)
+    made_before = commands(README, "bluntdissect")
+    for text in TEXTS:
+        for line in "\n".join(blocks(text, "sh")).splitlines():
+            program, *words = shlex.split(line) or ["make"]
+            assert program in {"bluntdissect", "make"}
+            # The README's commands are run by its test.
+            if program == "bluntdissect" and (words not in made_before or words[0] == "compress"):
+                done = run(*words)
+                assert done.returncode == 0, (words, done.stderr)
