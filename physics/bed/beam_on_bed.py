@@ -216,6 +216,10 @@ class BeamOnBed:
             sums=blank(kernels.SUM_ROWS),
         )
         self._gross = 0.0
+        # The largest stiffness of the strands at one node, N/mm.
+        self._tightest = float(
+            np.bincount(self._node, table[kernels.STIFF], minlength=nodes).max(initial=0.0)
+        )
         self._measure_rest()
 
     def _measure_rest(self) -> None:
@@ -549,7 +553,8 @@ class BeamOnBed:
     def _rounding(self) -> float:
         """Return the error of forces from places rounded to their last digit, N."""
         s = self.state
-        return 1e-15 * float(s.stiff[:, :3].max()) * self.beam.span / float(s.h.min())
+        beam = float(s.stiff[:, :3].max()) / float(s.h.min())
+        return 1e-15 * max(beam, self._tightest) * self.beam.span
 
     def tick(
         self,

@@ -94,6 +94,8 @@ SUM_ROWS = 19
 TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
 ROD_ROWS = 8
 
+SLIPS, MOST_WRAP = 3.0, 3.2
+"""Angles, rad: wrapped by more a strand slips off a rod; and none is wrapped by more."""
 UNMET = 2
 """In `side`: a strand that is out of a rod's reach, or past its tip. Odd ones touch it."""
 
@@ -500,8 +502,8 @@ def way_round(
 ) -> tuple[int, float, Three, Three, float]:
     """Return side, length, its derivatives by a and b, and its curvature across the rod."""
     # `live`: strands may be met and may slip off. The length is that round the rod also where a
-    # strand has just slipped off it, else 0. An end inside the rod counts as on its surface,
-    # straight out from the axis.
+    # strand has just slipped off it, else 0. To a strand with an end inside it the rod is only as
+    # thick as leaves that end on its surface: so lengths never jump.
     none = (0.0, 0.0, 0.0)
     if side == UNMET and not live:
         return UNMET, 0.0, none, none, 0.0
@@ -514,10 +516,8 @@ def way_round(
     a = added(a, scaled(u, -a0))
     b = added(b, scaled(u, -b0))
     ra, rb = math.sqrt(dot(a, a)), math.sqrt(dot(b, b))
-    inside_a, inside_b = ra < r, rb < r
-    fa = r / max(ra, 0.1 * r) if inside_a else 1.0
-    fb = r / max(rb, 0.1 * r) if inside_b else 1.0
-    a, b = scaled(a, fa), scaled(b, fb)
+    inside_a, inside_b = ra < r and ra <= rb, rb < r and rb < ra
+    r = min(r, ra, rb)
     way = added(b, scaled(a, -1.0))
     square = dot(way, way)
     nearest = -dot(a, way) / square if square > 0.0 else 0.0
@@ -531,14 +531,12 @@ def way_round(
         side = 1 if turn > 0.0 else -1
         foot = added(a, scaled(way, nearest))
         bent = dot(foot, foot) < r * r
-    la = 0.0 if inside_a else math.sqrt(ra * ra - r * r)
-    lb = 0.0 if inside_b else math.sqrt(rb * rb - r * r)
+    la, lb = math.sqrt(ra * ra - r * r), math.sqrt(rb * rb - r * r)
     arc = -1.0
     if bent:
-        arc = angle(side * turn, dot(a, b))
-        if arc < 0.0:
+        arc = angle(side * turn, dot(a, b)) - angle(la, r) - angle(lb, r)
+        if arc < MOST_WRAP - 2.0 * math.pi:
             arc += 2.0 * math.pi
-        arc -= angle(la, r) + angle(lb, r)
     if arc <= 0.0:
         return 0, 0.0, none, none, 0.0  # straight
     # `arc` is the angle wrapped: phi less the angles from both ends to their points of tangency.
@@ -546,16 +544,19 @@ def way_round(
     length = math.sqrt(plane * plane + axial * axial)
     if slipped:
         return UNMET, length, none, none, 0.0
-    if live and arc > 3.0:
+    if live and arc > SLIPS:
         return 0, length, none, none, 0.0
     f = plane / length
     shift = scaled(u, axial / length)
-    da, db = dot(a, a), dot(b, b)
+    da, db = max(ra * ra, 1e-24), max(rb * rb, 1e-24)
     # The end turns about the point of tangency: the second derivative by a, of direction t, is
     # (I - t t^T)/length + bow n n^T, n across the rod and t. Within r/10 of its surface as there.
-    bow = 0.0 if inside_a else (plane / max(la, 0.1 * r) - 1.0) / length
-    by_a = added(scaled(a, f * la / da), scaled(cross(u, a), -f * side * r / da * fa))
-    by_b = added(scaled(b, f * lb / db), scaled(cross(u, b), f * side * r / db * fb))
+    # An end inside it makes the rod thicker as it goes out: plane grows by the angle for each mm.
+    bow = 0.0 if inside_a else (plane / max(la, 0.1 * rod[RADIUS]) - 1.0) / length
+    out_a = arc / math.sqrt(da) if inside_a else la / da
+    out_b = arc / math.sqrt(db) if inside_b else lb / db
+    by_a = added(scaled(a, f * out_a), scaled(cross(u, a), -f * side * r / da))
+    by_b = added(scaled(b, f * out_b), scaled(cross(u, b), f * side * r / db))
     return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
 
 
@@ -681,6 +682,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 length = way
                 il = 1.0 / length
                 tx, ty, tz = by_a
+                il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
                 ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
             else:
                 length = math.sqrt(lx * lx + ly * ly + lz * lz)
@@ -1219,9 +1221,22 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                 accepted = True
                 break
             part *= 0.4
+        # Where the energy falls as steeply as it began, as along a mode that is not stable, a step
+        # four times as long is tried, and so on: by the shift alone it would take thousands.
+        while accepted and shift > 0.0 and before - energy > -0.75 * part * slope:
+            if 4.0 * part * turn > TURN_LIMIT or 4.0 * part * far > 0.25 * span:
+                break
+            lowest = energy
+            move(s, 4.0 * part)
+            energy = assemble(s, kind, 0.0)
+            if not energy < lowest:
+                move(s, part)
+                energy = assemble(s, kind, 0.0)
+                break
+            part *= 4.0
         # The shift fades while full steps are taken, and grows steeply where none is.
         if accepted:
-            shift = 0.0 if part == 1.0 and shift < 16.0 * least_shift else 0.0625 * shift
+            shift = 0.0 if part >= 1.0 and shift < 16.0 * least_shift else 0.0625 * shift
             if part < 0.1:
                 shift = max(shift, least_shift)
         else:
