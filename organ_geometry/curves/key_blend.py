@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 __all__ = ["KeyBlend"]
 
+CHORD = np.array([0.0, -1.0, 1.0, 0.0])
+"""The slope of the straight line between the two keys of a piece, times its gap."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyBlend:
@@ -49,27 +52,10 @@ class KeyBlend:
         Splines, chapter IV, "cubic Bessel interpolation", with the free end.
         """
         known = np.asarray(keys, dtype=np.float64)
-        last = len(known) - 1
-        before = np.clip(np.searchsorted(known, places, side="right") - 1, 0, last - 1)
         gaps = np.diff(known)
-        gap = gaps[before]
-        t = np.clip((places - known[before]) / gap, 0.0, 1.0)
-        # Slopes times the gap at both ends of a piece, by the values of four keys.
-        slopes = np.zeros((len(t), 2, 4))
-        for end, key in ((0, before), (1, before + 1)):
-            inner = (key > 0) & (key < last)
-            left = gaps[np.maximum(key - 1, 0)]
-            right = gaps[np.minimum(key, last - 1)]
-            both = (left + right) * left * right / gap
-            slopes[inner, end, end] = (-right * right / both)[inner]
-            slopes[inner, end, end + 1] = ((right * right - left * left) / both)[inner]
-            slopes[inner, end, end + 2] = (left * left / both)[inner]
-        chord = np.array([0.0, -1.0, 1.0, 0.0])
-        first, final = before == 0, before == last - 1
-        slopes[first, 0] = 1.5 * chord - 0.5 * slopes[first, 1]
-        slopes[final, 1] = 1.5 * chord - 0.5 * slopes[final, 0]
-        slopes[first & final] = chord
-        t = t[:, np.newaxis]
+        before = np.clip(np.searchsorted(known, places, side="right") - 1, 0, len(gaps) - 1)
+        slopes = _slopes(gaps)[before]
+        t = np.clip((places - known[before]) / gaps[before], 0.0, 1.0)[:, np.newaxis]
         weights = t * (1.0 - t) ** 2 * slopes[:, 0] - t * t * (1.0 - t) * slopes[:, 1]
         rise = t * t * (3.0 - 2.0 * t)
         weights[:, 1:2] += 1.0 - rise
@@ -87,3 +73,23 @@ class KeyBlend:
     def matrix(self, count: int) -> NDArray[np.float64]:
         """Return the (N, K) weights of all K keys."""
         return self.of(np.eye(count))
+
+
+def _slopes(gaps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (K - 1, 2, 4) slopes at both ends of pieces, times their gap, by four keys' values."""
+    piece, last = np.arange(len(gaps)), len(gaps)
+    slopes = np.zeros((last, 2, 4))
+    for end in (0, 1):
+        key = piece + end
+        inner = (key > 0) & (key < last)
+        left, right = gaps[np.maximum(key - 1, 0)], gaps[np.minimum(key, last - 1)]
+        both = (left + right) * left * right / gaps
+        slopes[inner, end, end] = (-right * right / both)[inner]
+        slopes[inner, end, end + 1] = ((right * right - left * left) / both)[inner]
+        slopes[inner, end, end + 2] = (left * left / both)[inner]
+    if last == 1:
+        slopes[0] = CHORD
+        return slopes
+    slopes[0, 0] = 1.5 * CHORD - 0.5 * slopes[0, 1]
+    slopes[-1, 1] = 1.5 * CHORD - 0.5 * slopes[-1, 0]
+    return slopes

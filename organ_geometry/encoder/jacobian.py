@@ -111,11 +111,14 @@ class EdgeJacobian:
             candidates=self.candidates,
         )
 
-    def key_bands(self, keys: NDArray[np.intp]) -> Bands:
-        """Return the weights b of the (K,) key sections' stored differences in the points."""
-        values = np.ascontiguousarray(differences_to_values(keys).T)
-        blend = KeyBlend.at(self.at, keys)
-        return Bands(*_key_bands(values, blend.before, blend.weights))
+    def blend(self, keys: NDArray[np.intp]) -> KeyBlend:
+        """Return the weights of the (K,) key sections in the points' sections."""
+        return KeyBlend.at(self.at, keys)
+
+    def key_bands(self, values: NDArray[np.float64], blend: KeyBlend) -> Bands:
+        """Return the weights b of the key sections' stored differences in the points."""
+        # (K, K) values at key sections are those that their stored differences give.
+        return Bands(*_key_bands(np.ascontiguousarray(values.T), blend.before, blend.weights))
 
     def linearised(
         self, keys: NDArray[np.intp], stored: NDArray[np.int64], steps: NDArray[np.float64]
@@ -137,10 +140,6 @@ class EdgeJacobian:
             distances[some], changes[:, some] = _changes(self.points.chosen(some), outlines)
         walls = [changes] if len(stored) == 1 else [changes, changes * self.lumen]
         return distances, np.stack(walls)
-
-    def signals(self, keys: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (N, 16) coefficients in the points' sections, from those at the key sections."""
-        return KeyBlend.at(self.at, keys).of(values)
 
 
 def _changes(

@@ -4,8 +4,9 @@ All integers of an encoding's key sections are chosen together by coordinate des
 distances linearised about the encoding (`jacobian`, `coordinate_descent`): the least J = R + sum of
 phi(D_s). The axis stays. A slice is a section as it was imaged.
 
+    e_p   = e0_p + sum of A_pi q_i, linear in the integers: e0 is what no integers would leave
     w_p   share of p in its slice's mean, over limit_s^2: D_s = sum of w_p e_p^2 is 1 at the limit
-    D_s   begins as measured by all edge points, and changes by what the chosen points predict
+    D_s   = D0_s + sum of w_p e_p^2 over the points chosen: D0 is what all edge points measured more
 
 Key sections go where all their integers are zero and where that costs less. With full effort they
 are also moved, left out and put between others one by one: a greedy search over sets of keys, each
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import (
+    Bands,
     Coordinates,
     Residuals,
     descend,
@@ -46,6 +48,8 @@ class _State:
     keys: NDArray[np.intp]  # (K,) key sections
     # (16 W K,) of each key section those of the outer boundary and then of the lumen.
     integers: NDArray[np.int64]
+    values: NDArray[np.float64]  # (K, K) matrix of `differences_to_values`
+    bands: Bands
     residuals: NDArray[np.float64]  # (N,) distances of the points, mm
     errors: NDArray[np.float64]  # (S,) D of each slice
 
@@ -66,24 +70,23 @@ class Refinement:
         # (S,) measured RMS distances are of all edge points, mm; the Jacobian has a part of them.
         self._jacobian, self._steps, self._settings = jacobian, steps, settings
         self._penalty, self._row = penalty, penalty_row(penalty)
-        # C is linearised once, about the integers given; e_p and D_s then follow all changes.
+        # C is linearised once, about the integers given.
         residuals, changes = jacobian.linearised(sections.keys, sections.stored, steps)
         self._walls = len(sections.stored)
         self._changes = np.concatenate(changes)  # Rows of C: those of the walls' coefficients
         self._weights = jacobian.weights / limits[jacobian.slices] ** 2
+        self._left = np.zeros(len(residuals))  # e0
+        self._unseen = np.zeros(len(limits))  # D0
+        linear = self._state_of(sections.keys, sections.stored)
+        self._left = residuals - linear.residuals
+        self._unseen = (measured / limits) ** 2 - self._errors(residuals)
         # The first key section's integers have bits of their own.
         self._bits = np.stack([
             np.concatenate([first_bits() for _ in sections.stored]),
             np.concatenate([learned_bits(wall) for wall in sections.stored]),
         ])  # fmt: skip
         # Tables are learned from the encoding given, and stay: they are the prices of this round.
-        self._state = _State(
-            sections.keys,
-            sections.stored.transpose(1, 0, 2).flatten(),
-            residuals,
-            # Each slice begins with what was measured by all its points.
-            (measured / limits) ** 2,
-        )
+        self._state = self._state_of(sections.keys, sections.stored)
 
     def refined(self, *, move_keys: bool = False) -> KeySections:
         """Return integers of lower cost, without key sections that are not worth their bits."""
@@ -121,7 +124,6 @@ class Refinement:
         """Lower a state's cost with its key sections fixed; on trial only near one of them."""
         count = len(state.keys)
         coordinates = self._coordinates(count)
-        bands = self._jacobian.key_bands(state.keys)
         points = Residuals(self._jacobian.slices, self._weights, state.residuals, state.errors)
         starts = self._walls * SIGNALS * np.arange(count + 1)
         begin, end = 0, count
@@ -134,12 +136,12 @@ class Refinement:
         # Zeroed key sections let others change, and the other way round.
         for _ in range(3 if trial is None else 1):
             moved = descend(
-                state.integers, coordinates, bands, self._changes, points, self._row, ranges,
+                state.integers, coordinates, state.bands, self._changes, points, self._row, ranges,
                 # Distances are linear nearby only: no integer goes farther than this at once.
                 8, 4 if trial is None else 2,
             )  # fmt: skip
             moved += zero_groups(
-                state.integers, coordinates, bands, self._changes, points, self._row, groups,
+                state.integers, coordinates, state.bands, self._changes, points, self._row, groups,
                 self._settings.key_own_bits,
             )  # fmt: skip
             if not moved:
@@ -163,27 +165,37 @@ class Refinement:
             place += 1
         return moved
 
+    def _state_of(self, keys: NDArray[np.intp], stored: NDArray[np.int64]) -> _State:
+        """Return the state of some key sections with (W, K, 16) integers."""
+        values = differences_to_values(keys)
+        blend = self._jacobian.blend(keys)
+        residuals = self._left.copy()
+        for changes, own in zip(np.split(self._changes, self._walls), stored, strict=True):
+            signals = blend.of((values @ own) * self._steps)
+            residuals += np.einsum("jn,nj->n", changes, signals)
+        return _State(
+            keys,
+            stored.transpose(1, 0, 2).flatten(),
+            values,
+            self._jacobian.key_bands(values, blend),
+            residuals,
+            self._unseen + self._errors(residuals),
+        )
+
+    def _errors(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the part of each slice's D that the chosen points make."""
+        weighted = self._weights * residuals**2
+        return np.bincount(self._jacobian.slices, weighted, len(self._unseen))
+
     def _with_keys(self, state: _State, keys: NDArray[np.intp]) -> _State:
         """Return a state of other key sections, with nearly the same coefficients between them."""
-        # The old blend's values at the new keys, rounded again; residuals follow by C.
-        here, there = differences_to_values(state.keys), differences_to_values(keys)
-        stored: list[NDArray[np.int64]] = []
-        residuals = state.residuals.copy()
-        for wall, own in enumerate(self._stored(state)):
-            values = here @ own
-            moved = KeyBlend.at(keys, state.keys).of(values)
-            integers = nearest_differences(moved, keys, self._settings.dead_zone)
-            stored.append(integers)
-            before = self._jacobian.signals(state.keys, values * self._steps)
-            after = self._jacobian.signals(keys, (there @ integers) * self._steps)
-            changes = self._changes[wall * SIGNALS : (wall + 1) * SIGNALS]
-            residuals += np.einsum("jn,nj->n", changes, after - before)
-        errors = state.errors + np.bincount(
-            self._jacobian.slices,
-            self._weights * (residuals**2 - state.residuals**2),
-            len(state.errors),
-        )
-        return _State(keys, np.stack(stored, axis=1).ravel(), residuals, errors)
+        # The old blend's values at the new keys, rounded again.
+        blend, dead = KeyBlend.at(keys, state.keys), self._settings.dead_zone
+        stored = [
+            nearest_differences(blend.of(state.values @ own), keys, dead)
+            for own in self._stored(state)
+        ]
+        return self._state_of(keys, np.stack(stored))
 
     def _without_zero_keys(self, state: _State) -> _State:
         """Return a state without the keys of which all integers are zero, where it costs less."""
