@@ -1,6 +1,7 @@
 """A duct in its bed in a real browser: hands, read-out, tear, bed, and the page's two modes."""
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -39,7 +40,13 @@ def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float
     )
 
 
-def drag(tab: TrainerPage, view: DissectView, place: np.ndarray, way: tuple[float, float]) -> None:
+def drag(
+    tab: TrainerPage,
+    view: DissectView,
+    place: np.ndarray,
+    way: tuple[float, float],
+    button: Literal["left", "right"] = "left",
+) -> None:
     """Press at a place of the duct's frame and move the mouse by pixels, without letting go."""
     tab.wait_for_node("grip")
     tab.page.wait_for_timeout(1000)
@@ -47,7 +54,7 @@ def drag(tab: TrainerPage, view: DissectView, place: np.ndarray, way: tuple[floa
     mouse = tab.page.mouse
     mouse.move(*start)
     tab.page.wait_for_timeout(300)
-    mouse.down()
+    mouse.down(button=button)
     for step in range(1, 9):
         mouse.move(start[0] + way[0] * step / 8, start[1] + way[1] * step / 8)
         tab.page.wait_for_timeout(60)
@@ -99,8 +106,19 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         tab.page.mouse.up()
         tab.wait_until(lambda: session.reading().held == (False, False))
         tab.wait_until(lambda: session.reading().stress_share < 0.3)
-        assert session.reading().parted >= reading.parted
+        parted = session.reading().parted
+        assert parted >= reading.parted
         assert session.reading().peak_share >= reading.peak_share
+
+        # It takes hold again elsewhere, and is led along the duct.
+        drag(tab, view, aside(view, 32.0), (25.0, -25.0))
+        tab.wait_until(lambda: session.reading().held == (True, False))
+        assert session.duct.held_at(0) == pytest.approx(32.0, abs=1.5)
+        tab.wait_until(lambda: session.duct.hands[0].place[0] > 33.0)
+        assert session.reading().parted >= parted
+        assert float(session.reading().forces[0][0]) > 0.0
+        tab.page.mouse.up()
+        tab.wait_until(lambda: session.reading().held == (False, False))
 
 
 def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
@@ -283,28 +301,55 @@ def test_the_address_says_what_a_page_opens_on(browser: Browser, dissections: Tr
         newest(dissections)
 
 
-def test_shift_moves_into_the_picture(browser: Browser, dissections: Trainer) -> None:
+def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_plane(
+    browser: Browser, dissections: Trainer
+) -> None:
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
+        session, page = view.session, tab.page
 
         def target() -> np.ndarray:
-            return view.session.duct.hands[0].target
+            return session.duct.hands[0].target
 
-        tab.page.keyboard.down("Shift")
+        def held() -> bool:
+            return session.reading().held[0]
+
+        page.keyboard.down("Shift")
         drag(tab, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: target()[1] > 0.8)
         assert target()[2] == pytest.approx(0.0, abs=0.2)
         # Without Shift the same drag goes on, now in the plane of the screen.
-        tab.page.keyboard.up("Shift")
-        tab.page.wait_for_timeout(150)
+        page.keyboard.up("Shift")
+        page.wait_for_timeout(150)
         here = target().copy()
         for _ in range(6):
-            tab.page.mouse.move(*np.add(pixel(tab, view, here), (0.0, -40.0)))
-            tab.page.wait_for_timeout(80)
+            page.mouse.move(*np.add(pixel(tab, view, here), (0.0, -40.0)))
+            page.wait_for_timeout(80)
         tab.wait_until(lambda: target()[2] > 0.5)
-        assert view.session.reading().held[0]
-        tab.page.mouse.up()
-        tab.wait_until(lambda: not view.session.reading().held[0])
+        assert held()
+        page.mouse.up()
+        tab.wait_until(lambda: not held())
+
+        session.reset()
+        camera = view.client.camera.position.copy()
+        drag(tab, view, aside(view, 20.0), (0.0, -30.0), button="right")
+        tab.wait_until(lambda: held() and target()[1] > 0.8)
+        assert target()[2] == pytest.approx(0.0, abs=0.2)
+        page.mouse.up(button="right")
+        tab.wait_until(lambda: not held())
+
+        session.reset()
+        finger = page.context.new_cdp_session(page)
+        x, y = pixel(tab, view, aside(view, 20.0))
+        for step in range(9):
+            kind = "touchMove" if step else "touchStart"
+            points = [{"x": x, "y": y - 5.0 * step}]
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+            page.wait_for_timeout(100)
+        tab.wait_until(lambda: held() and target()[2] > 0.5)
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        tab.wait_until(lambda: not held())
+        np.testing.assert_allclose(view.client.camera.position, camera)
 
 
 def test_an_exercise_is_done_judged_measured_and_replayed(
@@ -332,6 +377,17 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         assert kept is not None
         row = page.locator("[data-measure=freed_mm]")
         assert float(row.get_attribute("data-value") or "nan") == kept.measures.freed_mm
+        # The script's own hands are the expert's: every figure beside is the same.
+        expect(page.get_by_test_id("measures")).to_contain_text("expert")
+        tried, expert = row.locator("td").all_inner_texts()[1:3]
+        assert tried == expert
+        tab.open("Over time")
+        charts = page.evaluate("__viserTestpoints.uplots.map(each => each.chart.data)")
+        freed = [
+            chart for chart in charts if chart[-1] and max(chart[-1]) == kept.measures.freed_mm
+        ]
+        assert len(freed) == 1
+        assert freed[0][0][-1] == pytest.approx(kept.measures.time_s)
         tab.press("Watch it again")
         tab.wait_until(lambda: view.state.playback is not None)
         tab.slide("Time (s)", 1e4)

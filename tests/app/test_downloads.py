@@ -3,16 +3,20 @@
 import csv
 import io
 from dataclasses import replace
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 from simulated import phantom, pull, settle, tear
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
 from app.simulation import Session, preset_named
+from app.simulation.bed import BedSession, read_any_run
+from app.trainer.pages.dissection_files import run_download
 from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
@@ -194,3 +198,43 @@ def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPa
     assert path.read_bytes() == order.content(suffix)
     with pytest.raises(ValueError, match="series of files"):
         order.content(".pvd")
+
+
+@pytest.mark.parametrize("lift", [8.0, 40.0], ids=["whole", "torn"])
+def test_a_dissection_is_kept_as_its_run_and_as_it_is_at_its_end(lift: float) -> None:
+    shown = BedSession(phantom(), vertices=300)
+    place = shown.grab(0, 20.0)
+    assert place is not None
+    shown.move_hand(0, place + np.array([0.0, 0.0, lift]))
+    shown.advance(150)
+    run, reading = shown.run_file(), shown.reading()
+    assert (reading.torn_at is not None) == (lift > 20.0)
+
+    def file(suffix: str) -> bytes:
+        return run_download(run, phantom(), suffix).content
+
+    again = read_any_run(file(".json"))
+    assert again == run
+    rows = list(csv.DictReader(io.StringIO(file(".csv").decode())))
+    assert len(rows) == run.log.ticks
+    assert int(rows[-1]["strands_parted"]) == run.measures.strands_parted
+    assert b'"name":"run"' in file(".glb")
+    assert file(".html").startswith(b"<!DOCTYPE html>") or b"<html" in file(".html")
+    solid = trimesh.load(io.BytesIO(file(".stl")), file_type="stl")
+    assert solid.is_watertight
+    assert solid.body_count == (1 if reading.torn_at is None else 2)
+    with ZipFile(io.BytesIO(file(".zip"))) as packed:
+        surface, strands = (vtp(packed.read(name)) for name in packed.namelist())
+    total = surface["total_stress_MPa"].max() / shown.duct.threshold
+    assert total == pytest.approx(reading.stress_share, abs=0.05)
+    # Whole strands end at the surface, wherever it or its pieces have come to lie (but for the
+    # rim of a tear, which opens).
+    ends = strands["points"].reshape(-1, 2, 3)[: reading.strands - reading.parted, 1]
+    away, _ = cKDTree(surface["points"]).query(ends)
+    assert np.median(away) < 0.3
+
+
+def test_no_file_of_a_run_that_has_not_begun() -> None:
+    with pytest.raises(ValueError, match="no run yet"):
+        run_download(None, phantom(), ".glb")
+    assert run_download(None, phantom(), ".organ").content == phantom().encoded

@@ -58,6 +58,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.client, self.session, self.workers = client, session, workers
         self.last_run: FileT | None = None
         self._playback: ReplayPlayback[SessionT] | None = None
+        self._replayed: FileT | None = None
         self.plain = False
         self.choose_mode: Callable[[Mode], None] = lambda _: None
         self.kept: Callable[[], None] = lambda: None
@@ -152,6 +153,12 @@ class ClientState(ABC, Generic[SessionT, FileT]):
             self.last_run = self.run_so_far()
             self.kept()
 
+    def run_at_hand(self) -> FileT | None:
+        """Return the run that is replayed, else the one in progress, else the last one."""
+        if self._playback is not None:
+            return self._replayed
+        return self.run_so_far() if self.session.run.started else self.last_run
+
     def finish(self) -> None:
         """End the run as it stands."""
         self.session.finish()
@@ -162,7 +169,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()
         playback.play()
-        self._playback = playback
+        self._replayed, self._playback = run, playback
         self._changed = True
 
     def leave_replay(self) -> None:

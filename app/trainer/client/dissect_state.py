@@ -1,5 +1,7 @@
 """Dissect: a page that shows a duct in its bed, the two hands at it, and its choices."""
 
+from collections import deque
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -26,6 +28,8 @@ __all__ = ["COLOURS", "NUDGE", "DissectState"]
 COLOURS: tuple[Colours, ...] = ("tissue", "stress", "freed")
 NUDGE = 0.5
 """mm that a key moves the tip, or opens the jaws by."""
+MOST_TRIES = 20
+"""Judged runs kept, to stand beside later ones."""
 NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
 
@@ -43,6 +47,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         self.colours: Colours = "tissue"
         self._dragged: int | None = None  # the hand that the mouse leads
         self._led_from = np.zeros(3)  # where its tip was when the drag began, mm
+        self._tries = deque[DissectionFile](maxlen=MOST_TRIES)
         self.keep_run()
 
     @property
@@ -64,6 +69,19 @@ class DissectState(ClientState[BedSession, DissectionFile]):
     def run_so_far(self) -> DissectionFile:
         """Return the run in progress; a `ValueError` before its start."""
         return self.session.run_file()
+
+    def keep_run(self) -> None:
+        """Keep the run so far as the last one, and among the tries if it was judged."""
+        super().keep_run()
+        run = self.last_run
+        if run is not None and run.outcome is not None and run not in self._tries:
+            self._tries.append(run)
+
+    def earlier_tries(self, run: DissectionFile) -> list[DissectionFile]:
+        """Return the earlier judged runs of the same exercise and start, oldest first."""
+        task = run.log.exercise, run.log.start
+        tries = [each for each in self._tries if (each.log.exercise, each.log.start) == task]
+        return [each for each in tries if each != run]
 
     def read_run(self, content: bytes) -> DissectionFile:
         """Return the run in a file; a `ValueError` if it is not one of this mode."""

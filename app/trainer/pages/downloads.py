@@ -6,8 +6,17 @@ from dataclasses import dataclass, replace
 from app.export.pull_export import PullExport
 from app.simulation import Phase, Session
 from app.trainer.pages.html_player import export_page, page_edge_length
+from organ_geometry import Organ
 
-__all__ = ["SUFFIXES", "Download", "download", "export_on_screen"]
+__all__ = [
+    "SUFFIXES",
+    "VERTICES",
+    "Download",
+    "download",
+    "export_on_screen",
+    "file_name",
+    "organ_content",
+]
 
 SUFFIXES = {
     ".glb": "Animated model (glTF)",
@@ -60,15 +69,14 @@ def download(session: Session, suffix: str) -> Download:
     # break. Where nothing breaks, the grasper's largest force is the end.
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
-    return Download(f"{_file_name(session)}{suffix}", _content(session, suffix))
+    name = file_name(session.duct.dissection.organ)
+    return Download(f"{name}{suffix}", _content(session, suffix))
 
 
 def _content(session: Session, suffix: str) -> bytes:
     organ = session.duct.dissection.organ
     if suffix == ".organ":
-        if not organ.encoded:
-            raise ValueError("only an organ that was built from images has an organ file")
-        return organ.encoded
+        return organ_content(organ)
     export = export_on_screen(session)
     if suffix in (".stl", ".vtp"):
         return export.content(suffix)
@@ -86,7 +94,13 @@ def _moving(export: PullExport, most: float, *, whole_curve: bool) -> PullExport
     return replace(export, force=force, torn=False)
 
 
-def _file_name(session: Session) -> str:
+def organ_content(organ: Organ) -> bytes:
+    """Return the content of an organ's file; a `ValueError` where it has none."""
+    if not organ.encoded:
+        raise ValueError("only an organ that was built from images has an organ file")
+    return organ.encoded
+
+
+def file_name(organ: Organ) -> str:
     """Return a file name that is valid on every system."""
-    name = re.sub(r"[^\w-]+", "_", session.duct.dissection.organ.name, flags=re.ASCII).strip("_")
-    return name or "organ"
+    return re.sub(r"[^\w-]+", "_", organ.name, flags=re.ASCII).strip("_") or "organ"

@@ -6,6 +6,8 @@ import numpy as np
 
 from app.simulation.bed import BedReading, DissectionFile
 from app.trainer.client.dissect_state import NUDGE, DissectState
+from app.trainer.pages.dissection_files import RUN_SUFFIXES, run_download
+from app.trainer.pages.downloads import Download
 from app.trainer.panel.bed_readout import (
     bed_html,
     bed_readout_html,
@@ -13,6 +15,7 @@ from app.trainer.panel.bed_readout import (
     hidden_bed_readout_html,
 )
 from app.trainer.panel.bed_tab import BedTab
+from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.hands_tab import HandsTab
 from app.trainer.panel.help import DISSECT_KEYS
 from app.trainer.panel.mode_panel import ModePanel
@@ -35,6 +38,13 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         self._add_replays()
         with self._tabs.add_tab("Bed"):
             self._bed = BedTab(self._gui, state)
+            ExportBox(
+                self._gui,
+                state,
+                RUN_SUFFIXES,
+                self._export,
+                "The run from its first touch on, or the duct and its bed at the run's end",
+            )
         ways = {
             "Left": (-NUDGE, 0.0, 0.0),
             "Right": (NUDGE, 0.0, 0.0),
@@ -78,6 +88,12 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         )
         self._hands.show(reading)
         self._bed.show()
+
+    def _export(self, suffix: str) -> Download:
+        state = self._state
+        if state.in_exercise:
+            raise ValueError("An exercise goes on until it is over. Stop it first.")
+        return run_download(state.run_at_hand(), state.session.duct.dissection.organ, suffix)
 
     def show_result(self, run: DissectionFile) -> None:
         """Open the result page of a run."""

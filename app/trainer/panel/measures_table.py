@@ -1,6 +1,7 @@
 """A run's measures as a table: published names, units, which way is better, and other tries."""
 
 import html
+import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -18,6 +19,9 @@ _ARROWS: dict[Better, str] = {"lower": "↓", "higher": "↑", "": ""}
 TOO_SHORT = "too short"
 DISTANCE = "smallest_distance_to_break"
 _CELL = "text-align:right;padding:3px 0 3px 8px"
+
+
+_AnyMeasures = Measures | DissectionMeasures
 
 
 class _Row(NamedTuple):
@@ -175,65 +179,62 @@ def measures_html(
     limits: Mapping[str, float] | None = None,
     sought_break: bool = False,
 ) -> str:
-    """Return a run's measures as HTML."""
-    # A row's name opens its definition. Its `data-` attributes hold the unrounded figures, in the
-    # units of `Measures`. Where coming near the break was the goal, neither way is better.
-    beside, limits = beside or {}, limits or {}
-    heads = ["this try", *beside, *(["limit"] if limits else [])]
+    """Return a pull's measures as HTML."""
+    # Where coming near the break was the goal, neither way is better.
+    threshold = figure(measures.task_threshold_N)
     rows = [
-        _row(
-            row._replace(better="") if sought_break and row.key == DISTANCE else row,
-            measures, list(beside.values()), limits,
-        )
+        row._replace(better="") if sought_break and row.key == DISTANCE else row
         for row in _ROWS
         if row.key != "overshoot" or measures.overshoot is not None
-    ]  # fmt: skip
-    return _table_html(heads, rows, _tear_html(measures))
+    ]
+    rows = [row._replace(name=row.name.format(threshold=threshold)) for row in rows]
+    return _table_html(rows, measures, beside or {}, limits or {}, _tear_html(measures))
 
 
-def dissection_html(measures: DissectionMeasures, limits: Mapping[str, float]) -> str:
+def dissection_html(
+    measures: DissectionMeasures,
+    beside: Mapping[str, DissectionMeasures],
+    limits: Mapping[str, float],
+) -> str:
     """Return a dissection's measures as HTML, pairs as those of the left and the right hand."""
-    rows: list[str] = []
-    for row in _DISSECTION_ROWS:
-        value: float | tuple[float, ...] | None = getattr(measures, row.key)
-        values = value if isinstance(value, tuple) else (value,)
-        shown = " / ".join(figure(None if v is None else row.factor * v) for v in values)
-        exact = ",".join("" if v is None else repr(float(v)) for v in values)
-        cells = [f"<b>{shown}</b>"]
-        if limits:
-            limit = limits.get(row.key)
-            cells.append("" if limit is None else figure(row.factor * limit))
-        rows.append(_row_html(row, row.name, exact, cells))
-    return _table_html(["this try", *(["limit"] if limits else [])], rows)
+    return _table_html(_DISSECTION_ROWS, measures, beside, limits)
 
 
-def _table_html(heads: Sequence[str], rows: Sequence[str], below: str = "") -> str:
+def _table_html(
+    rows: Sequence[_Row],
+    measures: _AnyMeasures,
+    beside: Mapping[str, _AnyMeasures],
+    limits: Mapping[str, float],
+    below: str = "",
+) -> str:
+    """Return a run's measures beside those of other runs, and their limits."""
+    # A row's name opens its definition. Its `data-` attributes hold the unrounded figures.
+    heads = ["this try", *beside, *(["limit"] if limits else [])]
     columns = "".join(
         f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads
     )
+    body = "".join(_row_html(row, measures, list(beside.values()), limits) for row in rows)
     return (
         "<div data-testid='measures' style='padding:0 8px 10px;overflow-x:auto'>"
         "<table style='width:100%;border-collapse:collapse;font-size:13px;line-height:1.35;"
         "font-variant-numeric:tabular-nums'><thead>"
         "<tr style='font-size:12px;vertical-align:bottom'>"
         "<th style='text-align:left;font-weight:400'>↓ lower, ↑ higher is better</th>"
-        f"{columns}</tr></thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
+        f"{columns}</tr></thead><tbody>{body}</tbody></table>{below}</div>"
     )
 
 
-def _row(
-    row: _Row, measures: Measures, beside: Sequence[Measures], limits: Mapping[str, float]
+def _row_html(
+    row: _Row,
+    measures: _AnyMeasures,
+    beside: Sequence[_AnyMeasures],
+    limits: Mapping[str, float],
 ) -> str:
-    name = row.name.format(threshold=figure(measures.task_threshold_N))
-    exact: float | None = getattr(measures, row.key)
+    exact = ",".join("" if v is None else repr(float(v)) for v in _values(row, measures))
     cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
     if limits:
         limit = limits.get(row.key)
         cells.append("" if limit is None else figure(row.factor * limit))
-    return _row_html(row, name, "" if exact is None else repr(float(exact)), cells)
-
-
-def _row_html(row: _Row, name: str, exact: str, cells: Sequence[str]) -> str:
     meaning = html.escape(row.meaning, quote=True)
     figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)
     unit = f" <span style='white-space:nowrap'>({row.unit})</span>" if row.unit else ""
@@ -243,20 +244,24 @@ def _row_html(row: _Row, name: str, exact: str, cells: Sequence[str]) -> str:
         f"<tr data-measure='{row.key}' data-value='{exact}'"
         f" data-better='{row.better}' title='{meaning}'"
         " style='border-top:1px solid rgba(255,255,255,.08);vertical-align:top'>"
-        f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>{name}"
-        f"{unit}{way} <span style='border:1px solid;border-radius:9px;padding:0 4px;"
+        f"<td style='padding:3px 0'><details><summary style='cursor:help;list-style:none'>"
+        f"{row.name}{unit}{way} <span style='border:1px solid;border-radius:9px;padding:0 4px;"
         "font-size:9px'>?</span></summary>"
         f"<div style='padding:2px 0 4px'>{meaning}</div></details></td>{figures}</tr>"
     )
 
 
-def _shown(row: _Row, measures: Measures) -> str:
-    value: float | None = getattr(measures, row.key)
-    if row.key == "smoothness" and value is None and measures.path_length_mm > 0.0:
+def _values(row: _Row, measures: _AnyMeasures) -> tuple[float | None, ...]:
+    value: float | tuple[float, ...] | None = getattr(measures, row.key)
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _shown(row: _Row, measures: _AnyMeasures) -> str:
+    values = _values(row, measures)
+    if row.key == "smoothness" and values == (None,) and getattr(measures, "path_length_mm", 0.0):
         return TOO_SHORT
-    if row.key == DISTANCE and value is not None:
-        value = max(value, 0.0)
-    return figure(None if value is None else row.factor * value)
+    least = 0.0 if row.key == DISTANCE else -math.inf
+    return " / ".join(figure(None if v is None else row.factor * max(v, least)) for v in values)
 
 
 def _tear_html(measures: Measures) -> str:

@@ -1,6 +1,6 @@
 """Plots: uPlot charts in the panel's colours, with a key of our own below."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import viser
@@ -8,8 +8,18 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app.simulation import ApproachBreak, Exercise, Series, loading_rates
+from app.simulation.bed import BedExercise, DissectionSeries
 
-__all__ = ["Curve", "add_series_plots", "area", "axes", "dots", "key_html", "line"]
+__all__ = [
+    "Curve",
+    "add_dissection_plots",
+    "add_series_plots",
+    "area",
+    "axes",
+    "dots",
+    "key_html",
+    "line",
+]
 
 AXIS_COLOUR = "#c9ccd1"
 GOAL_COLOUR, GOAL_AREA = "#5cc8ff", "rgba(92,200,255,.25)"
@@ -17,6 +27,8 @@ LIMIT_COLOUR = "#ff6b5e"
 GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,.08)")
 MOST_POINTS = 600
 """Most points of a plot over time: more than a panel has pixels."""
+TO_BREAK, DISTANCE_COLOUR = "to break (%)", "#f2b134"
+HAND_COLOURS = "#35c28f", "#5aa9ff"
 
 Curve = NDArray[np.float64]
 
@@ -93,57 +105,74 @@ def _mark(series: uplot.Series) -> str:
 
 
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
-    """Plot a run over time: the force, and what its exercise's goal and limits are about."""
+    """Plot a pull over time: the force, and what its exercise's goal and limits are about."""
     limits = {} if exercise is None else exercise.limits
-    percent = 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
+    time, percent = series.time, 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
     band = None if exercise is None else exercise.band
     if band is not None:
-        _add_plot(gui, series, ("deflection (mm)", "#e8eaed", series.deflection), band=band)
+        _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series.deflection}, band=band)
     margin = (0.0, 100.0 * exercise.margin) if isinstance(exercise, ApproachBreak) else None
-    distance = ("to break (%)", "#f2b134", percent)
+    distance = {DISTANCE_COLOUR: percent}
     if margin is not None:
-        _add_plot(gui, series, distance, band=margin, top=108.0)
-    _add_plot(gui, series, ("force F (N)", "#35c28f", series.force), limits.get("maximum_force_N"))
+        _add_plot(gui, time, TO_BREAK, distance, band=margin, top=108.0)
+    force = {HAND_COLOURS[0]: series.force}
+    _add_plot(gui, time, "force F (N)", force, limits.get("maximum_force_N"))
     rate = limits.get("maximum_loading_rate_N_per_s")
     if rate is not None:
-        rates = loading_rates(series)
-        _add_plot(gui, series, ("loading (N/s)", "#c58af9", np.maximum(rates, 0.0)), rate)
+        rates = np.maximum(loading_rates(series), 0.0)
+        _add_plot(gui, time, "loading (N/s)", {"#c58af9": rates}, rate)
     if margin is None:
         reserve = limits.get("smallest_distance_to_break")
-        _add_plot(gui, series, distance, None if reserve is None else 100.0 * reserve, top=108.0)
+        limit = None if reserve is None else 100.0 * reserve
+        _add_plot(gui, time, TO_BREAK, distance, limit, top=108.0)
     marks = [area("goal")] * (band is not None or margin is not None)
-    gui.add_html(key_html(marks + [line("limit", LIMIT_COLOUR, 1.5, (6, 4))] * bool(limits)))
+    gui.add_html(key_html(marks + [LIMIT] * bool(limits)))
+
+
+def add_dissection_plots(
+    gui: viser.GuiApi, series: DissectionSeries, exercise: BedExercise | None
+) -> None:
+    """Plot a dissection over time: the forces of both hands, what is freed, and the break."""
+    limit = None if exercise is None else 100.0 * (1.0 - exercise.share_limit)
+    percent = 100.0 * np.clip(1.0 - series.stress_share, 0.0, 1.0)
+    forces = np.linalg.norm(series.forces, axis=2).T
+    hands: dict[str, Curve] = dict(zip(HAND_COLOURS, forces, strict=True))
+    _add_plot(gui, series.time, TO_BREAK, {DISTANCE_COLOUR: percent}, limit, top=108.0)
+    _add_plot(gui, series.time, "force (N)", hands)
+    _add_plot(gui, series.time, "freed (mm)", {"#e8eaed": series.freed})
+    names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
+    gui.add_html(key_html([line(*each, 2.0) for each in names] + [LIMIT] * (limit is not None)))
 
 
 def _add_plot(
     gui: viser.GuiApi,
-    series: Series,
-    drawn: tuple[str, str, Curve],
+    time: Curve,
+    label: str,
+    curves: Mapping[str, Curve],
     limit: float | None = None,
     *,
     band: tuple[float, float] | None = None,
     top: float | None = None,
 ) -> None:
-    """Add a chart over time: label, colour and values, a limit as a line, a goal as a band."""
-    label, colour, values = drawn
-    count = len(series.time)
-    if not count:  # the run was over before its first tick
+    """Add a chart over time: curves by their colours, a limit as a line, a goal as a band."""
+    if not time.size:  # the run was over before its first tick
         return
-    picked = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int))
-    time, values = series.time[picked], values[picked]
+    picked = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_POINTS)).round())
+    index = picked.astype(int)
+    time, drawn = time[index], [values[index] for values in curves.values()]
     low, high = (np.nan, np.nan) if band is None else band
     ends = [np.full_like(time, each) for each in (high, low, np.nan if limit is None else limit)]
-    highest = max(float(values.max()), *(0.0 if np.isnan(end[0]) else end[0] for end in ends), 1e-3)
+    highest = max(*(float(np.nanmax(each, initial=1e-3)) for each in (*drawn, *ends)), 1e-3)
     gui.add_uplot(
-        (time, values, *ends),
+        (time, *ends, *drawn),
         (
             uplot.Series(label="time, s"),
-            line(label, colour, 2.0),
             line("goal", GOAL_COLOUR, 1.0),
             line("goal, from", GOAL_COLOUR, 1.0),
-            line("limit", LIMIT_COLOUR, 1.5, (6, 4)),
+            LIMIT,
+            *(line(label, colour, 2.0) for colour in curves),
         ),
-        bands=(uplot.Band(series=(2, 3), fill=GOAL_AREA),),
+        bands=(uplot.Band(series=(1, 2), fill=GOAL_AREA),),
         scales={
             "x": uplot.Scale(time=False, range=(0.0, max(float(time[-1]), 1.0))),
             "y": uplot.Scale(range=(0.0, top or 1.08 * highest)),
@@ -152,3 +181,6 @@ def _add_plot(
         legend=uplot.Legend(show=False),
         aspect=2.6,
     )
+
+
+LIMIT = line("limit", LIMIT_COLOUR, 1.5, (6, 4))

@@ -2,6 +2,7 @@
 
 from app.simulation import Reading, RunFile
 from app.trainer.client.pull_state import PullState
+from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.export_box import ExportBox
@@ -40,7 +41,13 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
             self._build = BuildTab(gui, state)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, state)
-            ExportBox(gui, state)
+            ExportBox(
+                gui,
+                state,
+                SUFFIXES,
+                lambda suffix: download(state.shown, suffix),
+                "The duct as it is now, in a file",
+            )
         anytime = {"H": lambda: state.show(heat=not state.heat), "V": state.bring_home}
         actions = {
             "R": state.reset,

@@ -106,18 +106,12 @@ class ReplayTab:
         self._was_playing = playback.playing
 
     def _replay_this(self) -> None:
-        run = self._run()
+        run = self._state.run_at_hand()
         if run is not None:
             self.replay(lambda: run)
 
-    def _run(self) -> RunFile | DissectionFile | None:
-        """Return the run in progress, or the last one."""
-        if self._state.session.run.started:
-            return self._state.run_so_far()
-        return self._state.last_run
-
     def _download(self, kind: str) -> None:
-        run = self._run()
+        run = self._state.run_at_hand()
         if run is None:
             return
         content = run_json(run) if kind == "json" else self._state.run_csv(run)

@@ -1,6 +1,6 @@
 """The result page: how a run has ended, its measures, its plots, and what to do next."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any, Generic, Literal, TypeVar
 
@@ -16,18 +16,19 @@ from app.simulation import (
     do_exercise,
     run_json,
 )
-from app.simulation.bed import DissectionFile
+from app.simulation.bed import MANNERS, DissectionFile, DissectionMeasures, rehearsed
 from app.trainer.client.client_state import FEW, ClientState
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
-from app.trainer.panel.plots import add_series_plots
+from app.trainer.panel.plots import add_dissection_plots, add_series_plots
 
 __all__ = ["run_name", "show_dissection_result", "show_pull_result"]
 
 FileT = TypeVar("FileT", RunFile, DissectionFile)
+MeasuresT = TypeVar("MeasuresT", Measures, DissectionMeasures)
 TRIES_BESIDE = 2
 """Earlier tries shown beside a result."""
 _BESIDE = (
@@ -49,14 +50,21 @@ def _expert(run: RunFile, state: PullState) -> Measures | None:
     return session.measures()
 
 
-def _beside(run: RunFile, state: PullState) -> dict[str, Measures]:
+def _bed_expert(run: DissectionFile, state: DissectState) -> DissectionMeasures | None:
+    """Return the measures of good scripted hands in the same exercise; None for a free one."""
+    exercise = run.log.exercise
+    if exercise is None:
+        return None
+    duct = state.replay_of(run, vertices=FEW).session.duct
+    return rehearsed(duct, exercise, MANNERS[exercise.name]["good"])[0]
+
+
+def _beside(tries: Sequence[Any], expert: MeasuresT | None) -> dict[str, MeasuresT]:
     """Return the runs shown beside a result: the last tries, newest first, and the expert."""
-    tries = state.session.earlier_tries(run)
     found = {
         f"try {number}": each.measures
         for number, each in list(enumerate(tries, 1))[: -TRIES_BESIDE - 1 : -1]
     }
-    expert = _expert(run, state)
     return found if expert is None else {**found, "expert": expert}
 
 
@@ -125,33 +133,46 @@ class ResultPage(Generic[FileT]):
         self._dialog.close()
 
 
+def _show_result(
+    state: ClientState[Any, FileT],
+    run: FileT,
+    measures: str,
+    plots: Callable[[viser.GuiApi], object],
+    remark: str,
+    again: Callable[[], object],
+    replay: Callable[[], object],
+) -> None:
+    """Open a result page of two tabs: the measures as HTML, and plots over time."""
+    judged = run.log.exercise is not None
+
+    def fill(gui: viser.GuiApi) -> None:
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Measures"):
+            gui.add_html(measures)
+            if judged:
+                gui.add_html(note(_BESIDE))
+        with tabs.add_tab("Over time"):
+            plots(gui)
+
+    ResultPage(state, run, fill=fill, remark=remark, again=again if judged else None, replay=replay)
+
+
 def show_pull_result(
     state: PullState, run: RunFile, *, again: Callable[[], object], replay: Callable[[], object]
 ) -> None:
     """Open the result page of a pull; replaying the run for its plots takes a while."""
     series = state.replay_of(run, vertices=FEW).series()
-    exercise, beside = run.log.exercise, _beside(run, state)
-
-    def fill(gui: viser.GuiApi) -> None:
-        tabs = gui.add_tab_group()
-        with tabs.add_tab("Measures"):
-            gui.add_html(
-                measures_html(
-                    run.measures,
-                    beside,
-                    limits=None if exercise is None else exercise.limits,
-                    sought_break=isinstance(exercise, ApproachBreak),
-                )
-            )
-            if exercise is not None:
-                gui.add_html(note(_BESIDE))
-        with tabs.add_tab("Over time"):
-            add_series_plots(gui, series, exercise)
-
+    exercise = run.log.exercise
+    table = measures_html(
+        run.measures,
+        _beside(state.session.earlier_tries(run), _expert(run, state)),
+        limits=None if exercise is None else exercise.limits,
+        sought_break=isinstance(exercise, ApproachBreak),
+    )
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
-    ResultPage(
-        state, run, fill=fill, remark=_SLIDERS if by_sliders else "",
-        again=None if exercise is None else again, replay=replay,
+    _show_result(
+        state, run, table, lambda gui: add_series_plots(gui, series, exercise),
+        _SLIDERS if by_sliders else "", again, replay,
     )  # fmt: skip
 
 
@@ -162,10 +183,15 @@ def show_dissection_result(
     again: Callable[[], object],
     replay: Callable[[], object],
 ) -> None:
-    """Open the result page of a dissection."""
+    """Open the result page of a dissection; replaying the run for its plots takes a while."""
+    series = state.replay_of(run, vertices=FEW).series()
     exercise = run.log.exercise
-    limits = {} if exercise is None else exercise.limits
-    ResultPage(
-        state, run, fill=lambda gui: gui.add_html(dissection_html(run.measures, limits)),
-        again=None if exercise is None else again, replay=replay,
+    table = dissection_html(
+        run.measures,
+        _beside(state.earlier_tries(run), _bed_expert(run, state)),
+        {} if exercise is None else exercise.limits,
+    )
+    _show_result(
+        state, run, table, lambda gui: add_dissection_plots(gui, series, exercise),
+        "", again, replay,
     )  # fmt: skip

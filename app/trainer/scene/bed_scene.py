@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.simulation.bed import HANDS, BedReading, BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
+from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import HookPlace, sink
 from app.trainer.stage.instruments import DrawnInstrument
@@ -27,6 +28,10 @@ AWAY = (1e3, 0.0, 0.0)
 """Where a hook throws no shadow that can be seen, mm."""
 LIFT = 0.3
 """Height over the duct, in spans, that the camera keeps in its picture."""
+ARROW_FOOT = 1.25
+"""Distance of an arrow's foot from the duct's axis, in radii: outside the wall."""
+LEAST_FORCE, LEAST_SHARE = 0.02, 0.02
+"""N, below which no arrow is drawn; and the least share of the break that scales one."""
 
 
 class BedScene(DuctOnStage[BedSession]):
@@ -42,10 +47,13 @@ class BedScene(DuctOnStage[BedSession]):
         self._strands_of: Strands | None = None
         self._instruments: list[DrawnInstrument | None] = [None] * HANDS
         self._shares: list[NDArray[np.float32]] = []
+        self._arrows: list[ForceArrow] = []
         self.draw(session.reading())
 
-    def draw(self, reading: BedReading, colours: Colours = "tissue") -> None:
-        """Draw the session as it is now."""
+    def draw(
+        self, reading: BedReading, colours: Colours = "tissue", *, figures: bool = True
+    ) -> None:
+        """Draw the session as it is now, with the hands' forces if `figures` are shown."""
         with self._client.atomic():
             stage = self._set_stage()
             stage.set_lift(LIFT * stage.span, self._client)
@@ -57,6 +65,7 @@ class BedScene(DuctOnStage[BedSession]):
                 look = appearance_of(self._session.duct.dissection.preset)
                 stage.spill(look, reading.torn_at)
             depth = sink(reading.stress_share, stage.radius)
+            self._show_forces(reading, stage, figures=figures)
             hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
             # Light and shadow are those of one hook.
             shading = [hand.place for hand in self._session.duct.hands if hand.instrument == "hook"]
@@ -136,6 +145,28 @@ class BedScene(DuctOnStage[BedSession]):
         center = self._first + frame @ (hand.place + np.array([0.0, 0.0, depth]))
         return HookPlace(center, frame, stage.radius)
 
+    def _show_forces(self, reading: BedReading, stage: Stage, *, figures: bool) -> None:
+        """Draw what each hand pulls or pushes with; at the break the larger is of full length."""
+        if not self._arrows:
+            if not figures or not reading.forces.any():
+                return
+            self._arrows = [
+                ForceArrow(self._client.scene, stage.span, f"/organ/force_{number}")
+                for number in range(HANDS)
+            ]
+        frame = self._session.duct.dissection.frame
+        sizes = np.sqrt((reading.forces**2).sum(axis=1))
+        at_break = float(sizes.max()) / max(reading.stress_share, LEAST_SHARE)
+        hands = self._session.duct.hands
+        for arrow, hand, force, size in zip(
+            self._arrows, hands, reading.forces, sizes, strict=True
+        ):
+            arrow.visible = wanted = bool(figures and size > LEAST_FORCE)
+            if wanted:
+                way = frame @ force
+                foot = self._first + frame @ hand.place + ARROW_FOOT * stage.radius / size * way
+                arrow.show(foot, way, at_break=at_break)
+
     def _offer_instruments(self, hand: DragProxy) -> None:
         for number, drawn in enumerate(self._instruments):
             if drawn is not None:
@@ -177,4 +208,6 @@ class BedScene(DuctOnStage[BedSession]):
         for drawn in self._instruments:
             if drawn is not None:
                 drawn.remove()
-        self._instruments = [None] * HANDS
+        for arrow in self._arrows:
+            arrow.remove()
+        self._instruments, self._arrows = [None] * HANDS, []

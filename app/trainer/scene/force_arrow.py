@@ -1,4 +1,4 @@
-"""The grasper's force: an arrow with a number at the hook."""
+"""A hand's force: an arrow with a number where it pulls."""
 
 import numpy as np
 import viser
@@ -12,15 +12,15 @@ FORCE_COLOR = (255, 196, 60)
 
 
 class ForceArrow(Drawn):
-    """An arrow with a number at the hook: the grasper's force. Hidden until it is made visible.
+    """An arrow with a number: a hand's force. Hidden until it is made visible.
 
     `span`, between the clamps, mm: the force at break is drawn a fifth as long.
     """
 
-    def __init__(self, scene: viser.SceneApi, span: float) -> None:
+    def __init__(self, scene: viser.SceneApi, span: float, name: str = "/organ/force") -> None:
         self._length = 0.2 * span
         self._arrow = scene.add_arrows(
-            "/organ/force",
+            name,
             np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], np.float32),
             FORCE_COLOR,
             shaft_radius=0.008 * span,
@@ -28,7 +28,7 @@ class ForceArrow(Drawn):
             head_length=0.045 * span,
             visible=False,
         )
-        self._label = scene.add_label("/organ/force_label", "", visible=False)
+        self._label = scene.add_label(f"{name}_label", "", visible=False)
         super().__init__(self._arrow, self._label)
         self._text = ""
 

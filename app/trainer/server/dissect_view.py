@@ -20,8 +20,8 @@ class DissectView(ModeView[DissectState, BedScene, DissectPanel, BedReading]):
         return DissectPanel(self.state)
 
     def _draw_reading(self, reading: BedReading) -> None:
-        state = self.state
-        self._scene.draw(reading, state.colours if state.figures_visible else "tissue")
+        state, figures = self.state, self.state.figures_visible
+        self._scene.draw(reading, state.colours if figures else "tissue", figures=figures)
 
     def _torn_words(self, reading: BedReading) -> str:
         if reading.torn_at is None:
