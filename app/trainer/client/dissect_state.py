@@ -38,13 +38,14 @@ class DissectState(ClientState[BedSession, DissectionFile]):
     """What the parts of a page share while it shows a duct in its bed.
 
     `hand` is the number of the active hand, which the mouse on the duct and the keys lead;
-    `colours` the client's choice of what colours the duct.
+    `colours` the client's choice of what colours the duct; `into_picture` whether drags go there.
     """
 
     def __init__(self, client: viser.ClientHandle, session: BedSession, workers: Workers) -> None:
         super().__init__(client, session, workers)
         self.hand = 0
         self.colours: Colours = "tissue"
+        self.into_picture = False
         self._dragged: int | None = None  # the hand that the mouse leads
         self._led_from = np.zeros(3)  # where its tip was when the drag began, mm
         self._tries = deque[DissectionFile](maxlen=MOST_TRIES)
@@ -55,9 +56,16 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         """What the active hand has."""
         return self.session.duct.hands[self.hand].instrument
 
-    def show(self, *, colours: Colours | None = None, plain: bool | None = None) -> None:
+    def show(
+        self,
+        *,
+        colours: Colours | None = None,
+        into_picture: bool | None = None,
+        plain: bool | None = None,
+    ) -> None:
         """Choose what is shown; None leaves a choice as it is."""
         self.colours = self.colours if colours is None else colours
+        self.into_picture = self.into_picture if into_picture is None else into_picture
         super().show(plain=plain)
 
     def show_next(self) -> None:

@@ -26,8 +26,9 @@ COLOURED: dict[Colours, tuple[str, str]] = {
 HOW: dict[Instrument, str] = {
     "hook": "Press the duct to take it, drag to pull. It lets go with the mouse.",
     "grasper": "Press the duct to take it, drag to pull. It stays until it is told to let go.",
-    "dissector": "Drag it behind the duct, then open its jaws.",
-    "swab": "Drag it along the side of the duct.",
+    "dissector": "With Shift or the right button drag it into the picture, behind the duct. Then "
+    "open its jaws by the slider or with O.",
+    "swab": "Drag it down beside the duct, then along it.",
 }
 MOST_OPENING = 40.0
 
@@ -51,6 +52,11 @@ class HandsTab:
             visible=False,
             hint="Between the dissector's jaws (O opens, C closes)",
         )
+        self._depth = gui.add_checkbox(
+            "Drag into the picture",
+            initial_value=state.into_picture,
+            hint="For fingers: as with Shift or the right button, up is away from you",
+        )
         self._colours = Choice(gui, "Colours", COLOURED, lambda value: state.show(colours=value))
         self._pause = gui.add_button(
             "Pause (P)", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint="Let time stand still"
@@ -69,6 +75,7 @@ class HandsTab:
             for name in HANDS
         ]
         on_input(self._jaws, lambda value: state.open_jaws(number(value)))
+        on_input(self._depth, lambda value: state.show(into_picture=value is True))
         on_click(self._pause, lambda: state.set_paused(not state.paused))
         on_click(self._reset, state.reset)
         for hand, button in enumerate(self._release):

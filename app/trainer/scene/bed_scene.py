@@ -92,6 +92,11 @@ class BedScene(DuctOnStage[BedSession]):
             released,
         )
 
+    def lead_into_picture(self, into: bool) -> None:
+        """Let drags go into the picture, and those with Shift in its plane; or the other way."""
+        if self._hand is not None:
+            self._hand.swapped = into
+
     def _in_duct(self, hold: Hold) -> Hold:
         dissection = self._session.duct.dissection
 

@@ -103,6 +103,7 @@ class DragProxy:
         self._instruments: dict[str, tuple[int, viser.MeshHandle]] = {}
         self._hold: Hold | None = None
         self._depth = False  # whether the last drag was one into the picture
+        self.swapped = False  # whether drags go into the picture, and those with Shift do not
         self._ending: asyncio.TimerHandle | None = None
         self._frame, self._origin = np.eye(3), np.zeros(3)
 
@@ -179,31 +180,33 @@ class DragProxy:
         # viser ends a drag when Shift is pressed or released within it, and starts another one a
         # moment later: that one goes on with what is held, from where it was.
         begun = at = np.zeros(3)
+        into = depth
 
         @mesh.on_drag(button, modifier=modifier)
         async def _(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
-            nonlocal begun, at
+            nonlocal begun, at, into
             hand = np.asarray(event.end_position, np.float64)
             if not np.isfinite(hand).all():
                 return
             if event.phase == "start":
-                going_on = self._hold if self._ending is not None and depth != self._depth else None
+                into = depth != self.swapped
+                going_on = self._hold if self._ending is not None and into != self._depth else None
                 self._end_now(released=going_on is None)
-                self._depth = depth
+                self._depth = into
                 grip = self._organ_place(np.asarray(event.start_position, np.float64))
                 begun, at = self._organ_place(hand), grip
                 if going_on is not None:
                     at = going_on.place
                     return
-                place = grip if depth else self._place_of(hand, grip)
+                place = grip if into else self._place_of(hand, grip)
                 self._hold = start(grip, place)
-                at = at if depth else place
+                at = at if into else place
                 self._grabbed(self._hold)
             elif self._hold is not None:
                 held = self._hold
                 if self._in_screen:
                     moved = self._organ_place(hand) - begun
-                    place = at + (self._into_picture(moved) if depth else moved)
+                    place = at + (self._into_picture(moved) if into else moved)
                 else:
                     place = self._place_of(hand, held.start)
                 self._hold = replace(held, place=place)

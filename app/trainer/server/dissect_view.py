@@ -21,6 +21,7 @@ class DissectView(ModeView[DissectState, BedScene, DissectPanel, BedReading]):
 
     def _draw_reading(self, reading: BedReading) -> None:
         state, figures = self.state, self.state.figures_visible
+        self._scene.lead_into_picture(state.into_picture)
         self._scene.draw(reading, state.colours if figures else "tissue", figures=figures)
 
     def _torn_words(self, reading: BedReading) -> str:
