@@ -164,15 +164,15 @@ def _add_plot(
     ends = [np.full_like(time, each) for each in (high, low, np.nan if limit is None else limit)]
     highest = max(*(float(np.nanmax(each, initial=1e-3)) for each in (*drawn, *ends)), 1e-3)
     gui.add_uplot(
-        (time, *ends, *drawn),
+        (time, *drawn, *ends),
         (
             uplot.Series(label="time, s"),
+            *(line(label, colour, 2.0) for colour in curves),
             line("goal", GOAL_COLOUR, 1.0),
             line("goal, from", GOAL_COLOUR, 1.0),
             LIMIT,
-            *(line(label, colour, 2.0) for colour in curves),
         ),
-        bands=(uplot.Band(series=(1, 2), fill=GOAL_AREA),),
+        bands=(uplot.Band(series=(len(drawn) + 1, len(drawn) + 2), fill=GOAL_AREA),),
         scales={
             "x": uplot.Scale(time=False, range=(0.0, max(float(time[-1]), 1.0))),
             "y": uplot.Scale(range=(0.0, top or 1.08 * highest)),
