@@ -57,11 +57,12 @@ DISSECT_KEYS = (
 
 _LINES: dict[Mode, tuple[str, str, str]] = {
     "dissect": (
-        "<b>Drag the duct</b> off its bed with the mouse or a finger: strands stretch, and part.",
-        "Watch <b>Distance to break</b>: at 0 % the duct tears. Pull <b>straight up</b>, <b>close "
-        "to where it is still held</b>.",
-        "Each hand has an <b>instrument</b>; <b>Reset</b> makes all whole. <b>Pull</b> has a duct "
-        "without a bed.",
+        "<b>Press the duct and drag</b> it off its bed, with the mouse or a finger: strands "
+        "stretch, and part. <b>Let go</b>, and take hold again close to where it is still held.",
+        "Watch <b>Distance to break</b>: at 0 % the duct tears. <b>Slowly and straight up</b> "
+        "spares it most.",
+        "A <b>dissector</b> spreads strands from behind, a <b>grasper</b> holds while the other "
+        "hand works. <b>Reset</b> makes all whole; <b>exercises</b> are under <b>Learn</b>.",
     ),
     "pull": (
         "<b>Drag the duct</b> upwards with the mouse or a finger; it pulls back.",
@@ -77,9 +78,13 @@ close to the front where strands still hold, straight off the bed, without haste
 **The hands.** A **hook** takes the duct where you press and lets go with the mouse. A **grasper**
 takes it likewise, and stays where it is left until it is told to let go. A **dissector** parts
 strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
-and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**
-or the right button into the picture and out of it. Drag beside the duct to look around, scroll to
-come nearer.
+and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**,
+the right button or *Drag into the picture* into it and out of it. Drag beside the duct to look
+around, scroll to come nearer.
+
+**The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Freed* is
+the length about which nearly all strands have parted. *Into strands* is the part of your work that
+has parted strands; the rest has stretched the duct. Arrows show the force of each hand.
 
 **What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
 heals; the duct tears where normal stress + bending stress > threshold T. Strands part only as far
