@@ -15,7 +15,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
 from app.simulation import Session, preset_named
-from app.simulation.bed import BedSession, read_any_run
+from app.simulation.bed import BedSession
 from app.trainer.pages.dissection_files import run_download
 from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
 from organ_geometry.organ import Organ
@@ -201,7 +201,7 @@ def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPa
 
 
 @pytest.mark.parametrize("lift", [8.0, 40.0], ids=["whole", "torn"])
-def test_a_dissection_is_kept_as_its_run_and_as_it_is_at_its_end(lift: float) -> None:
+def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float) -> None:
     shown = BedSession(phantom(), vertices=300)
     place = shown.grab(0, 20.0)
     assert place is not None
@@ -213,13 +213,8 @@ def test_a_dissection_is_kept_as_its_run_and_as_it_is_at_its_end(lift: float) ->
     def file(suffix: str) -> bytes:
         return run_download(run, phantom(), suffix).content
 
-    again = read_any_run(file(".json"))
-    assert again == run
-    rows = list(csv.DictReader(io.StringIO(file(".csv").decode())))
-    assert len(rows) == run.log.ticks
-    assert int(rows[-1]["strands_parted"]) == run.measures.strands_parted
     assert b'"name":"run"' in file(".glb")
-    assert file(".html").startswith(b"<!DOCTYPE html>") or b"<html" in file(".html")
+    assert b"A recorded run of" in file(".html")
     solid = trimesh.load(io.BytesIO(file(".stl")), file_type="stl")
     assert solid.is_watertight
     assert solid.body_count == (1 if reading.torn_at is None else 2)

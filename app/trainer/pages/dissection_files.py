@@ -1,4 +1,4 @@
-"""Files of a dissection: its run, what plays it, and the duct and the strands at its end."""
+"""Files of a dissection: what plays its run, and the duct and the strands at its end."""
 
 import io
 from zipfile import ZIP_DEFLATED, ZipFile
@@ -10,8 +10,8 @@ from app.export.recorded_run import RecordedRun
 from app.export.snapshot import Snapshot
 from app.export.strands import BedRecorder, StrandsSnapshot
 from app.export.vtk_series import snapshot_contents
-from app.simulation import SurfaceStress, run_json
-from app.simulation.bed import BedSession, DissectionFile, DissectionReplay, dissection_csv
+from app.simulation import SurfaceStress
+from app.simulation.bed import BedSession, DissectionFile, DissectionReplay
 from app.trainer.pages.downloads import VERTICES, Download, file_name, organ_content
 from app.trainer.pages.html_player import page_edge_length, run_page
 from organ_geometry import Organ
@@ -22,15 +22,13 @@ __all__ = ["RUN_SUFFIXES", "run_download"]
 RUN_SUFFIXES = {
     ".glb": "Animated model of the run (glTF)",
     ".html": "Page that plays the run",
-    ".csv": "History of the run (CSV)",
-    ".json": "Run file (JSON)",
     ".stl": "Closed mesh at its end (STL)",
     ".zip": "Mesh and strands at its end (ParaView)",
     ".organ": "Organ file",
 }
 """Suffixes and what the panel calls the files."""
 FEW = 300
-"""Vertices of the skin where only numbers are asked for."""
+"""Vertices of the skin where only its motion is asked for."""
 
 
 def run_download(run: DissectionFile | None, organ: Organ, suffix: str) -> Download:
@@ -46,12 +44,8 @@ def run_download(run: DissectionFile | None, organ: Organ, suffix: str) -> Downl
 
 
 def _content(run: DissectionFile, organ: Organ, name: str, suffix: str) -> bytes:
-    if suffix == ".json":
-        return run_json(run)
     at_end = suffix in (".stl", ".zip")
     replay = DissectionReplay(run.log, organ, vertices=VERTICES if at_end else FEW)
-    if suffix == ".csv":
-        return dissection_csv(replay.series()).encode()
     if not at_end:
         most = MOST_FRAMES if suffix == ".glb" else PAGE_FRAMES
         played = RecordedRun.of_dissection(replay, frames=min(most, run.log.ticks + 1))

@@ -35,9 +35,7 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         with self._tabs.add_tab("Dissect"):
             self._hands = HandsTab(self._gui, state)
         self._add_exercises()
-        self._add_replays()
-        with self._tabs.add_tab("Bed"):
-            self._bed = BedTab(self._gui, state)
+        with self._add_replays():
             ExportBox(
                 self._gui,
                 state,
@@ -45,6 +43,8 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
                 self._export,
                 "The run from its first touch on, or the duct and its bed at the run's end",
             )
+        with self._tabs.add_tab("Bed"):
+            self._bed = BedTab(self._gui, state)
         ways = {
             "Left": (-NUDGE, 0.0, 0.0),
             "Right": (NUDGE, 0.0, 0.0),

@@ -43,9 +43,11 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
         with self._tabs.add_tab(LEARN):
             self._exercises = ExerciseTab(self._gui, self._state)
 
-    def _add_replays(self) -> None:
-        with self._tabs.add_tab(REPLAY):
+    def _add_replays(self) -> viser.GuiTabHandle:
+        tab = self._tabs.add_tab(REPLAY)
+        with tab:
             self._replay = ReplayTab(self._gui, self._state)
+        return tab
 
     def _add_rest(
         self,
