@@ -184,8 +184,8 @@ class Refinement:
 
     def _errors(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the part of each slice's D that the chosen points make."""
-        weighted = self._weights * residuals**2
-        return np.bincount(self._jacobian.slices, weighted, len(self._unseen))
+        errors = np.bincount(self._jacobian.slices, self._weights * residuals**2, len(self._unseen))
+        return np.asarray(errors, dtype=np.float64)
 
     def _with_keys(self, state: _State, keys: NDArray[np.intp]) -> _State:
         """Return a state of other key sections, with nearly the same coefficients between them."""

@@ -12,7 +12,15 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    Locator,
+    Page,
+    Playwright,
+    expect,
+    sync_playwright,
+)
 
 from app.trainer.server.dissect_view import DissectView
 from app.trainer.server.pull_view import PullView
@@ -43,6 +51,7 @@ RADIUS = 4.445
 """Of the shipped duct as it is drawn, as thick as the thesis's bar, mm."""
 PATIENCE = 60_000
 """ms: software rendering on two busy cores."""
+expect.set_options(timeout=PATIENCE)
 
 
 def chromium() -> Path:

@@ -42,13 +42,13 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
             "data-bytes", str(len(phantom().encoded)), timeout=PATIENCE
         )
         caption = tab.page.get_by_test_id("build-caption")
-        expect(caption).to_contain_text("section_064.png: ▬ outer edge ▬ lumen", timeout=PATIENCE)
+        expect(caption).to_contain_text("section_064.png: ▬ outer edge ▬ lumen")
         tab.slide("Image", 3)
-        expect(caption).to_contain_text("section_003.png", timeout=PATIENCE)
+        expect(caption).to_contain_text("section_003.png")
         assert downloaded(tab) == ("bile_duct_phantom.organ", phantom().encoded)
 
         tab.slide("Threshold (px)", 1.6)
-        expect(result).to_have_attribute("data-tolerance-mm", "0.19921875", timeout=PATIENCE)
+        expect(result).to_have_attribute("data-tolerance-mm", "0.19921875")
         coarse = build_organ(
             read_image_stack(BILE_DUCT_PHANTOM), promise=Promise(tolerance_px=1.6)
         ).organ.encoded
@@ -91,7 +91,7 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         for wrong, said in ((b"no zip", "this cannot be read: send a zip"), (b"", "send a zip")):
             (tmp_path / "wrong.zip").write_bytes(wrong)
             chooser.set_input_files(tmp_path / "wrong.zip")
-            expect(status).to_contain_text(said, timeout=PATIENCE)
+            expect(status).to_contain_text(said)
             notice = tab.page.get_by_role("alert").filter(has_text="Not possible")
             expect(notice.first).to_contain_text(said)
         again = tab.page.get_by_role("button", name="Read them with these sizes")
@@ -109,15 +109,15 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         tab.slide("Slice distance (mm)", 0.4)
         tab.press("Read them with these sizes")
         result = tab.page.get_by_test_id("build-result")
-        expect(result).to_contain_text("20 in, 20 found", timeout=PATIENCE)
+        expect(result).to_contain_text("20 in, 20 found")
         expect(result).to_contain_text(
             re.compile("too short or too thick to be clamped as .*thesis", re.I), timeout=PATIENCE
         )
         tab.slide("Threshold (px)", 0.1)
         expect(status).to_contain_text("the smallest that can is", timeout=3 * PATIENCE)
-        expect(result).to_have_count(0, timeout=PATIENCE)
+        expect(result).to_have_count(0)
         tab.slide("Threshold (px)", 1.6)
-        expect(result).to_have_attribute("data-tolerance-mm", "0.19921875", timeout=PATIENCE)
+        expect(result).to_have_attribute("data-tolerance-mm", "0.19921875")
         folder = view._panel._build._bench._folder
         assert folder is not None
         place = Path(folder.name)
@@ -163,7 +163,7 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
             tab.press("Open images")
         chosen.value.set_files(two_tubes(tmp_path / "scan.zip"))
         result = page.get_by_test_id("build-result")
-        expect(result).to_have_attribute("data-doubts", "1", timeout=PATIENCE)
+        expect(result).to_have_attribute("data-doubts", "1")
         doubts = result.get_by_test_id("build-doubts")
         expect(doubts).to_contain_text("Probably another organ than the one wanted")
         expect(doubts).to_contain_text("8 of 8 sections show another part")
@@ -191,7 +191,7 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
         box = image.bounding_box()
         assert box is not None
         page.mouse.click(box["x"] + 52.5 / 64 * box["width"], box["y"] + 10.5 / 48 * box["height"])
-        expect(result).to_have_attribute("data-doubts", "0", timeout=PATIENCE)
+        expect(result).to_have_attribute("data-doubts", "0")
         expect(result).to_contain_text("8 in, 8 found")
         assert color("Practise on it") != color("Download .organ")
         expect(tab.row("Point").locator("input")).to_have_value("52,10,4")
@@ -203,9 +203,9 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
         # The first image is left out, and all are looked at again by the button.
         page.get_by_text("Look only here", exact=True).first.click()
         tab.row("Images").locator("input").fill("1-7")
-        expect(result).to_contain_text("7 in, 7 found", timeout=PATIENCE)
+        expect(result).to_contain_text("7 in, 7 found")
         tab.press("Look everywhere")
-        expect(result).to_have_attribute("data-doubts", "1", timeout=PATIENCE)
+        expect(result).to_have_attribute("data-doubts", "1")
         expect(result).to_contain_text("8 in, 8 found")
 
 

@@ -52,7 +52,7 @@ def test_the_readout_says_which_organ_and_section_are_solved(
         found = solved("--preset", "assumed-duct", "--force", 1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")
         tab.slide("Threshold (kPa)", 150.0)
-        expect(duct).to_contain_text("T moved by you from 211.5 kPa", timeout=PATIENCE)
+        expect(duct).to_contain_text("T moved by you from 211.5 kPa")
 
 
 def test_an_organ_that_is_practised_on_is_solved_as_its_own(
@@ -64,7 +64,7 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
         assert view.session.duct.dissection.preset.name == "thesis-bile-duct"
         view.state.practise_on(read_organ(tube_file))
         duct = tab.page.get_by_test_id("duct")
-        expect(duct).to_contain_text("hollow, 58", timeout=PATIENCE)
+        expect(duct).to_contain_text("hollow, 58")
         expect(duct).to_contain_text("the organ's own hollow sections")
         expect(duct).not_to_contain_text("50.8")
         found = solved("--organ", tube_file, "--force", 0.1)
@@ -135,8 +135,8 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         tab.slide("Wall (mm)", 0.8)
         tab.slide("First clamp (mm)", 4.0)
         tab.slide("Second clamp (mm)", 54.5)
-        expect(figures).to_have_attribute("data-own", "5", timeout=PATIENCE)
-        expect(figures).to_contain_text("50.5", timeout=PATIENCE)  # both clamps have come
+        expect(figures).to_have_attribute("data-own", "5")
+        expect(figures).to_contain_text("50.5")  # both clamps have come
         expect(use).to_be_enabled()
         file = saved(tab)
         preset = read_preset(file.read_bytes(), "mine")
@@ -161,7 +161,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         # What cannot be is said, and not taken.
         tab.slide("Wall (mm)", 9.0)
         wrong = tab.page.get_by_test_id("figures-wrong")
-        expect(wrong).to_contain_text("a wall of 9 mm is thicker than the organ", timeout=PATIENCE)
+        expect(wrong).to_contain_text("a wall of 9 mm is thicker than the organ")
         expect(use).to_be_disabled()
         bad = file.with_name("bad.toml")
         bad.write_text("[[preset]]\nname = 'x'\n")
@@ -175,7 +175,7 @@ def test_every_theory_s_threshold_is_shown(browser: Browser, trainer: Trainer) -
     with trainer_page(browser, trainer.address, height=1100) as tab:
         tab.open("Model")
         table = tab.page.get_by_test_id("thresholds")
-        expect(table).to_contain_text("Exact beam", timeout=PATIENCE)
+        expect(table).to_contain_text("Exact beam")
         rows = table.locator("tr").all_inner_texts()[1:]
         assert len(rows) == 5
         # One break is given, so all break alike, each at a stress of its own.

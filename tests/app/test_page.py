@@ -453,7 +453,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         assert view.session.run is run
         assert run.going
         learn = tab.page.get_by_role("tab", name="Learn")
-        expect(learn).to_have_attribute("aria-selected", "true", timeout=PATIENCE)
+        expect(learn).to_have_attribute("aria-selected", "true")
         expect(tab.page.get_by_test_id("task")).to_contain_text("Dissect gently")
         expect(tab.page.get_by_role("button", name="Stop", exact=True)).to_be_visible()
         expect(state).to_contain_text("of 90 s")
@@ -519,7 +519,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         assert distance[4][0] == 100.0 * gentle.reserve_limit
         tab.press("Watch it again")
         replay = tab.page.get_by_role("tab", name="Replay")
-        expect(replay).to_have_attribute("aria-selected", "true", timeout=PATIENCE)
+        expect(replay).to_have_attribute("aria-selected", "true")
         tab.press("Pause")
         expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible()
         tab.wait_until(lambda: seen(tab, "goal/area"))  # what the run was about
@@ -744,7 +744,7 @@ def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browse
             first.stop()
             first = Trainer(phantom(), port=port, mode="pull", look="plain")
             told = tab.page.get_by_role("alert").filter(has_text="A new duct")
-            expect(told).to_contain_text("the trainer was started anew", timeout=PATIENCE)
+            expect(told).to_contain_text("the trainer was started anew")
             tab.page.reload()  # its new session is known: nothing to tell
             tab.wait_for_node("skin")
             expect(told).to_have_count(0)
