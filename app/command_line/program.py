@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from app.command_line import (
+    classroom,
     compress,
     export,
     haptics,
@@ -51,6 +52,7 @@ def versions(
 
 
 program.command("trainer")(trainer.trainer)
+program.add_typer(classroom.program, name="class")
 program.command("compress")(compress.compress)
 program.command("info")(info.info)
 program.command("export")(export.export)

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
+    from app.trainer.server.trainer import Trainer
 
-__all__ = ["trainer"]
+__all__ = ["draw_link", "ready_for_signals", "serve", "tls_context", "trainer"]
 
 NET = "Other machines"
 BOUNDS = "Bounds of what clients may take"
@@ -133,9 +134,8 @@ def trainer(
         raise ValueError(f"--log-format must be text or json, not {log_format}")
     if trust_proxy is not None and public_url is None:
         raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
-    token, tls = _given_token(token_file), _tls(certificate, key)
-    # Within what is compiled on a first start Python could lose an interrupt.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    token, tls = _given_token(token_file), tls_context(certificate, key)
+    ready_for_signals()
     from app.simulation import chosen_preset
 
     tissue = organ_from(organ)
@@ -143,27 +143,50 @@ def trainer(
     servo = None if haptics is None else _servo(haptics, haptics_address, haptics_hand)
     from app.compression.build_process import BuildProcess
     from app.trainer.server.bounds import Bounds
+
+    builds = BuildProcess(build_seconds, build_memory)
+    bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
+
+    def start() -> "Trainer":
+        from app.trainer.server.log import set_up_log
+        from app.trainer.server.trainer import Trainer
+
+        set_up_log(log_format)
+        return Trainer(
+            tissue, chosen, host=host, token=token, port=port, mode=mode, look=look, bounds=bounds,
+            build_process=builds, metrics=metrics,
+            tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
+            exercise_inputs=exercise_inputs, haptics=servo,
+        )  # fmt: skip
+
+    def say(running: "Trainer") -> None:
+        print(f"The trainer is ready: {running.link}", flush=True)
+        if running.link != running.address:
+            plain = "" if running.link.startswith("https") else " Nothing is encrypted on its way."
+            print(f"Who has this link gets in.{plain}", flush=True)
+            draw_link(running.link)
+
+    serve(start, say)
+
+
+def ready_for_signals() -> None:
+    """Let an interrupt end the program at once, until it serves."""
+    # Within what is compiled on a first start Python could lose an interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def serve(start: "Callable[[], Trainer]", say: "Callable[[Trainer], object]") -> None:
+    """Start a trainer, say where it is, and end the process when it is told to stop."""
     from organ_geometry import remove_left_behind
 
     remove_left_behind()
-    builds = BuildProcess(build_seconds, build_memory)
-    bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print(
             "Preparing the trainer; after a first start a page waits a minute for its duct ...",
             file=sys.stderr,
         )
-    from app.trainer.server.log import set_up_log
-    from app.trainer.server.trainer import Trainer
-
-    set_up_log(log_format)
-    running = Trainer(
-        tissue, chosen, host=host, token=token, port=port, mode=mode, look=look, bounds=bounds,
-        build_process=builds, metrics=metrics,
-        tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
-        exercise_inputs=exercise_inputs, haptics=servo,
-    )  # fmt: skip
+    running = start()
     # From here on both signals end the wait below, so that server and clock stop in order.
     stop = threading.Event()
 
@@ -173,11 +196,7 @@ def trainer(
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
     try:
-        print(f"The trainer is ready: {running.link}", flush=True)
-        if running.link != running.address:
-            plain = "" if running.link.startswith("https") else " Nothing is encrypted on its way."
-            print(f"Who has this link gets in.{plain}", flush=True)
-            _draw(running.link)
+        say(running)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
         stop.wait()
     finally:
@@ -196,7 +215,7 @@ def _given_token(file: Path | None) -> str | None:
     return file.read_text(encoding="utf-8", errors="replace").strip()
 
 
-def _tls(certificate: Path | None, key: Path | None) -> "ssl.SSLContext | None":
+def tls_context(certificate: Path | None, key: Path | None) -> "ssl.SSLContext | None":
     """Return how TLS is spoken with a certificate, if there is one."""
     if certificate is None:
         if key is not None:
@@ -220,7 +239,7 @@ def _tls(certificate: Path | None, key: Path | None) -> "ssl.SSLContext | None":
     return context
 
 
-def _draw(link: str) -> None:
+def draw_link(link: str) -> None:
     """Draw a link as a QR code for phones and tablets, in a terminal that has its characters."""
     import segno
 

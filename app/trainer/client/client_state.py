@@ -13,7 +13,7 @@ from app.compression.build_process import BuildProcess
 from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session
 from app.simulation.bed import BedSession, DissectionFile
 from app.trainer.client.background_worker import BackgroundWorker
-from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
 
 __all__ = ["FEW", "MODES", "ClientState", "Mode", "Workers", "explained"]
@@ -170,6 +170,12 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.release_hand()
         playback.play()
         self._replayed, self._playback = run, playback
+        self._changed = True
+
+    def watch(self, session: SessionT, find: Callable[[], Session | BedSession | None]) -> None:
+        """Show another page's session in place of this one's, which is stopped meanwhile."""
+        self.release_hand()
+        self._playback = LivePlayback(session, find)
         self._changed = True
 
     def leave_replay(self) -> None:

@@ -2,17 +2,22 @@
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, BaseReplay, Session
 from app.simulation.bed import BedSession
 
-__all__ = ["ReplayPlayback"]
+__all__ = ["LivePlayback", "ReplayPlayback"]
 
 SEEK_SECONDS = 0.4 * TICK_SECONDS
 """s of work on a jump in one tick of the clock, which serves the other clients too."""
 SEEK_TICKS = 5
 """Ticks replayed between two readings of the clock: about a millisecond of work."""
+
+
+LIVE_TICKS = 3
+"""Ticks between two pictures of another's duct."""
 
 
 SessionT = TypeVar("SessionT", Session, BedSession)
@@ -23,6 +28,8 @@ class ReplayPlayback(Generic[SessionT]):
 
     A jump back replays the run from its start, over several ticks if that takes long.
     """
+
+    title = "Replay"
 
     def __init__(self, replay: BaseReplay[SessionT, Any]) -> None:
         self._replay = replay
@@ -95,3 +102,45 @@ class ReplayPlayback(Generic[SessionT]):
     def _go_to(self, tick: int) -> None:
         self._replay.seek_tick(tick)
         self._at = tick
+
+
+class LivePlayback(ReplayPlayback[SessionT]):
+    """The session of another page as it goes on there; `find` returns it, or None once it is gone.
+
+    What is shown stays where it was while the other page shows the other mode.
+    """
+
+    title = "Live"
+
+    def __init__(self, session: SessionT, find: Callable[[], Session | BedSession | None]) -> None:
+        self._session, self._find = session, find
+        self._ticks = 0
+        self.duration = 0.0
+        self.playing = False
+
+    @property
+    def session(self) -> SessionT:
+        """The session that is watched; to be read only."""
+        return self._session
+
+    @property
+    def time(self) -> float:
+        """Always 0: it is now."""
+        return 0.0
+
+    def play(self) -> None:
+        """Do nothing: it goes on by itself."""
+
+    def seek(self, seconds: float) -> None:
+        """Do nothing: it is now."""
+
+    def tick(self, ticks: int) -> bool:
+        """Return whether there is another picture to draw."""
+        self._ticks += ticks
+        if self._ticks < LIVE_TICKS:
+            return False
+        self._ticks = 0
+        found = self._find()
+        if isinstance(found, type(self._session)):
+            self._session = found
+        return True

@@ -80,7 +80,8 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
     def _playing(self) -> str:
         """What is shown in place of the running session, in a word; empty for none."""
         state = self._state
-        return "Replay" if state.playback is not None else "Paused" if state.paused else ""
+        playback = state.playback
+        return playback.title if playback is not None else "Paused" if state.paused else ""
 
     def _show_common(self, *, readout: str, duct: str, legend: str, zone: str) -> None:
         """Show what both modes have; `zone` is the word for the duct's state, if it is told."""
@@ -92,8 +93,7 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
         self._replay.show()
         # A screen reader announces the duct's new state, without figures.
         words = [
-            "Replay" if state.playback is not None else "",
-            "Paused" if state.paused else "",
+            self._playing,
             ("Exercise" if run.started else "Exercise ready") if state.in_exercise else "",
             zone,
         ]

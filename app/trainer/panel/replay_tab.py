@@ -74,10 +74,11 @@ class ReplayTab:
         """Show the time of the replay."""
         state, playback = self._state, self._state.playback
         there = playback is not None
+        timed = playback is not None and playback.duration > 0.0  # not what is live
         for handle, visible in (
-            (self._time, there),
-            (self._play, there),
-            (self._leave, there),
+            (self._time, timed),
+            (self._play, timed),
+            (self._leave, timed),
             (self._this, not there),
             (self._upload, not there and not state.in_exercise),
             (self._json, not there),

@@ -158,7 +158,7 @@ class Guard:
             if isinstance(connection, PageConnection):
                 connection.trainee = browser
             if self._teacher_token is not None:
-                place, name = f"{self._place}{CLASS_PATH[1:]}", f"{name}-teacher"
+                place, name = f"{self._place}{CLASS_PATH[1:]}/", f"{name}-teacher"
                 if len(given) == 1 and _same(given[0], self._teacher_token):
                     return self._entered(connection, name, self._teacher_token, place)
                 teacher = self._browser(cookies, name, self._teacher_token)

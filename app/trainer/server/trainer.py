@@ -6,14 +6,18 @@ import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Awaitable, Callable, Generator, Mapping
+from functools import partial
 from typing import cast
 
 import viser
+from websockets.asyncio.server import ServerConnection
 
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session
+from app.trainer.classroom.lesson import Lesson, ToWatch
+from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.client_state import MODES, Mode, Workers, explained
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.practice import Practice
@@ -31,6 +35,7 @@ from app.trainer.stage.lighting import LookChoice
 from app.trainer.viser_bridge import (
     asked_by_address,
     close_page,
+    connection_of,
     kept_by_tab,
     page_of,
     prepare_page,
@@ -99,6 +104,8 @@ class Trainer:
         Where a reverse proxy serves the trainer to others.
     trusted_proxy
         Address of the proxy, whose X-Forwarded-For is believed.
+    lesson
+        The class whose trainees come by its link, if the trainer is a class's.
 
     Attributes
     ----------
@@ -137,13 +144,22 @@ class Trainer:
         tls: ssl.SSLContext | None = None,
         public_url: str | None = None,
         trusted_proxy: str | None = None,
+        lesson: Lesson | None = None,
     ) -> None:
         bounds = bounds or Bounds()
         self.connections = Connections(bounds, self._tell_refusal, trusted_proxy)
         self._encrypted, self._public_url = tls is not None, public_url
+        self._lesson = lesson
         self._guard = Guard(
-            host, token, self.connections, public_url=public_url, encrypted=self._encrypted
+            host,
+            token if lesson is None else lesson.store.trainee_token,
+            self.connections,
+            public_url=public_url,
+            encrypted=self._encrypted,
+            teacher_token=None if lesson is None else lesson.store.teacher_token,
         )
+        if lesson is not None:
+            self._guard.teacher_page = TeacherPage(lesson, lambda: self.link)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._host = host
         self._mode: Mode = mode or ("dissect" if haptics is None else "pull")
@@ -209,6 +225,12 @@ class Trainer:
         return self.address if token is None else f"{self.address}/?token={token}"
 
     @property
+    def teacher_link(self) -> str | None:
+        """The link to the teacher's page, if the trainer is a class's."""
+        lesson = self._lesson
+        return None if lesson is None else f"{self.address}/?token={lesson.store.teacher_token}"
+
+    @property
     def sessions(self) -> dict[int, Session]:
         """The sessions of the pages that show a pull, by client number."""
         with self._views_lock:
@@ -237,6 +259,8 @@ class Trainer:
         for view in views.values():
             view.close()
         self._workers.stop()
+        if self._lesson is not None:
+            self._lesson.stop()
         stop_server(self._server)
 
     async def _connect_apart(self, client: viser.ClientHandle) -> None:
@@ -251,7 +275,10 @@ class Trainer:
                 lost = before is not None and before not in self._kept
                 token, practice = self._kept.claim(before)
                 tab_keeps(client, token)
-                if practice.mode is None:
+                watched, furnish = self._of_class(client)
+                if watched is not None:
+                    practice.mode = watched.mode
+                elif practice.mode is None:
                     asked = asked_by_address(client, "mode")
                     practice.mode = asked if asked in MODES else self._mode
                 view = ClientView(
@@ -262,8 +289,11 @@ class Trainer:
                     exercise_inputs=self._exercise_inputs,
                     haptics=self._hand is not None,
                     ready=self.warm_up.wait,
+                    furnish=furnish,
                 )
-                if lost:
+                if watched is not None:
+                    watched.begin(view)
+                elif lost:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):
                     show_first_minute(client, view.mode)
@@ -282,14 +312,30 @@ class Trainer:
             if there := number in self._server.get_clients():
                 self._views[number], self._tokens[number] = view, token
         if not there:
+            if self._lesson is not None:
+                self._lesson.leave(view)
             view.close()
             self._kept.leave(token)
+
+    def _of_class(
+        self, client: viser.ClientHandle
+    ) -> tuple[ToWatch | None, Callable[[ClientView], object]]:
+        """Return what the teacher's page is to show, and what adds the class to a trainee's."""
+        connection = connection_of(self._server, client.client_id)
+        if self._lesson is not None and isinstance(connection, PageConnection):
+            if connection.is_teacher and (watched := self._lesson.to_watch(client)) is not None:
+                return watched, lambda _: None
+            if connection.trainee is not None:
+                return None, partial(self._lesson.furnish, connection.trainee)
+        return None, lambda _: None
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
         with self._views_lock:
             view = self._views.pop(client.client_id, None)
             token = self._tokens.pop(client.client_id, None)
         if view is not None:
+            if self._lesson is not None:
+                self._lesson.leave(view)
             view.close()
         if token is not None:
             self._kept.leave(token)
@@ -402,11 +448,17 @@ def _serve(host: str, port: int, guard: Guard, options: Mapping[str, object]) ->
                 f"cannot serve {host}: {reason}; give --host an address of this machine"
             ) from error
         raise _taken(host, port, reason) from error
-    server = start_server(host, port, guard, options)
+    server = start_server(host, port, guard, options, _apart)
     if port not in (0, server.get_port()):
         server.stop()
         raise _taken(host, port, "it is in use")
     return server
+
+
+def _apart(connection: ServerConnection) -> Awaitable[None] | None:
+    """Serve a websocket that is not of viser's page."""
+    serve = connection.serve if isinstance(connection, PageConnection) else None
+    return None if serve is None else serve()
 
 
 def _taken(host: str, port: int, why: str) -> AddressTakenError:

@@ -1,0 +1,185 @@
+"""The exercise that a teacher sets: a small TOML file, and what it asks on the class's duct.
+
+A limit that the file does not name follows from the duct, as in the trainer's own exercises.
+"""
+
+from typing import Literal, get_args
+
+import msgspec
+
+from app.simulation import (
+    ApproachBreak,
+    Exercise,
+    Feedback,
+    GentleDissection,
+    HoldStretch,
+    Preset,
+    Session,
+    preset_named,
+)
+from app.simulation.bed import BedExercise, BedSession, bed_named
+from organ_geometry import Organ
+
+__all__ = ["GOALS", "ExerciseFile", "SetExercise", "read_exercise", "template"]
+
+Goal = Literal[
+    "window", "follow-front", "free-scar", "hold-stretch", "approach-break", "gentle-lifts"
+]
+GOALS: dict[Goal, str] = {
+    "window": "Open a window",
+    "follow-front": "Follow the front",
+    "free-scar": "Free a scar with two hands",
+    "hold-stretch": "Hold a stretch",
+    "approach-break": "Approach the break",
+    "gentle-lifts": "Dissect gently",
+}
+PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
+    "hold-stretch": HoldStretch,
+    "approach-break": ApproachBreak,
+    "gentle-lifts": GentleDissection,
+}
+FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm"}
+"""Fields of an exercise that are no limits."""
+LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
+FEW = 300
+"""Vertices of a duct that nobody sees."""
+
+
+class DuctChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The duct and its bed; those of the class where nothing is named."""
+
+    preset: str | None = None
+    bed: str | None = None
+    seed: int = 1  # of the bed's scatter
+
+
+class SetExercise(msgspec.Struct, frozen=True):
+    """What an exercise file asks on a duct."""
+
+    title: str
+    text: str
+    mode: Literal["dissect", "pull"]
+    preset: str | None
+    exercise: Exercise | BedExercise
+    feedback: Feedback
+
+    @property
+    def json(self) -> str:
+        """It as JSON."""
+        return msgspec.json.encode(self).decode()
+
+    @classmethod
+    def of_json(cls, content: str) -> "SetExercise":
+        """Return it from JSON."""
+        plain = msgspec.json.decode(content)
+        kind = BedExercise if plain["mode"] == "dissect" else Exercise
+        plain["exercise"] = msgspec.convert(plain["exercise"], kind)
+        plain["feedback"] = Feedback(plain["feedback"])
+        return cls(**plain)
+
+
+class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An exercise as it stands in its file."""
+
+    title: str
+    goal: Goal
+    text: str = ""
+    feedback: Feedback = Feedback.CONTINUOUS
+    duct: DuctChoice = DuctChoice()
+    limits: dict[str, int | float] = {}
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.title.strip()) <= LONGEST_TITLE or not self.title.isprintable():
+            raise ValueError(f"title must have 1 to {LONGEST_TITLE} characters")
+        if len(self.text) > LONGEST_TEXT:
+            raise ValueError(f"text must have at most {LONGEST_TEXT} characters")
+        if self.goal in PULLS and self.duct.bed is not None:
+            raise ValueError(f"duct.bed does not go with {self.goal}, which has no bed")
+        if unknown := sorted(set(self.limits) - set(_limits(self.goal))):
+            raise ValueError(
+                f"limits.{unknown[0]} is none of {self.goal}; there are: "
+                f"{', '.join(_limits(self.goal))}"
+            )
+
+    def on(self, organ: Organ, preset: Preset | None) -> SetExercise:
+        """Return what it asks on the class's organ; this takes seconds the first time."""
+        chosen = preset if self.duct.preset is None else preset_named(self.duct.preset)
+        offered: tuple[Exercise, ...] | tuple[BedExercise, ...]
+        if self.goal in PULLS:
+            pull = Session(organ, chosen, vertices=FEW)
+            span, offered = pull.duct.dissection.beam.span, pull.exercises_offered()
+        else:
+            bed = None if self.duct.bed is None else bed_named(self.duct.bed)
+            dissect = BedSession(organ, chosen, bed, bed_seed=self.duct.seed, vertices=FEW)
+            span, offered = dissect.duct.dissection.beam.span, dissect.exercises_offered()
+        named = {each.title: each for each in offered}
+        found = named.get(GOALS[self.goal])
+        if found is None:
+            raise ValueError(f"goal {self.goal} cannot be reached on this duct in this bed")
+        if isinstance(found, BedExercise) and self.duct.bed not in (None, found.bed):
+            raise ValueError(f"goal {self.goal} is not done in duct.bed {self.duct.bed!r}")
+        try:
+            asked = msgspec.convert(msgspec.to_builtins(found) | self.limits, type(found))
+        except msgspec.ValidationError as error:
+            raise ValueError(f"limits: {error}") from None
+        if isinstance(asked, BedExercise) and asked.to_mm > span + 1e-9:
+            raise ValueError(f"limits.to_mm must be at most the duct's {span:.1f} mm")
+        return SetExercise(
+            title=self.title.strip(),
+            text=self.text.strip(),
+            mode="pull" if self.goal in PULLS else "dissect",
+            preset=self.duct.preset,
+            exercise=asked,
+            feedback=self.feedback,
+        )
+
+
+def read_exercise(content: str) -> ExerciseFile:
+    """Return the exercise in a TOML file."""
+    if len(content) > LONGEST_FILE:
+        raise ValueError(f"an exercise file has at most {LONGEST_FILE:,} characters")
+    try:
+        return msgspec.toml.decode(content, type=ExerciseFile)
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ValueError(f"this is no exercise file: {error}") from None
+
+
+def template(goal: Goal) -> str:
+    """Return an exercise file with a goal, in which everything else follows from the duct."""
+    bed = (
+        ""
+        if goal in PULLS
+        else f"""\
+bed = "{"scar" if goal == "free-scar" else "normal"}"   # see: bluntdissect info --beds
+seed = 1         # of the bed's scatter
+"""
+    )
+    limits = "\n".join(f"# {line}" for line in _wrapped(", ".join(_limits(goal))))
+    return f"""\
+title = "{GOALS[goal]}"
+text = "What you tell the trainees, in a sentence or two."
+goal = "{goal}"
+feedback = "continuous"   # or "fading", or "summary": figures only in the result
+
+[duct]
+# preset = "thesis-bile-duct"
+{bed}
+[limits]   # what is not named here follows from the duct; there are:
+{limits}
+time_limit_s = 120
+"""
+
+
+def _wrapped(text: str) -> list[str]:
+    import textwrap
+
+    return textwrap.wrap(text, 70)
+
+
+def _limits(goal: Goal) -> tuple[str, ...]:
+    """Return the names of the numbers that an exercise file may give for a goal."""
+    kind = PULLS.get(goal, BedExercise)
+    return tuple(name for name in kind.__struct_fields__ if name not in FIXED)
+
+
+assert set(GOALS) == set(get_args(Goal))  # noqa: S101

@@ -1,0 +1,212 @@
+"""The results of a class: rows for tables, files for other programs, and where each stands."""
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+from app.classroom.exercise_file import SetExercise
+from app.classroom.store import ClassStore, Person, RunRecord
+
+__all__ = [
+    "Result",
+    "Standing",
+    "results",
+    "results_csv",
+    "results_json",
+    "shown_names",
+    "standing",
+]
+
+Word = Literal["passed", "failed", "given up", "not finished", "free", "torn"]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One run of one person, for a table; `number` counts the person's tries at it."""
+
+    run: RunRecord
+    name: str  # of the person, told apart from others of the same name
+    number: int
+    limit: float | None  # of the peak's share of the break
+    measures: Mapping[str, Any]
+
+    @property
+    def word(self) -> Word:
+        """How it ended."""
+        if not self.run.finished:
+            return "not finished"
+        if self.run.passed is not None:
+            return "passed" if self.run.passed else "failed"
+        if self.measures.get("tear") is not None:
+            return "torn"
+        return "free" if self.run.assignment_id is None else "given up"
+
+    @property
+    def seconds(self) -> float:
+        """Its length, s."""
+        return float(self.measures["time_s"])
+
+    @property
+    def peak(self) -> float:
+        """The highest stress over the threshold: 1 tears."""
+        return 1.0 - float(self.measures["smallest_distance_to_break"])
+
+    @property
+    def force(self) -> float:
+        """The largest force, N, of whichever hand."""
+        force: float | list[float] = self.measures["maximum_force_N"]
+        return max(force) if isinstance(force, list) else force
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where one person stands among those who have finished an exercise; others without names."""
+
+    tried: int
+    passed: int
+    own: float | None  # peak's share of the break in the best try
+    own_passed: bool
+    others: tuple[tuple[float, bool], ...]  # the same of each of the others, lowest first
+
+
+def shown_names(people: Iterable[Person]) -> dict[str, str]:
+    """Return each person's name by id; those of the same name get numbers."""
+    seen, names = Counter[str](), dict[str, str]()
+    for person in people:
+        seen[person.name.casefold()] += 1
+        count = seen[person.name.casefold()]
+        names[person.id] = person.name if count == 1 else f"{person.name} ({count})"
+    return names
+
+
+def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
+    """Return the runs of a class, or of one person, oldest first."""
+    names = shown_names(store.people())
+    limits = {
+        each.id: getattr(SetExercise.of_json(each.exercise).exercise, "share_limit", None)
+        for each in store.assignments()
+    }
+    tries = Counter[tuple[str, object]]()
+    found: list[Result] = []
+    for run in store.runs(person_id):
+        what = run.person_id, run.assignment_id or run.title
+        tries[what] += 1
+        limit = None if run.assignment_id is None else limits.get(run.assignment_id)
+        name = names.get(run.person_id, "")
+        found.append(Result(run, name, tries[what], limit, json.loads(run.measures)))
+    return found
+
+
+def best(tries: Iterable[Result]) -> Result | None:
+    """Return the best of some tries: one that passed, with the lowest peak."""
+    ended = [each for each in tries if each.run.passed is not None]
+    return min(ended, key=lambda each: (not each.run.passed, each.peak), default=None)
+
+
+def standing(found: Sequence[Result], person_id: str, assignment_id: int) -> Standing:
+    """Return where a person stands in an exercise."""
+    by_person: dict[str, list[Result]] = {}
+    for each in found:
+        if each.run.assignment_id == assignment_id:
+            by_person.setdefault(each.run.person_id, []).append(each)
+    bests = {who: top for who, tries in by_person.items() if (top := best(tries)) is not None}
+    own = bests.pop(person_id, None)
+    others = sorted((each.peak, each.run.passed is True) for each in bests.values())
+    own_passed = own is not None and own.run.passed is True
+    return Standing(
+        tried=len(others) + (own is not None),
+        passed=sum(passed for _, passed in others) + own_passed,
+        own=None if own is None else own.peak,
+        own_passed=own_passed,
+        others=tuple(others),
+    )
+
+
+def results_csv(found: Sequence[Result]) -> bytes:
+    """Return runs as comma-separated values; a spreadsheet takes no text of them for a formula."""
+    flat = [_flat(each.measures) for each in found]
+    keys = list(dict.fromkeys(key for each in flat for key in each))
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\r\n")
+    table.writerow(
+        [
+            "name",
+            "exercise",
+            "set_by_teacher",
+            "try",
+            "mode",
+            "started_at",
+            "outcome",
+            "reason",
+            *keys,
+        ]
+    )
+    for each, measures in zip(found, flat, strict=True):
+        run = each.run
+        head = [
+            each.name, run.title, "yes" if run.assignment_id else "no", each.number, run.mode,
+            run.started_at, each.word, run.reason,
+        ]  # fmt: skip
+        table.writerow([_cell(value) for value in [*head, *(measures.get(key) for key in keys)]])
+    return out.getvalue().encode("utf-8-sig")
+
+
+def results_json(store: ClassStore, person_id: str | None = None) -> bytes:
+    """Return all of a class, or of one person, as JSON, with the run files in full."""
+    found = results(store, person_id)
+    names = shown_names(store.people())
+    runs: list[dict[str, Any]] = []
+    for each in found:
+        kept = store.run(each.run.id)
+        if kept is not None:
+            runs.append(
+                {
+                    "id": each.run.id, "name": each.name, "exercise": each.run.title,
+                    "assignment": each.run.assignment_id, "try": each.number,
+                    "started_at": each.run.started_at, "outcome": each.word,
+                    "reason": each.run.reason, "run": json.loads(kept.file),
+                }
+            )  # fmt: skip
+    whole = {
+        "format": "bluntdissect-class",
+        "version": 1,
+        "title": store.title,
+        "made_at": store.made_at,
+        "people": [
+            {"name": names[each.id], "joined_at": each.joined_at}
+            for each in store.people()
+            if person_id in (None, each.id)
+        ],
+        "assignments": [
+            {
+                "id": each.id, "file": each.text, "set_at": each.set_at,
+                "started_at": each.started_at, "stopped_at": each.stopped_at,
+            }
+            for each in store.assignments()
+        ],
+        "runs": runs,
+    }  # fmt: skip
+    return json.dumps(whole, ensure_ascii=False, indent=1).encode()
+
+
+def _flat(measures: Mapping[str, Any]) -> dict[str, object]:
+    """Return measures by column: those of both hands and of a tear apart."""
+    flat: dict[str, object] = {}
+    for key, value in measures.items():
+        if isinstance(value, list):
+            flat |= zip((f"{key}_left", f"{key}_right"), cast(list[object], value), strict=True)
+        elif isinstance(value, dict):
+            tear = cast(dict[str, object], value)
+            flat |= {f"{key}_{part}": inner for part, inner in tear.items()}
+        elif key != "tear":
+            flat[key] = value
+    return flat
+
+
+def _cell(value: object) -> object:
+    """Return a cell's value; text that a spreadsheet would compute is marked as text."""
+    return f"'{value}" if isinstance(value, str) and value[:1] in tuple("=+-@\t\r") else value

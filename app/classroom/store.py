@@ -1,0 +1,414 @@
+"""The file of a class: an SQLite database of its people, exercises and runs.
+
+A write has returned only when it is on the disk: write-ahead log, synchronous=FULL. What is deleted
+is overwritten (secure_delete). A backup is a file of the same kind and is opened like any other.
+"""
+
+import contextlib
+import hashlib
+import os
+import re
+import secrets
+import sqlite3
+import threading
+from collections.abc import Generator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+__all__ = [
+    "LONGEST_NAME",
+    "MOST_PEOPLE",
+    "MOST_RUNS",
+    "Assignment",
+    "ClassFileError",
+    "ClassFullError",
+    "ClassStore",
+    "Person",
+    "RunRecord",
+    "class_files",
+    "class_path",
+    "now",
+]
+
+APPLICATION, VERSION = 0x62_64_63_6C, 1  # "bdcl"
+SUFFIX = ".sqlite"
+TOKEN_BYTES, ID_BYTES = 24, 12
+LONGEST_TITLE, LONGEST_NAME = 80, 40
+MOST_PEOPLE, MOST_RUNS, MOST_ASSIGNMENTS = 200, 500, 500
+"""People of a class, runs of one of them, exercises set."""
+MOST_RUN_BYTES = 16_000_000
+BUSY_SECONDS = 10.0
+
+_TABLES = """
+CREATE TABLE class (
+    id INTEGER PRIMARY KEY CHECK (id = 1), title TEXT NOT NULL, made_at TEXT NOT NULL,
+    teacher_token TEXT NOT NULL, trainee_token TEXT NOT NULL, shows_standing INTEGER NOT NULL
+) STRICT;
+CREATE TABLE person (
+    id TEXT PRIMARY KEY, browser_sha256 TEXT NOT NULL UNIQUE, name TEXT NOT NULL,
+    joined_at TEXT NOT NULL
+) STRICT;
+CREATE TABLE assignment (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, text TEXT NOT NULL, exercise TEXT NOT NULL,
+    set_at TEXT NOT NULL, started_at TEXT, stopped_at TEXT
+) STRICT;
+CREATE TABLE run (
+    id TEXT PRIMARY KEY, person_id TEXT NOT NULL REFERENCES person ON DELETE CASCADE,
+    assignment_id INTEGER REFERENCES assignment, mode TEXT NOT NULL, title TEXT NOT NULL,
+    started_at TEXT NOT NULL, finished INTEGER NOT NULL, passed INTEGER, reason TEXT NOT NULL,
+    measures TEXT NOT NULL, file BLOB NOT NULL
+) STRICT;
+CREATE INDEX run_of_person ON run (person_id, started_at);
+"""
+
+
+class ClassFileError(ValueError):
+    """A file that is not a class, or a class that is not there."""
+
+
+class ClassFullError(ValueError):
+    """The class, or a person in it, has as much as it may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Someone who has typed a name; `id` is secret to others."""
+
+    id: str
+    name: str
+    joined_at: str
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """An exercise that the teacher has set: its file, and the exercise that came of it as JSON."""
+
+    id: int
+    text: str
+    exercise: str
+    set_at: str
+    started_at: str | None
+    stopped_at: str | None
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it is started and not stopped."""
+        return self.started_at is not None and self.stopped_at is None
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """A run as it is kept: `measures` and `file` are JSON; unfinished while more may come."""
+
+    id: str
+    person_id: str
+    assignment_id: int | None
+    mode: str
+    title: str
+    started_at: str
+    finished: bool
+    passed: bool | None
+    reason: str
+    measures: str
+    file: bytes
+
+
+def now() -> str:
+    """Return the time as text, to the second, with the zone."""
+    return datetime.now(UTC).astimezone().isoformat(timespec="seconds")
+
+
+def class_path(name: str) -> Path:
+    """Return the file of a class by its title, or the file itself if a file is named."""
+    if name.endswith(SUFFIX) or os.sep in name:
+        return Path(name)
+    stem = re.sub(r"[^\w]+", "-", name.lower()).strip("-_")
+    if not stem or len(name) > LONGEST_TITLE:
+        raise ClassFileError(
+            f"a class needs a title of 1 to {LONGEST_TITLE} characters with letters, not {name!r}"
+        )
+    return _folder() / f"{stem}{SUFFIX}"
+
+
+def class_files() -> list[Path]:
+    """Return the files of all classes in the user's data folder."""
+    return sorted(_folder().glob(f"*{SUFFIX}"))
+
+
+def _folder() -> Path:
+    return Path(platformdirs.user_data_dir("bluntdissect", appauthor=False)) / "classes"
+
+
+class ClassStore:
+    """An open class. Safe to use from several threads; a second process may read and write too."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise ClassFileError(
+                f"there is no class {path.stem!r} ({path}); make it with bluntdissect class new, "
+                "or see bluntdissect class list"
+            )
+        self.path, self._lock = path, threading.RLock()
+        try:
+            self._db = sqlite3.connect(
+                path, timeout=BUSY_SECONDS, isolation_level=None, check_same_thread=False
+            )
+            self._db.row_factory = sqlite3.Row
+            kind = self._value("PRAGMA application_id"), self._value("PRAGMA user_version")
+            if kind != (APPLICATION, VERSION):
+                raise ClassFileError(f"{path} is not a class of this version of bluntdissect")
+            for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON",
+                           "secure_delete=ON"):  # fmt: skip
+                self._db.execute(f"PRAGMA {pragma}")
+            row = self._db.execute("SELECT * FROM class").fetchone()
+        except sqlite3.DatabaseError as error:
+            raise ClassFileError(f"cannot read {path} as a class: {error}") from error
+        self.title: str = row["title"]
+        self.made_at: str = row["made_at"]
+        self.teacher_token: str = row["teacher_token"]
+        self.trainee_token: str = row["trainee_token"]
+        self._shows_standing = bool(row["shows_standing"])
+
+    @classmethod
+    def new(cls, path: Path, title: str) -> "ClassStore":
+        """Make a class that can be read by its maker only, and open it."""
+        title = title.strip()
+        if not 0 < len(title) <= LONGEST_TITLE or not title.isprintable():
+            raise ClassFileError(f"a class needs a title of 1 to {LONGEST_TITLE} characters")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        except FileExistsError as error:
+            raise ClassFileError(
+                f"there is a class {path.stem!r} already; open it with bluntdissect class open"
+            ) from error
+        try:
+            db = sqlite3.connect(path)
+            db.executescript(
+                f"BEGIN; PRAGMA application_id={APPLICATION}; PRAGMA user_version={VERSION};"
+                f"{_TABLES} COMMIT;"
+            )
+            tokens = [secrets.token_urlsafe(TOKEN_BYTES) for _ in range(2)]
+            with db:
+                db.execute("INSERT INTO class VALUES (1, ?, ?, ?, ?, 0)", (title, now(), *tokens))
+            db.close()
+        except BaseException:
+            path.unlink()
+            raise
+        return cls(path)
+
+    def close(self) -> None:
+        """Close it; what was deleted is then gone from its files."""
+        with self._lock:
+            self._forget()
+            self._db.close()
+
+    def delete(self) -> None:
+        """Close it and remove all of it."""
+        self.close()
+        for suffix in ("", "-wal", "-shm"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+
+    def back_up(self, path: Path) -> None:
+        """Write the class as it is now to a new file, readable by its maker only."""
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        except FileExistsError as error:
+            raise ClassFileError(f"{path} is there already; a backup replaces nothing") from error
+        try:
+            with contextlib.closing(sqlite3.connect(path)) as target, self._lock:
+                self._db.backup(target)
+        except BaseException:
+            path.unlink()
+            raise
+
+    def renew_links(self) -> None:
+        """Make new links; who came by the old ones is out."""
+        tokens = [secrets.token_urlsafe(TOKEN_BYTES) for _ in range(2)]
+        with self._writing() as db:
+            db.execute("UPDATE class SET teacher_token = ?, trainee_token = ?", tokens)
+        self.teacher_token, self.trainee_token = tokens
+
+    @property
+    def shows_standing(self) -> bool:
+        """Whether trainees see where they stand, without names."""
+        return self._shows_standing
+
+    @shows_standing.setter
+    def shows_standing(self, shown: bool) -> None:
+        with self._writing() as db:
+            db.execute("UPDATE class SET shows_standing = ?", (int(shown),))
+        self._shows_standing = shown
+
+    # People
+
+    def person_of(self, browser: str) -> Person | None:
+        """Return who uses a browser, if the name was typed."""
+        found = self._rows(
+            "SELECT id, name, joined_at FROM person WHERE browser_sha256 = ?", _digest(browser)
+        )
+        return Person(*found[0]) if found else None
+
+    def people(self) -> list[Person]:
+        """Return all, in the order in which they came."""
+        return [
+            Person(*row)
+            for row in self._rows("SELECT id, name, joined_at FROM person ORDER BY joined_at, name")
+        ]
+
+    def name_person(self, browser: str, name: str) -> Person:
+        """Give who uses a browser a name, which others may have too."""
+        name = " ".join(name.split())
+        if not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
+            raise ValueError(f"A name has 1 to {LONGEST_NAME} characters.")
+        with self._writing() as db:
+            (count,) = db.execute("SELECT count(*) FROM person").fetchone()
+            known = self.person_of(browser)
+            if known is None and count >= MOST_PEOPLE:
+                raise ClassFullError(f"This class has {MOST_PEOPLE} people already.")
+            db.execute(
+                "INSERT INTO person VALUES (?, ?, ?, ?)"
+                " ON CONFLICT (browser_sha256) DO UPDATE SET name = excluded.name",
+                (secrets.token_urlsafe(ID_BYTES), _digest(browser), name, now()),
+            )
+        found = self.person_of(browser)
+        assert found is not None  # noqa: S101 (just written)
+        return found
+
+    def delete_person(self, person_id: str) -> bool:
+        """Delete a person with all runs, overwritten in the file; return whether there was one."""
+        with self._writing() as db:
+            gone = db.execute("DELETE FROM person WHERE id = ?", (person_id,)).rowcount > 0
+        with self._lock:
+            self._forget()
+        return gone
+
+    # Exercises
+
+    def assign(self, text: str, exercise: str) -> Assignment:
+        """Set an exercise in place of the one before."""
+        with self._writing() as db:
+            (count,) = db.execute("SELECT count(*) FROM assignment").fetchone()
+            if count >= MOST_ASSIGNMENTS:
+                raise ClassFullError(
+                    f"This class has had {MOST_ASSIGNMENTS} exercises: make a new one."
+                )
+            at = now()
+            db.execute(
+                "UPDATE assignment SET stopped_at = ?"
+                " WHERE started_at IS NOT NULL AND stopped_at IS NULL",
+                (at,),
+            )
+            db.execute(
+                "INSERT INTO assignment (text, exercise, set_at) VALUES (?, ?, ?)",
+                (text, exercise, at),
+            )
+        found = self.assignment()
+        assert found is not None  # noqa: S101 (just written)
+        return found
+
+    def start_assignment(self) -> Assignment | None:
+        """Start the exercise that is set, or start it again."""
+        return self._mark("started_at = ?, stopped_at = NULL")
+
+    def stop_assignment(self) -> Assignment | None:
+        """Stop it."""
+        return self._mark("stopped_at = ?")
+
+    def _mark(self, change: str) -> Assignment | None:
+        with self._writing() as db:
+            db.execute(
+                f"UPDATE assignment SET {change} WHERE id = (SELECT max(id) FROM assignment)",  # noqa: S608
+                (now(),),
+            )
+        return self.assignment()
+
+    def assignment(self) -> Assignment | None:
+        """Return the exercise that is set, if any."""
+        found = self.assignments()
+        return found[-1] if found else None
+
+    def assignments(self) -> list[Assignment]:
+        """Return all exercises that were set, oldest first."""
+        return [Assignment(*row) for row in self._rows("SELECT * FROM assignment ORDER BY id")]
+
+    # Runs
+
+    def save(self, run: RunRecord) -> None:
+        """Write a run, in place of what was kept of it; a finished one stays as it is."""
+        if len(run.file) > MOST_RUN_BYTES:
+            raise ClassFullError("This run is too long to be kept.")
+        with self._writing() as db:
+            (count,) = db.execute(
+                "SELECT count(*) FROM run WHERE person_id = ? AND id <> ?", (run.person_id, run.id)
+            ).fetchone()
+            if count >= MOST_RUNS:
+                raise ClassFullError(f"{MOST_RUNS} runs of yours are kept already.")
+            values = (
+                run.id, run.person_id, run.assignment_id, run.mode, run.title, run.started_at,
+                int(run.finished), None if run.passed is None else int(run.passed), run.reason,
+                run.measures, run.file,
+            )  # fmt: skip
+            db.execute(
+                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+                " ON CONFLICT (id) DO UPDATE SET finished = excluded.finished,"
+                " passed = excluded.passed, reason = excluded.reason,"
+                " measures = excluded.measures, file = excluded.file"
+                " WHERE finished = 0",
+                values,
+            )
+
+    def runs(self, person_id: str | None = None) -> list[RunRecord]:
+        """Return runs, oldest first, of all or one person, without their files."""
+        rows = self._rows(
+            "SELECT id, person_id, assignment_id, mode, title, started_at, finished, passed,"
+            " reason, measures, x'' FROM run WHERE ?1 IS NULL OR person_id = ?1"
+            " ORDER BY started_at, rowid",
+            person_id,
+        )
+        return [_record(row) for row in rows]
+
+    def run(self, run_id: str) -> RunRecord | None:
+        """Return a run with its file."""
+        found = self._rows("SELECT * FROM run WHERE id = ?", run_id)
+        return _record(found[0]) if found else None
+
+    def _rows(self, query: str, *values: object) -> list[Any]:
+        with self._lock:
+            return self._db.execute(query, values).fetchall()
+
+    def _value(self, query: str) -> object:
+        return self._rows(query)[0][0]
+
+    @contextlib.contextmanager
+    def _writing(self) -> Generator[sqlite3.Connection]:
+        """Give the database in a transaction, which is on the disk afterwards or not at all."""
+        with self._lock:
+            self._db.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._db
+                self._db.execute("COMMIT")
+            except BaseException:
+                if self._db.in_transaction:
+                    self._db.execute("ROLLBACK")
+                raise
+
+    def _forget(self) -> None:
+        """Move the write-ahead log into the file, so that it holds nothing that was deleted."""
+        with contextlib.suppress(sqlite3.OperationalError):  # another process reads it now
+            self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def _record(row: Any) -> RunRecord:
+    values = list(row)
+    values[6] = bool(values[6])
+    values[7] = None if values[7] is None else bool(values[7])
+    return RunRecord(*values)
+
+
+def _digest(browser: str) -> str:
+    return hashlib.sha256(browser.encode()).hexdigest()

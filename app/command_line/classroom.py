@@ -1,0 +1,273 @@
+"""`bluntdissect class`: a class with its teacher and trainees, and what is kept of it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from app.command_line.load import PRESET_HELP, organ_from
+from app.command_line.trainer import draw_link, ready_for_signals, serve, tls_context
+
+if TYPE_CHECKING:
+    from app.classroom.store import ClassStore
+    from app.trainer.server.trainer import Trainer
+    from app.trainer.stage.lighting import LookChoice
+
+__all__ = ["program"]
+
+NET = "Other machines"
+LOOKS = ("auto", "full", "plain")
+
+program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
+
+Title = Annotated[str, typer.Argument(help="Title of the class, or its file.", metavar="CLASS")]
+Host = Annotated[
+    str, typer.Option(help="Address to serve; 0.0.0.0 lets other machines in by the links.")
+]
+Port = Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")]
+Organ = Annotated[
+    Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
+]
+PresetName = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Material and beam of the duct: {PRESET_HELP}",
+        show_default="of the shipped duct the first, of any other organ assumed-duct",
+    ),
+]
+Look = Annotated[str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")]
+MostClients = Annotated[int, typer.Option(help="Trainees at a time.")]
+Certificate = Annotated[
+    Path | None, typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET)
+]
+Key = Annotated[
+    Path | None,
+    typer.Option(help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET),
+]
+PublicUrl = Annotated[
+    str | None,
+    typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
+]
+TrustProxy = Annotated[
+    str | None,
+    typer.Option(help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET),
+]
+
+
+@program.command("new")
+def new(
+    title: Title,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    organ: Organ = None,
+    preset: PresetName = None,
+    look: Look = "auto",
+    most_clients: MostClients = 64,
+    certificate: Certificate = None,
+    key: Key = None,
+    public_url: PublicUrl = None,
+    trust_proxy: TrustProxy = None,
+) -> None:
+    """Make a class and open it; it prints a link for the teacher and one for the trainees.
+
+    Example: bluntdissect class new "Surgery 3A" --host 0.0.0.0
+    """
+    from app.classroom.store import ClassStore, class_path
+
+    _check(host, port, look)
+    store = ClassStore.new(class_path(title), Path(title).stem if _is_file(title) else title)
+    try:
+        _open(
+            store, host, port, organ, preset, look, most_clients, certificate, key, public_url,
+            trust_proxy,
+        )  # fmt: skip
+    except (ValueError, OSError):  # it has never been open
+        store.delete()
+        raise
+
+
+@program.command("open")
+def open_class(
+    title: Title,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    organ: Organ = None,
+    preset: PresetName = None,
+    look: Look = "auto",
+    most_clients: MostClients = 64,
+    new_links: Annotated[
+        bool, typer.Option("--new-links", help="Make new links; the old ones no longer open it.")
+    ] = False,
+    certificate: Certificate = None,
+    key: Key = None,
+    public_url: PublicUrl = None,
+    trust_proxy: TrustProxy = None,
+) -> None:
+    """Open a class again: with the same port its links and its people are the same.
+
+    Example: bluntdissect class open "Surgery 3A" --host 0.0.0.0
+    """
+    _check(host, port, look)
+    store = _store(title)
+    if new_links:
+        store.renew_links()
+    _open(
+        store, host, port, organ, preset, look, most_clients, certificate, key, public_url,
+        trust_proxy,
+    )  # fmt: skip
+
+
+@program.command("list")
+def list_classes() -> None:
+    """List the classes of this user, and where they are kept."""
+    from app.classroom.store import ClassStore, class_files
+
+    paths = class_files()
+    if not paths:
+        print('There is no class yet. Make one: bluntdissect class new "Surgery 3A"')
+    for path in paths:
+        store = ClassStore(path)
+        try:
+            people, runs = len(store.people()), len(store.runs())
+            print(
+                f"{store.title}: {people} people, {runs} runs, since {store.made_at[:10]}: {path}"
+            )
+        finally:
+            store.close()
+
+
+@program.command("export")
+def export(
+    title: Title,
+    folder: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
+) -> None:
+    """Write all results of a class: CSV, JSON, a report to print, and every run file.
+
+    Example: bluntdissect class export "Surgery 3A" -o results
+    """
+    from app.classroom.report import report_page
+    from app.classroom.results import results, results_csv, results_json
+    from organ_geometry import make_folder, write_atomic
+
+    store = _store(title)
+    try:
+        make_folder(folder, f"cannot write {folder}")
+        found = results(store)
+        write_atomic(folder / "results.csv", results_csv(found))
+        write_atomic(folder / "results.json", results_json(store))
+        write_atomic(folder / "report.html", report_page(store).encode())
+        if found:
+            make_folder(folder / "runs", f"cannot write {folder / 'runs'}")
+        for each in found:
+            run = store.run(each.run.id)
+            if run is not None:
+                write_atomic(folder / "runs" / f"{run.id}.json", run.file)
+        print(f"{len(found)} runs of {len(store.people())} people are in {folder}.")
+    finally:
+        store.close()
+
+
+@program.command("backup")
+def backup(title: Title, file: Annotated[Path, typer.Argument(help="New file.")]) -> None:
+    """Copy a class to a file, also while it is open; the file opens like the class.
+
+    Example: bluntdissect class backup "Surgery 3A" surgery.sqlite
+    """
+    store = _store(title)
+    try:
+        store.back_up(file)
+    finally:
+        store.close()
+    print(f"{file} has the whole class, and its links: keep it as safe as the class.")
+
+
+@program.command("delete")
+def delete(
+    title: Title,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Delete a class with all names and results. Backups and exports are yours to delete.
+
+    Example: bluntdissect class delete "Surgery 3A" --yes
+    """
+    store = _store(title)
+    try:
+        if not yes:
+            people, runs = len(store.people()), len(store.runs())
+            typer.confirm(f"Delete {store.title}, {people} people and {runs} runs?", abort=True)
+    except BaseException:
+        store.close()
+        raise
+    store.delete()
+    print(f"{store.title} is deleted.")
+
+
+def _is_file(title: str) -> bool:
+    return title.endswith(".sqlite")
+
+
+def _store(title: str) -> "ClassStore":
+    from app.classroom.store import ClassStore, class_path
+
+    return ClassStore(class_path(title))
+
+
+def _check(host: str, port: int, look: str) -> None:
+    if look not in LOOKS:
+        raise ValueError(f"--look must be auto, full or plain, not {look}")
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port must be from 0 to 65535, not {port}")
+    if not host:
+        raise ValueError("--host must be an address")
+
+
+def _open(
+    store: "ClassStore",
+    host: str,
+    port: int,
+    organ: Path | None,
+    preset: str | None,
+    look: str,
+    most_clients: int,
+    certificate: Path | None,
+    key: Path | None,
+    public_url: str | None,
+    trust_proxy: str | None,
+) -> None:
+    """Serve a class until it is told to stop."""
+    if trust_proxy is not None and public_url is None:
+        raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
+    tls = tls_context(certificate, key)
+    ready_for_signals()
+    from app.simulation import chosen_preset
+    from app.trainer.server.bounds import Bounds
+    from app.trainer.server.guard import is_loopback
+
+    tissue = organ_from(organ)
+    chosen = None if preset is None else chosen_preset(preset)
+    bounds = Bounds(most_clients, max(most_clients + 2, 48))
+
+    chosen_look = cast("LookChoice", look)
+
+    def start() -> "Trainer":
+        from app.trainer.classroom.lesson import Lesson
+        from app.trainer.server.log import set_up_log
+        from app.trainer.server.trainer import Trainer
+
+        set_up_log("text")
+        return Trainer(
+            tissue, chosen, host=host, port=port, look=chosen_look, bounds=bounds, tls=tls,
+            public_url=public_url, trusted_proxy=trust_proxy,
+            lesson=Lesson(store, tissue, chosen),
+        )  # fmt: skip
+
+    def say(running: "Trainer") -> None:
+        print(f"Teacher: {running.teacher_link}", flush=True)
+        print(f"Trainees: {running.link}", flush=True)
+        if not (running.link.startswith("https") or is_loopback(host)):
+            print("Nothing is encrypted on its way.", flush=True)
+        print("Keep the first link to yourself. The second as a code:", flush=True)
+        draw_link(running.link)
+        print(f"{store.title} is kept in {store.path}", flush=True)
+
+    serve(start, say)

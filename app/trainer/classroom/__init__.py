@@ -1,0 +1,1 @@
+"""Class mode in the trainer: the lesson, what trainees see of it, and the teacher's page."""

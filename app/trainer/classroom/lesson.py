@@ -1,0 +1,469 @@
+"""A class at work: its pages, the exercise that is set, and the saving of every run."""
+
+import html
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+from uuid import uuid4
+from weakref import WeakKeyDictionary
+
+import msgspec
+import viser
+
+from app.classroom.exercise_file import SetExercise, read_exercise
+from app.classroom.recorder import Recorder
+from app.classroom.results import Result, best, results, shown_names, standing
+from app.classroom.store import Assignment, ClassStore, Person, RunRecord, now
+from app.simulation import Preset, RunFile, Session, default_preset, preset_named, run_json
+from app.simulation.bed import BedSession, DissectionFile, read_any_run
+from app.trainer.classroom.class_card import Card, ClassCard
+from app.trainer.classroom.live import Live, live
+from app.trainer.client.client_state import Mode
+from app.trainer.panel.frame import LEARN
+from app.trainer.server.client_view import ClientView
+from app.trainer.viser_bridge import asked_by_address, open_tab
+from organ_geometry import Organ
+
+__all__ = ["Lesson", "Row", "ToWatch"]
+
+log = logging.getLogger(__name__)
+
+LOOK_SECONDS = 1.0
+SAVE_SECONDS = 5.0
+"""s between two savings of a run that goes on: a kill costs no more of it."""
+PATIENCE = 200.0
+"""Times that a saving has taken, until the next."""
+SAVING, SAVED = "Saving ...", "Saved"
+
+
+class Row(msgspec.Struct, frozen=True):
+    """A person in the teacher's list; `live` is None for who is not here."""
+
+    id: str
+    name: str
+    live: Live | None
+    tries: int
+    best: str
+    saved: str
+
+
+@dataclass(slots=True, eq=False)
+class _Member:
+    """A page of a trainee."""
+
+    view: ClientView
+    browser: str
+    person: Person | None
+    card: ClassCard
+    saved: str = ""
+    last: str = ""
+    saved_at: float = 0.0
+    save_after: float = SAVE_SECONDS
+    lock: threading.Lock = field(default_factory=threading.Lock)  # while a duct is put there
+
+
+@dataclass(frozen=True, slots=True)
+class ToWatch:
+    """What the teacher's page is asked to show: somebody's duct, or a run again."""
+
+    mode: Mode
+    begin: Callable[[ClientView], object]
+
+
+class Lesson:
+    """A class at work. Its methods may be called by any thread.
+
+    `organ` and `preset` are what an exercise is done on where its file names no other; `version`
+    grows with each new result.
+    """
+
+    def __init__(self, store: ClassStore, organ: Organ, preset: Preset | None = None) -> None:
+        self.store, self._organ, self._preset = store, organ, preset
+        self.version = 0
+        self._recorder = Recorder(store)
+        self._lock = threading.RLock()
+        self._members: dict[ClientView, _Member] = {}
+        # By the run, so that a run keeps its identity in whatever page it goes on.
+        self._ids: WeakKeyDictionary[Any, tuple[str, str]] = WeakKeyDictionary()
+        self._found: tuple[int, list[Result]] = -1, []
+        self._assignment: Assignment | None = None
+        self._asked: SetExercise | None = None
+        self._take_assignment(store.assignment())
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._look, name="class", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Save what goes on and close the class."""
+        self._stopping.set()
+        self._thread.join(LOOK_SECONDS)
+        for member in self._all():
+            self._save_unfinished(member)
+        self._recorder.stop()
+        self.store.close()
+
+    # Pages of trainees
+
+    def furnish(self, browser: str, view: ClientView) -> None:
+        """Add the class to a trainee's page, whenever the page of a mode has opened."""
+        card = ClassCard(
+            view.client.gui,
+            lambda name: self.join(view, name),
+            lambda: self._put(self._members[view]),
+        )
+        with self._lock:
+            member = self._members.get(view)
+            came = member is None
+            if member is None:
+                person = self.store.person_of(browser)
+                member = self._members[view] = _Member(view, browser, person, card)
+            member.card = card
+        view.state.kept = lambda: self._save_kept(member)
+        if came and member.person is not None:
+            self._welcome(member)
+        self._show(member)
+        if came:
+            self._put_if_new(member)
+
+    def leave(self, view: ClientView) -> None:
+        """Save what a page has done, which is gone."""
+        with self._lock:
+            member = self._members.pop(view, None)
+        if member is not None:
+            self._save_unfinished(member)
+
+    def join(self, view: ClientView, name: str) -> None:
+        """Let who is at a page join under a name."""
+        member = self._members.get(view)
+        if member is None:
+            return
+        try:
+            person = self.store.name_person(member.browser, name)
+        except ValueError as error:
+            view.state.refuse(str(error))
+            return
+        for each in self._all():
+            if each.browser == member.browser:
+                each.person = person
+                self._show(each)
+                self._put_if_new(each)
+
+    def _welcome(self, member: _Member) -> None:
+        """Say what is kept of the last run of who comes back, or what is gone."""
+        assert member.person is not None  # noqa: S101 (the caller has looked)
+        found = results(self.store, member.person.id)
+        if not found:
+            return
+        last, run = found[-1], member.view.session.run
+        if last.run.finished:
+            member.last = _told(last.run)
+        elif self._ids.get(run, ("", ""))[0] != last.run.id:
+            member.last = (
+                f"{last.run.title} was cut short after {last.seconds:.0f} s. What was saved of it "
+                "is kept; it cannot go on."
+            )
+
+    def _show(self, member: _Member) -> None:
+        person, assignment, asked = member.person, self._assignment, self._asked
+        text, where = "", None
+        if asked is not None and assignment is not None and assignment.goes_on:
+            text = f"<b>{html.escape(asked.title)}</b><br>{html.escape(asked.text)}"
+        if self.store.shows_standing and person is not None and assignment is not None:
+            where = standing(self._results(), person.id, assignment.id)
+        member.card.show(
+            Card(
+                title=self.store.title,
+                name=None if person is None else person.name,
+                exercise=text,
+                can_start=bool(text) and not member.view.state.in_exercise,
+                saved=member.saved,
+                last=member.last,
+                standing=where if where is not None and where.own is not None else None,
+            )
+        )
+
+    # The exercise
+
+    def assign(self, text: str) -> SetExercise:
+        """Set the exercise in a file for all; a `ValueError` says what is wrong with it."""
+        asked = read_exercise(text).on(self._organ, self._preset)
+        self._end_all()
+        self._take_assignment(self.store.assign(text, asked.json))
+        self.version += 1
+        self._show_all()
+        return asked
+
+    def start(self) -> None:
+        """Put the exercise that is set on everybody's duct."""
+        if self._assignment is None:
+            raise ValueError("No exercise is set yet.")
+        self._take_assignment(self.store.start_assignment())
+        for member in self._all():
+            if member.person is not None:
+                threading.Thread(target=self._put, args=(member,), daemon=True).start()
+        self._show_all()
+
+    def end(self) -> None:
+        """Stop the exercise for all."""
+        self._end_all()
+        self._take_assignment(self.store.stop_assignment())
+        self._show_all()
+
+    def delete(self, person_id: str) -> None:
+        """Delete a person with all results; who is here yet may join anew."""
+        if not self.store.delete_person(person_id):
+            raise ValueError("There is nobody like that.")
+        self.version += 1
+        for member in self._all():
+            if member.person is not None and member.person.id == person_id:
+                member.person, member.saved = None, ""
+                member.last = ""
+                self._show(member)
+
+    def show_standing(self, shown: bool) -> None:
+        """Let trainees see where they stand, or not."""
+        self.store.shows_standing = shown
+        self._show_all()
+
+    @property
+    def assignment(self) -> tuple[Assignment, SetExercise] | None:
+        """What is set."""
+        with self._lock:
+            if self._assignment is None or self._asked is None:
+                return None
+            return self._assignment, self._asked
+
+    def _take_assignment(self, assignment: Assignment | None) -> None:
+        asked = None if assignment is None else SetExercise.of_json(assignment.exercise)
+        with self._lock:
+            self._assignment, self._asked = assignment, asked
+
+    def _put_if_new(self, member: _Member) -> None:
+        """Put a started exercise on the duct of who comes later and has not done it."""
+        current = self.assignment
+        if current is None or member.person is None or not current[0].goes_on:
+            return
+        done = any(
+            each.finished and each.assignment_id == current[0].id
+            for each in self.store.runs(member.person.id)
+        )
+        if not done and member.view.session.run.exercise != current[1].exercise:
+            threading.Thread(target=self._put, args=(member,), daemon=True).start()
+
+    def _put(self, member: _Member) -> None:
+        """Put the exercise on a duct, whatever goes on there."""
+        current = self.assignment
+        if current is None or not current[0].goes_on or member.person is None:
+            return
+        asked, view = current[1], member.view
+        preset = self._preset if asked.preset is None else preset_named(asked.preset)
+        wanted = preset or default_preset(self._organ)
+        with member.lock:
+            try:
+                view.state.keep_run()
+                there = view.session.duct.dissection
+                # A pull's threshold and theory can be chosen: a new duct has its own.
+                same = there.organ is self._organ and there.preset == wanted
+                if view.mode != asked.mode or not same or asked.mode == "pull":
+                    view.show_duct(self._organ, preset, asked.mode)
+                exercise: Any = asked.exercise
+                view.state.start_exercise(exercise, asked.feedback)
+                open_tab(view.client, LEARN)
+            except Exception:  # the page may have gone
+                log.warning("an exercise could not be put on a page", exc_info=True)
+        self._show(member)
+
+    def _end_all(self) -> None:
+        """Stop the exercise where it goes on."""
+        current = self.assignment
+        for member in self._all():
+            state = member.view.state
+            if current is None or state.session.run.exercise != current[1].exercise:
+                continue
+            if state.in_exercise:
+                (state.finish if state.session.run.started else state.reset)()
+
+    # Results
+
+    def rows(self) -> tuple[list[Row], int]:
+        """Return a row of each person, and how many have not typed a name."""
+        people = self.store.people()
+        names, found = shown_names(people), self._results()
+        here = {each.person.id: each for each in self._all() if each.person is not None}
+        current = self.assignment
+        rows: list[Row] = []
+        for person in people:
+            member = here.get(person.id)
+            own = [
+                each
+                for each in found
+                if each.run.person_id == person.id
+                and current is not None
+                and each.run.assignment_id == current[0].id
+            ]
+            top = best(own)
+            rows.append(
+                Row(
+                    id=person.id,
+                    name=names[person.id],
+                    live=None if member is None else _live(member.view),
+                    tries=len(own),
+                    best="" if top is None else f"{top.word}, {100.0 * top.peak:.0f} %",
+                    saved="" if member is None else member.saved,
+                )
+            )
+        return rows, sum(each.person is None for each in self._all())
+
+    def _results(self) -> list[Result]:
+        """Return all results, read again when there are new ones."""
+        version, found = self._found
+        if version != self.version:
+            version = self.version
+            self._found = version, found = version, results(self.store)
+        return found
+
+    def to_watch(self, client: viser.ClientHandle) -> ToWatch | None:
+        """Return what the teacher's page asks for by its address, if it is there."""
+        run_id = asked_by_address(client, "replay")
+        if run_id is not None:
+            kept = self.store.run(run_id)
+            if kept is None:
+                client.add_notification("No such run", "It has been deleted.", color="yellow")
+                return None
+            run = read_any_run(kept.file)
+            mode: Mode = "pull" if isinstance(run, RunFile) else "dissect"
+
+            def replay(view: ClientView) -> None:
+                state: Any = view.state
+                state.attempt("Making the run again.", lambda: state.start_replay(run))
+
+            return ToWatch(mode, replay)
+        person_id = asked_by_address(client, "watch")
+        if person_id is None:
+            return None
+        member = self._here(person_id)
+        if member is None:
+            client.add_notification("Not here", "This person has no page open.", color="yellow")
+            return None
+
+        def find() -> Session | BedSession | None:
+            there = self._here(person_id)
+            return None if there is None else there.view.session
+
+        def watch(view: ClientView) -> None:
+            state: Any = view.state
+            state.watch(member.view.session, find)
+
+        return ToWatch(member.view.mode, watch)
+
+    def _here(self, person_id: str) -> _Member | None:
+        return next(
+            (each for each in self._all() if each.person and each.person.id == person_id), None
+        )
+
+    def _save_kept(self, member: _Member) -> None:
+        """Save the run that has just ended or was given up."""
+        state = member.view.state
+        run, kept = state.session.run, state.last_run
+        if kept is not None and member.person is not None:
+            self._save(member, run, lambda: kept, finished=True)
+            outcome = kept.outcome
+            if outcome is not None:
+                member.last = f"{'Passed' if outcome.passed else 'Failed'}. {outcome.reason}"
+
+    def _save_unfinished(self, member: _Member) -> None:
+        """Save a run that goes on, as far as it has come."""
+        state = member.view.state
+        run = state.session.run
+        if run.going and member.person is not None:
+            member.saved_at = time.monotonic()
+            self._save(member, run, state.run_so_far, finished=False)
+
+    def _save(
+        self,
+        member: _Member,
+        run: Any,
+        file: Callable[[], RunFile | DissectionFile],
+        *,
+        finished: bool,
+    ) -> None:
+        person = member.person
+        assert person is not None  # noqa: S101 (callers have looked)
+        current = self.assignment
+        with self._lock:
+            run_id, started_at = self._ids.setdefault(run, (uuid4().hex, now()))
+        mine = current is not None and run.exercise == current[1].exercise
+        member.saved = SAVING if finished else member.saved
+
+        def make() -> RunRecord:
+            began = time.monotonic()
+            content = file()
+            free = "Free pull" if isinstance(content, RunFile) else "Free dissection"
+            exercise, outcome = content.log.exercise, content.outcome
+            title = free if exercise is None else exercise.title
+            record = RunRecord(
+                id=run_id,
+                person_id=person.id,
+                assignment_id=current[0].id if mine and current is not None else None,
+                mode="pull" if isinstance(content, RunFile) else "dissect",
+                title=current[1].title if mine and current is not None else title,
+                started_at=started_at,
+                finished=finished,
+                passed=None if outcome is None else outcome.passed,
+                reason="" if outcome is None else outcome.reason,
+                measures=msgspec.json.encode(content.measures).decode(),
+                file=run_json(content),
+            )
+            member.save_after = max(SAVE_SECONDS, PATIENCE * (time.monotonic() - began))
+            return record
+
+        def done(problem: str | None) -> None:
+            if problem is not None:
+                member.saved = problem[:1].upper() + problem[1:]
+            elif finished:
+                member.saved = f"{SAVED} {now()[11:19]}"
+            self.version += finished
+            if finished:
+                self._show_safely(member)
+
+        if finished:
+            self._show_safely(member)
+        self._recorder.save(run_id, make, done)
+
+    def _look(self) -> None:
+        """Save runs that go on, and bring the cards up to date."""
+        version = self.version
+        while not self._stopping.wait(LOOK_SECONDS):
+            changed, version = version != self.version, self.version
+            for member in self._all():
+                if time.monotonic() - member.saved_at > member.save_after:
+                    self._save_unfinished(member)
+                if changed or self._assignment is not None:
+                    self._show_safely(member)
+
+    def _show_all(self) -> None:
+        for member in self._all():
+            self._show_safely(member)
+
+    def _show_safely(self, member: _Member) -> None:
+        try:
+            self._show(member)
+        except Exception:
+            log.debug("a page has gone", exc_info=True)
+
+    def _all(self) -> list[_Member]:
+        with self._lock:
+            return list(self._members.values())
+
+
+def _live(view: ClientView) -> Live:
+    return live(view.session, replaying=view.state.playback is not None)
+
+
+def _told(run: RunRecord) -> str:
+    """Return the result of a run in a sentence."""
+    ended = {True: "passed", False: "failed", None: "ended"}[run.passed]
+    return f"Your last run, {run.title}, {ended} at {run.started_at[11:16]}. {run.reason}"

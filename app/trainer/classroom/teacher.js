@@ -1,0 +1,215 @@
+"use strict";
+// The teacher's page: shows what the websocket tells, and sends what the teacher does.
+const $ = id => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg";
+let socket, version = -1, waiting = 500;
+
+function send(command) {
+    if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
+    else say("No connection: the trainer does not answer.", true);
+}
+
+function say(words, refused = false) {
+    $("said").textContent = words;
+    $("said").classList.toggle("refused", refused);
+}
+
+function connect() {
+    socket = new WebSocket(new URL("live", location.href).href.replace(/^http/, "ws"));
+    socket.onopen = () => {
+        waiting = 500;
+        socket.send('{"type":"hello"}');
+    };
+    socket.onmessage = event => {
+        const told = JSON.parse(event.data);
+        if (told.rows) show(told);
+        else if (told.said) {
+            say(told.said);
+            if (told.assigned) $("write").open = false;
+        }
+        else if (told.refused && !told.refused.includes("'hello'")) say(told.refused, true);
+    };
+    socket.onclose = () => {
+        $("connection").textContent = "The trainer does not answer; trying again …";
+        $("connection").classList.add("refused");
+        setTimeout(connect, waiting);
+        waiting = Math.min(2 * waiting, 5000);
+    };
+}
+
+function show(told) {
+    const here = told.rows.filter(row => row.live).length;
+    $("connection").textContent = "Live";
+    $("connection").classList.remove("refused");
+    $("count").textContent = told.rows.length
+        ? `${here} of ${told.rows.length}` + (told.nameless ? `, and ${told.nameless} without a name` : "")
+        : told.nameless ? `${told.nameless} without a name yet` : "";
+    $("nobody").hidden = told.rows.length > 0;
+    $("people").hidden = told.rows.length === 0;
+    showExercise(told.exercise);
+    showPeople(told.rows);
+    if (told.version !== version) {
+        version = told.version;
+        showResults();
+    }
+}
+
+function showExercise(exercise) {
+    $("start").disabled = !exercise || exercise.going;
+    $("start").textContent = exercise?.started && !exercise.going ? "Start again for all" : "Start for all";
+    $("stop").disabled = !exercise?.going;
+    if (!exercise) {
+        $("write").open ||= version < 0;
+        return;
+    }
+    const key = JSON.stringify(exercise);
+    if ($("now").dataset.key === key) return;
+    $("now").dataset.key = key;
+    const title = element("h3", exercise.title);
+    title.append(element("span", exercise.going ? "going on" : exercise.started ? "stopped" : "set, not started", "state"));
+    $("now").replaceChildren(title, element("p", exercise.text),
+        labelled("Goal", exercise.goal), labelled("Limit", exercise.limit));
+}
+
+function labelled(label, words) {
+    const line = element("p");
+    line.append(element("b", label), " ", words);
+    return line;
+}
+
+function element(tag, words, look) {
+    const made = document.createElement(tag);
+    if (words !== undefined) made.textContent = words;
+    if (look) made.className = look;
+    return made;
+}
+
+function showPeople(rows) {
+    const body = $("people").tBodies[0];
+    const there = new Map([...body.rows].map(row => [row.dataset.id, row]));
+    for (const person of rows) {
+        let row = there.get(person.id);
+        there.delete(person.id);
+        if (!row) {
+            row = body.insertRow();
+            row.dataset.id = person.id;
+            for (let i = 0; i < 6; i++) row.insertCell();
+            const watch = element("a", "Watch", "button");
+            watch.href = `../?watch=${encodeURIComponent(person.id)}`;
+            const report = element("a", "Report", "button");
+            report.href = `report?person=${encodeURIComponent(person.id)}`;
+            const remove = element("button", "Delete");
+            remove.onclick = () => askDelete(person.id, row.cells[0].dataset.name);
+            watch.target = report.target = "_blank";
+            row.cells[5].append(watch, report, remove);
+            row.cells[1].append(sketch());
+            row.cells[2].append(bar());
+        }
+        fill(row, person);
+    }
+    for (const gone of there.values()) gone.remove();
+}
+
+function fill(row, person) {
+    const [name, duct, distance, exercise, best, actions] = row.cells;
+    const live = person.live;
+    row.classList.toggle("away", !live);
+    if (name.dataset.name !== person.name) {
+        name.dataset.name = person.name;
+        name.textContent = person.name;
+    }
+    duct.firstChild.style.visibility = live ? "visible" : "hidden";
+    distance.firstChild.style.visibility = live ? "visible" : "hidden";
+    actions.firstChild.style.visibility = live ? "visible" : "hidden";
+    set(exercise, live ? `${live.mode}: ${live.state}${live.standing ? `, ${live.standing}` : ""}` : "not here");
+    set(best, person.best ? `${person.best} (${person.tries} ${person.tries === 1 ? "try" : "tries"})` : "–");
+    if (!live) return;
+    const share = Math.round(100 * live.distance);
+    const [fillBar, label] = distance.firstChild.children;
+    fillBar.style.width = `${share}%`;
+    fillBar.className = live.torn ? "torn" : share < 15 ? "stop" : share < 40 ? "careful" : "safe";
+    set(label, live.torn ? "torn" : `${share} %`);
+    draw(duct.firstChild, live);
+}
+
+function set(cell, words) {
+    if (cell.textContent !== words) cell.textContent = words;
+}
+
+function bar() {
+    const made = element("div", undefined, "bar");
+    made.append(element("i"), element("b"));
+    return made;
+}
+
+function sketch() {
+    const made = document.createElementNS(SVG, "svg");
+    made.setAttribute("class", "sketch");
+    made.setAttribute("role", "img");
+    made.setAttribute("aria-label", "The duct, from the side");
+    for (const name of ["bed", "duct", "hands"]) {
+        const path = document.createElementNS(SVG, "path");
+        path.setAttribute("class", name);
+        made.append(path);
+    }
+    return made;
+}
+
+function draw(svg, live) {
+    const along = live.duct.map(place => place[0]);
+    const low = Math.min(...along), width = Math.max(...along) - low;
+    svg.setAttribute("viewBox", `${low - 3} ${-0.36 * width} ${width + 6} ${0.46 * width}`);
+    const [bed, duct, hands] = svg.children;
+    bed.setAttribute("d", `M${low} 4h${width}`);
+    duct.setAttribute("d", "M" + live.duct.map(([x, z]) => `${x} ${-z}`).join("L"));
+    duct.classList.toggle("torn", live.torn);
+    hands.setAttribute("d", live.hands.map(([x, z]) => `M${x} ${-z - 1}v-30`).join(""));
+}
+
+function askDelete(id, name) {
+    $("question").textContent = `Delete ${name} with all results? This cannot be undone.`;
+    $("sure").onclose = () => {
+        if ($("sure").returnValue === "yes") send({type: "delete", person: id});
+        $("sure").returnValue = "";
+    };
+    $("sure").showModal();
+}
+
+async function showResults() {
+    try {
+        const answer = await fetch("results");
+        if (!answer.ok) return;
+        // Made by the server, which has escaped all that people typed.
+        const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+        const open = $("found").querySelector("details")?.open;
+        $("found").replaceChildren(...page.body.childNodes);
+        const details = $("found").querySelector("details");
+        if (details && open) details.open = true;
+    } catch {
+        version = -1;
+    }
+}
+
+$("goal").onchange = () => { $("text").value = $("goal").value; };
+$("file").onchange = async () => {
+    const [file] = $("file").files;
+    if (!file) return;
+    if (file.size > 20000) say("An exercise file has at most 20,000 characters.", true);
+    else $("text").value = await file.text();
+    $("file").value = "";
+};
+$("assign").onclick = () => {
+    say("Working out the limits on this duct …");
+    send({type: "assign", text: $("text").value});
+};
+$("keep").onclick = () => {
+    const link = element("a");
+    link.href = URL.createObjectURL(new Blob([$("text").value], {type: "application/toml"}));
+    link.download = "exercise.toml";
+    link.click();
+    URL.revokeObjectURL(link.href);
+};
+$("start").onclick = () => send({type: "start"});
+$("stop").onclick = () => send({type: "stop"});
+$("standing").onchange = () => send({type: "standing", shown: $("standing").checked});
+connect();
