@@ -200,6 +200,7 @@
   class Dressed {
     constructor(source, finish, wear) {
       this.source = source;
+      this.worn = source.geometry;
       this.wear = wear;
       const Attribute = source.geometry.attributes.position.constructor;
       const sides = wear.sides, columns = 2 * sides + 1;
@@ -344,8 +345,12 @@
       const node = viewer.node(name), finish = wear.finish && viewer.node(wear.finish);
       const source = node && meshIn(node), cloth = finish && meshIn(finish);
       if (!source || (wear.finish && !cloth?.material.map)) continue;
+      // A surface that replaces another of its name may not be the node's yet.
+      const worn = source.geometry, size = worn.attributes.position.array.length;
+      if (size !== 3 * (wear.count + Math.ceil((wear.count + 1) / 3))) continue;
       const before = surfaces.get(name);
-      if (before && before.source === source && before.wear === wear) continue;
+      if (before && before.source === source && before.worn === worn && before.wear === wear)
+        continue;
       if (before) before.mesh.removeFromParent();
       const dressed = new Dressed(source, cloth, wear);
       surfaces.set(name, dressed);
@@ -415,7 +420,10 @@
       shared.shaft.value = shaft;
       shared.lampWay.value = lampWay;
     },
-    undress(name) { wears.delete(name); surfaces.delete(name); },
+    undress(name) {
+      surfaces.get(name)?.mesh.removeFromParent();
+      wears.delete(name); surfaces.delete(name);
+    },
   };
   watch();
 })();
