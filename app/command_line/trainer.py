@@ -14,7 +14,7 @@ from app.command_line.load import PRESET_HELP, organ_from
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
     from app.trainer.server.trainer import Trainer
@@ -71,7 +71,6 @@ def trainer(
         str | None,
         typer.Option(
             help="What the page opens on: dissect, a duct in its bed, or pull, one without.",
-            show_default="dissect; pull with --haptics, which drives it",
         ),
     ] = None,
     look: Annotated[
@@ -112,6 +111,13 @@ def trainer(
     haptics_address: Annotated[
         str, typer.Option(help="Where Haply's service is.")
     ] = "ws://127.0.0.1:10001",
+    second_haptics: Annotated[
+        str | None, typer.Option(help="Device of the other hand; without one the mouse has it.")
+    ] = None,
+    second_haptics_address: Annotated[
+        str | None,
+        typer.Option(help="Its service's address.", show_default="as --haptics-address"),
+    ] = None,
     haptics_hand: Annotated[
         Path | None, typer.Option(help="TOML file of the virtual device's hand.")
     ] = None,
@@ -140,7 +146,12 @@ def trainer(
 
     tissue = organ_from(organ)
     chosen = None if preset is None else chosen_preset(preset)
-    servo = None if haptics is None else _servo(haptics, haptics_address, haptics_hand)
+    devices = [(haptics, haptics_address)]
+    if second_haptics is not None:
+        if haptics is None:
+            raise ValueError("--second-haptics is of a second device: give --haptics")
+        devices.append((second_haptics, second_haptics_address or haptics_address))
+    servo = None if haptics is None else _servo(devices, haptics_hand)
     from app.compression.build_process import BuildProcess
     from app.trainer.server.bounds import Bounds
 
@@ -247,8 +258,10 @@ def draw_link(link: str) -> None:
         segno.make(link, micro=False).terminal(compact=True)
 
 
-def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetting], ServoProcess]":
-    """Return a function that starts the servo of a device."""
+def _servo(
+    devices: "Sequence[tuple[str | None, str]]", hand: Path | None
+) -> "Callable[[FeltSetting], ServoProcess]":
+    """Return a function that starts the servo of devices, with their addresses."""
     from app.haptics.device import DeviceOptions
     from app.haptics.hand import HandScript, read_hand
     from app.haptics.servo_loop import LoopSettings
@@ -256,5 +269,9 @@ def _servo(device: str, address: str, hand: Path | None) -> "Callable[[FeltSetti
 
     settings = LoopSettings()
     script = HandScript() if hand is None else read_hand(hand)
-    options = DeviceOptions(address, settings.period, script)
-    return lambda setting: ServoProcess(device, options, settings, setting)
+    opened = [
+        (name, DeviceOptions(address, settings.period, script))
+        for name, address in devices
+        if name is not None
+    ]
+    return lambda setting: ServoProcess(opened, settings, setting)

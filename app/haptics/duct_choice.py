@@ -11,7 +11,7 @@ from app.simulation import Dissection, OrganIdentity, Preset, RoundBeam, TheoryC
 from app.simulation.bed import BED_THEORY, ELEMENTS, BedPreset, beam_in_space
 from organ_geometry import Organ
 from physics import Beam, Theory
-from physics.bed import SpaceBeam
+from physics.bed import BeamOnBed, SpaceBeam
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
 
@@ -80,9 +80,9 @@ class DuctChoice:
         else:
             dissection = Dissection.of(self.organ, self.preset)
             beam = beam_in_space(dissection, elements=ELEMENTS, nodes_at=self.grasps)
+        layer = self.bed.bed(beam, seed=self.bed_seed)
         return FeltBed(
-            beam,
-            self.bed.bed(beam, seed=self.bed_seed),
+            BeamOnBed(beam, layer.strands_under(beam), floor=layer.floor_under(beam)),
             self.grasps,
             threshold=self.threshold,
             coupling=coupling,

@@ -3,13 +3,19 @@
 The hook hangs on its hand by a spring, the virtual coupling, and is solved with beam and strands: a
 period is one real-time tick of `physics.bed.BeamOnBed`. What the duct has stored and spent is known
 at the beginning of the last tick; the hands' work since then is added to it, so that energy that
-the tick itself has made shows a period later.
+the tick itself has made shows a period later. Another hand that no device has, the trainer page's,
+may hold the duct or part strands meanwhile: `Touch` says how, some thirty times a second.
 """
+
+import copy
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.bed import BeamOnBed, Bed, SpaceBeam
+from app.simulation import TICK_SECONDS
+from app.simulation.bed import Touch
+from physics.bed import BeamOnBed
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import positive
 
@@ -22,64 +28,93 @@ STRESS_STEPS = 10
 class FeltBed:
     """A duct in its bed under hooks; a `FeltModel`.
 
-    `grasps` are mm from the first clamp, growing; the wall tears at the stress `threshold`, MPa;
-    `coupling` is the stiffness of the virtual coupling, N/mm, `period` that of the servo, s.
+    `grasps` are where they take the duct, mm from the first clamp, growing; hooks that are at
+    `tips`, (H, 3) mm, take it there. The wall tears at the stress `threshold`, MPa; `coupling` is
+    the stiffness of the virtual coupling, N/mm, `period` that of the servo, s. `touch` is what
+    another hand does to the beam already.
     """
 
     def __init__(
         self,
-        beam: SpaceBeam,
-        bed: Bed,
+        beam: BeamOnBed,
         grasps: tuple[float, ...],
         *,
         threshold: float,
         coupling: float,
         period: float,
+        tips: NDArray[np.float64] | None = None,
+        touch: Touch | None = None,
     ) -> None:
         positive(coupling, "coupling", "N/mm")
         hooks = len(grasps)
         self.grasps, self.coupling = grasps, coupling
         self.threshold, self._period = threshold, period
-        self._at_rest, self._strands = beam, bed.strands_under(beam)
-        self._floor = bed.floor_under(beam)
+        self._at_first, self._touch_at_first = beam, touch
+        self.free = tips is not None
+        self._tips_at_first = np.zeros((hooks, 3)) if tips is None else np.array(tips)
         self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
-        self.hooks = np.zeros((hooks, 3))
+        self.hooks, self.tips = np.zeros((hooks, 3)), np.zeros((hooks, 3))
         self._taken = np.zeros((hooks, 3))  # where the hooks took the duct, mm
         self._hands = np.zeros((hooks, 3))
+        self._reacts = np.zeros((hooks, 3))  # the couplings' forces as the beam has booked them
         self.rest()
         self.step(np.full((hooks, 3), 0.1), np.ones(hooks, np.bool_))  # compiled before it is felt
         self.step(np.zeros((hooks, 3)), np.zeros(hooks, np.bool_))
         self.rest()
 
     def rest(self) -> None:
-        """Make duct and bed whole and let go of them."""
-        self.beam = BeamOnBed(self._at_rest, self._strands, floor=self._floor)
+        """Go back to the first state, with no hook on the duct."""
+        self.beam = copy.deepcopy(self._at_first)
         self._nodes: list[int | None] = [None] * len(self.grasps)
-        for array in (self.forces, self.elastic_forces, self.hooks, self._hands):
+        self._slipped = [False] * len(self.grasps)  # hooks that found nothing to take
+        for array in (self.forces, self.elastic_forces, self.hooks, self._hands, self._reacts):
             array[:] = 0.0
+        self.tips[:] = self._taken[:] = self._tips_at_first
+        self._touch, self._touched, self._touch_steps = self._touch_at_first, None, 0
+        if self._touch is not None and self._touch.station is not None:
+            self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
+        books = self.beam.books
+        self._spent_at_first = books.stored + books.dissipated + books.drag
+        self._booked = books.work  # by the couplings, and before
         self.stored = self.spent = 0.0
         self._released = 0.0  # by letting go, mJ
         self.torn, self._steps = False, 0
+
+    def touch(self, touch: Touch) -> None:
+        """Let the hand that no device has go on with what it does, over a tick of the trainer."""
+        before, beam = self._touch, self.beam
+        if self.torn:
+            return
+        if touch.station != (None if before is None else before.station):
+            if self._touched is not None:
+                beam.let_go(self._touched)
+                self._touched = None
+            if touch.station is not None:
+                with suppress(ValueError):  # a hook has the node
+                    self._touched = beam.take(touch.station)
+        rods = {} if before is None else {rod.number: rod for rod in before.rods}
+        for rod in touch.rods:
+            old = rods.pop(rod.number, None)
+            if old is None or (old.shaft, old.radius) != (rod.shaft, rod.radius):
+                beam.set_rod(rod.number, rod.tip, rod.shaft, rod.radius)
+        for number in rods:
+            beam.withdraw_rod(number)
+        self._touch, self._touch_steps = touch, max(1, round(TICK_SECONDS / self._period))
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
         """Advance by one period; see `FeltModel`."""
         if self.torn:
             self.hooks[:] = hands
+            np.add(self._taken, hands, self.tips)
             return
         self._steps += 1
         beam, work = self.beam, 0.0
-        for hook, node in enumerate(self._nodes):
-            if held[hook] and node is None:
-                self._nodes[hook] = node = beam.take(self.grasps[hook], stiffness=self.coupling)
-                self._taken[hook] = beam.places[node]
-                self._hands[hook] = 0.0
-            elif node is not None and not held[hook]:
-                before = beam.books.snap
-                beam.let_go(node)
-                self._released += beam.books.snap - before
-                self._nodes[hook] = node = None
+        for hook in range(len(self._nodes)):
+            node = self._change_hold(hook, bool(held[hook]))
             if node is not None:
                 beam.lead(node, self._taken[hook] + hands[hook])
+        if self._touch_steps:
+            self._lead_touch()
         try:
             beam.tick(self._period)
             broken = self._steps % STRESS_STEPS == 0 and (
@@ -90,24 +125,38 @@ class FeltBed:
         for hook, node in enumerate(self._nodes):
             if node is None:
                 self.forces[hook] = self.elastic_forces[hook] = self.hooks[hook] = 0.0
+                self.tips[hook] = self._taken[hook] + hands[hook]
                 continue
+            way = hands[hook] - self._hands[hook]
+            react = beam.hand_force(node)
+            self._booked += 0.5 * float((self._reacts[hook] + react) @ way)
+            self._reacts[hook] = react
+            self.tips[hook] = beam.places[node]
             self.hooks[hook] = beam.places[node] - self._taken[hook]
             before = self.forces[hook].copy()
             self.forces[hook] = self.coupling * (hands[hook] - self.hooks[hook])
             self.elastic_forces[hook] = self.forces[hook]
-            work += 0.5 * float((before + self.forces[hook]) @ (hands[hook] - self._hands[hook]))
+            work += 0.5 * float((before + self.forces[hook]) @ way)
             self._hands[hook] = hands[hook]
         books = beam.books
         self.stored = books.stored + work
         # Not `books.snap`: a tick moves the coupling's end before the beam follows, and books the
         # spring's energy that this frees. The hand holds its force meanwhile and has not given it.
-        self.spent = books.dissipated + books.drag + self._released
+        # What the other hand has put in is no work of these.
+        others = 0.0 if self._touch is None else books.work - self._booked
+        spent = books.dissipated + books.drag + self._released
+        self.spent = spent - others - self._spent_at_first
         if broken:
             self.torn = True
             self.spent += self.stored
             self.stored = 0.0
             self.forces[:] = 0.0
             self.hooks[:] = hands
+
+    def station_of(self, hook: int) -> float | None:
+        """Return where a hook holds the beam, mm from its first end, or None."""
+        node = self._nodes[hook]
+        return None if node is None or self.torn else float(self.beam.stations[node])
 
     @property
     def solved_by(self) -> str:
@@ -118,3 +167,42 @@ class FeltBed:
     def parted(self) -> int:
         """How many strands have parted."""
         return self.beam.parted
+
+    def _change_hold(self, hook: int, holds: bool) -> int | None:
+        """Take the duct or let go of it; return the node that is held."""
+        beam, node = self.beam, self._nodes[hook]
+        if node is not None and not holds:
+            before = beam.books.snap
+            beam.let_go(node)
+            self._released += beam.books.snap - before
+            self._nodes[hook] = None
+        elif node is None and holds and not self._slipped[hook]:
+            tip = self.tips[hook]
+            station = self.grasps[hook]
+            if self.free:
+                station = min(max(float(tip[0]), 0.0), beam.beam.span)
+            try:
+                node = self._nodes[hook] = beam.take(station, stiffness=self.coupling)
+            except ValueError:
+                if not self.free:
+                    raise
+                self._slipped[hook] = True  # until it tries again
+            # The hand's way counts from here.
+            self._taken[hook] = tip if node is None else beam.places[node]
+            self._hands[hook] = self._reacts[hook] = 0.0
+        if not holds:
+            self._slipped[hook] = False
+        return self._nodes[hook]
+
+    def _lead_touch(self) -> None:
+        """Move the other hand's hook and rods a step towards where they go."""
+        touch, beam, part = self._touch, self.beam, 1.0 / self._touch_steps
+        self._touch_steps -= 1
+        if touch is None:
+            return
+        if self._touched is not None:
+            now = beam.state.goal[self._touched]
+            beam.lead(self._touched, now + part * (touch.place - now))
+        for rod in touch.rods:
+            now = beam.state.rods[rod.number, :3]
+            beam.lead_rod(rod.number, now + part * (rod.tip - now))

@@ -41,15 +41,21 @@ class FeltModel(Protocol):
     forces: NDArray[np.float64]  # (H, 3) pull of each hook on the duct, N
     elastic_forces: NDArray[np.float64]  # (H, 3) the same before what tore in this step
     hooks: NDArray[np.float64]  # (H, 3) places of the hooks relative to rest, mm
+    tips: NDArray[np.float64]  # (H, 3) the same from the first clamp, of a duct in space
     stored: float  # energy of the duct and of the couplings
     spent: float  # energy that tears and parted strands have taken
     torn: bool
     grasps: tuple[float, ...]  # of the hooks, mm from the first clamp
+    free: bool  # whether hooks move about before they take the duct
     coupling: float  # stiffness of the virtual coupling, N/mm
 
     @property
     def solved_by(self) -> str:
         """What solves it, in words."""
+        ...
+
+    def station_of(self, hook: int) -> float | None:
+        """Return where a hook holds a duct in space, mm from the first end, or None."""
         ...
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
@@ -65,7 +71,7 @@ class FeltDuct:
     A `FeltModel` of `Cubic` with a number for q, or of `Exact`, which two hooks need. `grasps` are
     mm from the first clamp, growing; it tears at the stress `threshold`, MPa, which one hook meets
     at the deflection `breaks_at`, mm (infinite if it never does); `coupling` is the stiffness of
-    the virtual coupling, N/mm.
+    the virtual coupling, N/mm. Of `hands`, those beyond the hooks feel nothing.
     """
 
     def __init__(
@@ -76,8 +82,10 @@ class FeltDuct:
         *,
         threshold: float,
         coupling: float,
+        hands: int = 1,
     ) -> None:
         hooks = len(grasps)
+        hands = max(hooks, hands)
         if isinstance(theory, Cubic):
             if isinstance(theory.q, str) or hooks > 1:
                 raise ValueError(
@@ -89,10 +97,11 @@ class FeltDuct:
         self.theory: Cubic | Exact = theory
         self.beam, self.grasps = beam, grasps
         self.threshold, self.coupling = threshold, coupling
-        self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
-        self.hooks = np.zeros((hooks, 3))
+        self.forces, self.elastic_forces = np.zeros((hands, 3)), np.zeros((hands, 3))
+        self.hooks = self.tips = np.zeros((hands, 3))
         self.stored = self.spent = 0.0
         self.torn = False
+        self.free = False
         self._steps = 0
         self._held = [False] * hooks
         self._heights = [0.0] * hooks
@@ -111,7 +120,7 @@ class FeltDuct:
                 self.breaks_at = event.deflection
         else:
             self._critical = np.union1d(self._critical, [grasps[1]])
-        self.step(np.full((hooks, 3), 1.0), np.ones(hooks, np.bool_))  # compiled before it is felt
+        self.step(np.full((hands, 3), 1.0), np.ones(hands, np.bool_))  # compiled before it is felt
         self.rest()
 
     @property
@@ -200,6 +209,10 @@ class FeltDuct:
         if self._steps % STRESS_STEPS:
             return False
         return check_rupture(solver.sample(self._critical), self.threshold).broken
+
+    def station_of(self, hook: int) -> float | None:
+        """Nothing: a hook stays at its grasp; see `FeltModel`."""
+        del hook
 
     def solved_force(self, deflection: float) -> float:
         """Return the theory's force at a place, solved from rest and without the coupling."""

@@ -1,7 +1,7 @@
 """A duct felt with devices, from their opening to the report."""
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 
 from app.haptics.device import Device, DeviceError, DeviceLimits, DeviceOptions, open_device
 from app.haptics.device_run import DeviceRun
@@ -10,7 +10,22 @@ from app.haptics.servo import ORDINARY, Servo
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
 
-__all__ = ["felt_run", "least_limits"]
+__all__ = ["felt_run", "least_limits", "opened_devices"]
+
+
+@contextmanager
+def opened_devices(named: Sequence[tuple[str, DeviceOptions]]) -> Generator[list[Device]]:
+    """Open devices; after an error in what follows they are closed again."""
+    devices: list[Device] = []
+    try:
+        for name, options in named:
+            devices.append(open_device(name, options))
+        yield devices
+    except BaseException:
+        for device in devices:
+            with suppress(DeviceError):
+                device.close()
+        raise
 
 
 def least_limits(devices: Sequence[Device]) -> DeviceLimits:
@@ -37,20 +52,12 @@ def felt_run(
     scheduling: str = ORDINARY,
 ) -> tuple[ServoReport, DeviceRun]:
     """Open devices and let them feel a duct until the time is over or somebody stops it."""
-    devices: list[Device] = []
-    try:
-        for name, options in opened:
-            devices.append(open_device(name, options))
+    with opened_devices(opened) as devices:
         limits = least_limits(devices)
         stiffness = coupling
         if stiffness is None:
             stiffness = passive_coupling(limits.damping, settings.rate)
         loop = ServoLoop(choice.felt(stiffness, settings.period), settings, limits, len(devices))
-    except BaseException:
-        for device in devices:
-            with suppress(DeviceError):
-                device.close()
-        raise
     alone = len(choice.grasps) > len(devices)
     if alone:
         loop.assist(len(devices), assist)

@@ -34,7 +34,6 @@ def _lead(
     hand: int,
     bits: int,
     before: int,
-    hold: bool,
     to_mm: float,
     units: NDArray[np.int64],
     places: Array,
@@ -53,8 +52,8 @@ def _lead(
         for j in range(3):
             origins[hand, j] = places[hand, j]
             led_from[hand, j] = led[hand, j]
-    taken = hold or bits & TAKE != 0
-    if taken and not held[hand] and not hold:
+    taken = bits & TAKE != 0
+    if taken and not held[hand]:
         for j in range(3):
             origins[hand, j] = places[hand, j]
             led_from[hand, j] = led_before[hand, j] = 0.0
@@ -65,11 +64,11 @@ def _lead(
 
 
 @njit(cache=True, nogil=True)
-def _strides(before: Array, led: Array) -> int:
+def _strides(before: Array, led: Array, counted: NDArray[np.bool_]) -> int:
     """Return in how many steps the model goes from one place to the other."""
     longest = 0.0
     for h in range(led.shape[0]):
-        for j in range(3):
+        for j in range(3 * counted[h]):
             longest = max(longest, abs(led[h, j] - before[h, j]))
     return min(max(math.ceil(longest / STRIDE), 1), MOST_STRIDES)
 
@@ -118,7 +117,8 @@ class ServoLoop:
     """Hands on a model, with a `regulator` that bounds their forces by the devices' least limits.
 
     Hooks of the model beyond the devices' are where `assist` says. `given` are the (H, 3) forces
-    for the devices, N, `hooks_led` the (K, 3) targets of the hooks, mm from rest.
+    for the devices, N, `hooks_led` the (K, 3) targets of the hooks, mm from rest, `holds` which
+    hands have the duct without a button.
     """
 
     def __init__(
@@ -128,6 +128,7 @@ class ServoLoop:
         self._limits = limits
         self._to_mm = 1e3 * settings.scale
         self.ended = False
+        self.holds = [settings.hold] * hands
         self.feel(model)
 
     def feel(self, model: FeltModel) -> None:
@@ -144,7 +145,7 @@ class ServoLoop:
         self.given = self.regulator.given
         self.hooks_led = np.zeros((hooks, 3))
         self.assist_work = 0.0
-        self._held = np.zeros(hooks, np.bool_)
+        self._held, self._all = np.zeros(hooks, np.bool_), np.ones(hooks, np.bool_)
         self._origins, self._led_from = np.zeros((hands, 3)), np.zeros((hands, 3))
         self._places = np.zeros((hands, 3))
         self._inputs = [0] * hands
@@ -152,7 +153,7 @@ class ServoLoop:
         self._led_before, self._led_now = np.zeros((hooks, 3)), np.zeros((hooks, 3))
         self._pulled = np.zeros((hooks, 3))
         self._begun = False
-        self.step(np.zeros((hands, 3), np.int64), [0] * hands)  # compiled before it is felt
+        self.step(np.zeros((hands, 3), np.int64), [FRESH] * hands)  # compiled before it is felt
         self._begun = False
 
     def assist(self, hook: int, height: float) -> None:
@@ -164,6 +165,8 @@ class ServoLoop:
         """Advance by one period: `units` (H, 3) in `PLACE_UNIT`, `inputs` (H,) bits."""
         places = self._places
         if not self._begun:
+            if not all(bits & FRESH for bits in inputs):
+                return  # where the hands are is not known yet
             places[:] = units * PLACE_UNIT
             self.regulator.start(places)
             self._origins[:] = places
@@ -172,8 +175,9 @@ class ServoLoop:
         for hand, bits in enumerate(inputs):
             live &= bits & (LIVE | CLUTCH) == LIVE
             _lead(
-                hand, bits, self._inputs[hand], self.settings.hold, self._to_mm, units,
-                places, self._origins, self._led_from, self.hooks_led, self._led_before, self._held,
+                hand, bits | TAKE if self.holds[hand] else bits, self._inputs[hand], self._to_mm,
+                units, places, self._origins, self._led_from, self.hooks_led, self._led_before,
+                self._held,
             )  # fmt: skip
             self._inputs[hand] = bits
         modelled = self._walk()
@@ -185,7 +189,9 @@ class ServoLoop:
     def _walk(self) -> float:
         """Step the model after the hands; return their work on it, N mm of the model."""
         model, before, led, now = self.model, self._led_before, self.hooks_led, self._led_now
-        strides, work = _strides(before, led), 0.0
+        # A hook that is free goes as fast as it likes.
+        counted = self._held if model.free else self._all
+        strides, work = _strides(before, led, counted), 0.0
         for stride in range(1, strides + 1):
             self._pulled[:] = model.forces
             _go(before, led, stride / strides, now)

@@ -1,107 +1,203 @@
-"""The servo in a process of its own: the trainer sends a duct and reads the state of the hook.
+"""The servo in a process of its own: the trainer sends a duct and reads the state of the hooks.
 
 The trainer cannot delay a force: the two share an array that the servo writes each period, and a
-pipe through which the trainer sends the duct. When the trainer ends, the pipe closes and the
-force ends.
+pipe through which the trainer sends the duct, and what the hand without a device does to it. When
+the trainer ends, the pipe closes and the force ends.
 """
 
 import multiprocessing
 import signal
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from multiprocessing.sharedctypes import SynchronizedArray
-from typing import Any
+from typing import Any, Protocol
 
-from app.haptics.device import Device, DeviceError, DeviceOptions, DeviceState, open_device
+import numpy as np
+from numpy.typing import NDArray
+
+from app.haptics.device import Device, DeviceError, DeviceOptions, DeviceState
 from app.haptics.duct_choice import passive_coupling
-from app.haptics.felt_duct import FeltDuct
+from app.haptics.felt_bed import FeltBed
+from app.haptics.felt_duct import FeltDuct, FeltModel
+from app.haptics.felt_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.simulation.bed import Touch
 from physics import Beam, Theory
+from physics.bed import BeamOnBed
 
-__all__ = ["FeltSetting", "HookSnapshot", "ServoProcess"]
+__all__ = [
+    "HEAD",
+    "ROW",
+    "BedSetting",
+    "DuctSetting",
+    "FeltSetting",
+    "HookSnapshot",
+    "ServoEnd",
+    "ServoLink",
+    "ServoProcess",
+    "Snapshot",
+]  # fmt: skip
 
-NUMBER, GENERATION, DEFLECTION, PEAK, FORCE, TORN, FRESH_PEAK = range(7)
+NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
+"""Entries of the shared array; then come those of each hand."""
+TIP, FORCE, PEAK, STATION, ROW = 0, 3, 6, 7, 8
 POLL_PERIODS = 8
 """Periods between two reads of the pipe."""
 OPEN_SECONDS = 30.0
 """Time in which a device must be open, s; compilation takes most of it."""
 
 
+class FeltSetting(Protocol):
+    """A duct that is to be felt, as it is sent to the servo."""
+
+    @property
+    def hold(self) -> bool:
+        """Whether hooks have the duct without a button."""
+        ...
+
+    def model(self, coupling: float, period: float, hands: int) -> FeltModel:
+        """Return it behind couplings, N/mm, for hands; a `ValueError` if it has no force."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
-class FeltSetting:
-    """A duct that is felt under one hook: the arguments of a `FeltDuct`."""
+class DuctSetting:
+    """A duct without a bed under one hook, which has it at once."""
 
     theory: Theory
     beam: Beam
     grasp: float
     threshold: float
+    hold: bool = True
+
+    def model(self, coupling: float, period: float, hands: int) -> FeltDuct:
+        """Return it; see `FeltSetting`."""
+        del period
+        return FeltDuct(
+            self.theory, self.beam, (self.grasp,),
+            threshold=self.threshold, coupling=coupling, hands=hands,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class BedSetting:
+    """A duct in its bed as it is now; hooks take it where they are, by a button."""
+
+    beam: BeamOnBed
+    tips: NDArray[np.float64]  # (H, 3) of the hooks, mm from the first clamp
+    threshold: float
+    touch: Touch | None  # what the hand without a device does to the beam
+    hold: bool = False
+
+    def model(self, coupling: float, period: float, hands: int) -> FeltBed:
+        """Return it; see `FeltSetting`."""
+        return FeltBed(
+            self.beam, tuple(self.tips[:hands, 0].tolist()), tips=self.tips[:hands],
+            threshold=self.threshold, coupling=coupling, period=period, touch=self.touch,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class HookSnapshot:
-    """The state of the device's hook."""
+    """The state of one device's hook."""
+
+    # (3,) where it is, mm: from the first clamp for a duct in its bed, otherwise from rest
+    tip: NDArray[np.float64]
+    force: NDArray[np.float64]  # (3,) on the duct, N
+    peak: float  # highest place since the last snapshot, mm
+    station: float | None  # that it holds, mm along a beam in its bed
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The state of what is felt."""
 
     generation: int  # counts settings: an older one is of another duct
-    deflection: float  # mm
-    force: float  # N
-    peak: float  # largest deflection since the last snapshot, mm
     torn: bool
+    hooks: tuple[HookSnapshot, ...]
 
 
-class ServoProcess:
-    """A device in a process of its own that renders the setting it is told to; for one thread.
+class ServoLink:
+    """The trainer's end of a servo, for one thread: an array that is shared, and a pipe."""
 
-    `device` is the open device's name, `unfelt` why the last setting is not felt, or None. A device
-    that cannot be opened is a `DeviceError`.
+    def __init__(self, row: NDArray[np.float64], pipe: "Connection[Any, Any]") -> None:
+        self._row, self._pipe = row, pipe
+        self._generation = 0
+        self.hands = (row.size - HEAD) // ROW
+        self.unfelt: str | None = None  # why the last setting is not felt
+
+    def feel(self, setting: FeltSetting | None) -> int:
+        """Change to another duct; the hands' places then become those of their hooks."""
+        self._generation, self.unfelt = self._generation + 1, None
+        self._send((self._generation, setting))
+        return self._generation
+
+    def lead(self, touch: Touch | None, holds: Sequence[bool]) -> None:
+        """Say what the hand without a device does, and which hooks hold without a button."""
+        self._send((self._generation, touch, tuple(holds)))
+
+    def snapshot(self) -> Snapshot:
+        """Return where the hooks are now."""
+        row = self._row
+        while True:
+            before = row[NUMBER]
+            values = row.copy()
+            if before == row[NUMBER] and before % 2.0 == 0.0:
+                break
+        row[FRESH_PEAK] = values[NUMBER] + 1.0
+        hooks = values[HEAD:].reshape(-1, ROW)
+        return Snapshot(
+            int(values[GENERATION]),
+            bool(values[TORN]),
+            tuple(
+                HookSnapshot(
+                    hook[TIP : TIP + 3],
+                    hook[FORCE : FORCE + 3],
+                    max(float(hook[PEAK]), float(hook[TIP + 2])),
+                    None if np.isnan(hook[STATION]) else float(hook[STATION]),
+                )
+                for hook in hooks
+            ),
+        )
+
+    def _send(self, message: object) -> None:
+        with suppress(OSError):
+            self._pipe.send(message)
+
+
+class ServoProcess(ServoLink):
+    """Devices in a process of their own that render the setting they are told; for one thread.
+
+    `device` names the open devices. One that cannot be opened is a `DeviceError`.
     """
 
     def __init__(
-        self, device: str, options: DeviceOptions, settings: LoopSettings, setting: FeltSetting
+        self,
+        devices: Sequence[tuple[str, DeviceOptions]],
+        settings: LoopSettings,
+        setting: FeltSetting,
     ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._row: Any = context.Array("d", 8, lock=False)
-        self._pipe, theirs = context.Pipe()
+        shared: Any = context.Array("d", HEAD + ROW * len(devices), lock=False)
+        ours, theirs = context.Pipe()
+        super().__init__(np.frombuffer(shared), ours)
         self._process = context.Process(
-            target=_serve,
-            args=(theirs, self._row, device, options, settings, setting),
-            daemon=True,
+            target=_serve, args=(theirs, shared, tuple(devices), settings, setting), daemon=True
         )
         self._process.start()
         theirs.close()
-        self._generation = 0
         self._ended: str | None = None
-        self.unfelt: str | None = None
         said: tuple[str, str] | None = None
         with suppress(EOFError, OSError):
             if self._pipe.poll(OPEN_SECONDS):
                 said = self._pipe.recv()
         if said is None or said[0] != "open":
             self.stop()
-            raise DeviceError(f"device {device} did not open" if said is None else said[1])
+            names = ", ".join(name for name, _ in devices)
+            raise DeviceError(f"device {names} did not open" if said is None else said[1])
         self.device = said[1]
-
-    def feel(self, setting: FeltSetting | None) -> int:
-        """Change to another duct, at rest; the hand's place then becomes its hook's rest."""
-        self._generation, self.unfelt = self._generation + 1, None
-        with suppress(OSError):
-            self._pipe.send((self._generation, setting))
-        return self._generation
-
-    def snapshot(self) -> HookSnapshot:
-        """Return where the hook is now."""
-        row = self._row
-        while True:
-            before = row[NUMBER]
-            values = row[:]
-            if before == row[NUMBER] and before % 2.0 == 0.0:
-                break
-        row[FRESH_PEAK] = values[NUMBER] + 1.0
-        return HookSnapshot(
-            int(values[GENERATION]), values[DEFLECTION], values[FORCE],
-            max(values[PEAK], values[DEFLECTION]), values[TORN] != 0.0,
-        )  # fmt: skip
 
     @property
     def ended(self) -> str | None:
@@ -127,15 +223,19 @@ class ServoProcess:
             self._process.join()
 
 
-class _Felt:
-    """What the servo's process feels."""
+class ServoEnd:
+    """The servo's end: what it is told to feel, and how it says where the hooks are."""
 
-    def __init__(self, pipe: Connection, row: "SynchronizedArray[float]") -> None:
-        self._pipe, self._row = pipe, row
-        self._generation = 0.0
-        self._wanted: tuple[int, FeltSetting | None] | None = None
+    def __init__(
+        self, row: NDArray[np.float64], pipe: "Connection[Any, Any]", devices: Sequence[Device]
+    ) -> None:
+        self._row, self._pipe = row, pipe
+        self._hooks = self._row[HEAD:].reshape(-1, ROW)
+        self._devices = devices
+        self._generation = 0
+        self._messages: list[Any] = []
         self._periods = 0
-        self._peak = self._asked = 0.0
+        self._asked = 0.0
         self._state = DeviceState()
 
     def stopped(self) -> str | None:
@@ -145,75 +245,80 @@ class _Felt:
             return None
         try:
             while self._pipe.poll():
-                self._wanted = self._pipe.recv()
+                self._messages.append(self._pipe.recv())
         except (EOFError, OSError):
             return "the trainer has ended"
         return None
 
-    def watch(self, loop: ServoLoop, device: Device) -> None:
-        """Write the state of the hook; read the next setting."""
-        wanted, self._wanted = self._wanted, None
-        if wanted is not None:
-            self._change(loop, device, *wanted)
-        row, model = self._row, loop.model
-        place = float(model.hooks[0, 2])
-        if row[FRESH_PEAK] > self._asked:
-            self._asked, self._peak = row[FRESH_PEAK], 0.0
-        self._peak = max(self._peak, place)
+    def watch(self, loop: ServoLoop) -> None:
+        """Write the state of the hooks; do what the trainer has sent."""
+        for message in self._messages:
+            if len(message) == 2:
+                self._change(loop, *message)
+            elif message[0] == self._generation:
+                _, touch, holds = message
+                loop.holds[:] = holds
+                if touch is not None and isinstance(loop.model, FeltBed):
+                    loop.model.touch(touch)
+        self._messages.clear()
+        row, hooks, model = self._row, self._hooks, loop.model
+        fresh = row[FRESH_PEAK] > self._asked
+        if fresh:
+            self._asked = row[FRESH_PEAK]
         row[NUMBER] += 1.0
-        row[GENERATION], row[DEFLECTION], row[PEAK] = self._generation, place, self._peak
-        row[FORCE], row[TORN] = float(model.forces[0, 2]), float(model.torn)
+        row[GENERATION], row[TORN] = self._generation, model.torn
+        for number, hook in enumerate(hooks):
+            hook[TIP : TIP + 3] = tip = model.tips[number]
+            hook[FORCE : FORCE + 3] = model.forces[number]
+            hook[PEAK] = tip[2] if fresh else max(hook[PEAK], tip[2])
+            station = model.station_of(number)
+            hook[STATION] = np.nan if station is None else station
         row[NUMBER] += 1.0
 
-    def _change(
-        self, loop: ServoLoop, device: Device, generation: int, setting: FeltSetting | None
-    ) -> None:
+    def _change(self, loop: ServoLoop, generation: int, setting: FeltSetting | None) -> None:
         loop.given[:] = 0.0
-        device.exchange(loop.given[0], self._state)  # no force while the model is made
+        for hand, device in enumerate(self._devices):
+            with suppress(DeviceError):  # the next exchange says so again
+                device.exchange(loop.given[hand], self._state)  # no force while the model is made
         loop.ended = setting is None
         if setting is not None:
             try:
-                loop.feel(_duct(setting, device, loop.settings))
+                model = setting.model(loop.model.coupling, loop.settings.period, loop.hands)
+                loop.holds[:] = [setting.hold] * loop.hands
+                loop.feel(model)
             except ValueError as error:
                 loop.ended = True
                 with suppress(OSError):
                     self._pipe.send(("unfelt", str(error)))
-        self._generation, self._peak = float(generation), 0.0
-
-
-def _duct(setting: FeltSetting, device: Device, settings: LoopSettings) -> FeltDuct:
-    return FeltDuct(
-        setting.theory,
-        setting.beam,
-        (setting.grasp,),
-        threshold=setting.threshold,
-        coupling=passive_coupling(device.limits.damping, settings.rate),
-    )
+        self._generation = generation
+        self._hooks[:, PEAK] = -np.inf
 
 
 def _serve(
-    pipe: Connection,
-    row: "SynchronizedArray[float]",
-    name: str,
-    options: DeviceOptions,
+    pipe: "Connection[Any, Any]",
+    shared: Any,
+    named: Sequence[tuple[str, DeviceOptions]],
     settings: LoopSettings,
     setting: FeltSetting,
 ) -> None:
-    """Open the device, render the settings and report why it ended: the process."""
+    """Open the devices, render the settings and report why it ended: the process."""
     for number in (signal.SIGINT, signal.SIGTERM):  # the trainer ends it by its pipe
         signal.signal(number, signal.SIG_IGN)
     try:
-        device = open_device(name, options)
-        loop = ServoLoop(_duct(setting, device, settings), settings, device.limits)
+        with opened_devices(named) as devices:
+            limits = least_limits(devices)
+            coupling = passive_coupling(limits.damping, settings.rate)
+            model = setting.model(coupling, settings.period, len(devices))
+            loop = ServoLoop(model, replace(settings, hold=setting.hold), limits, len(devices))
     except ValueError as error:
         with suppress(OSError):
             pipe.send(("failed", str(error)))
         return
-    felt = _Felt(pipe, row)
+    felt = ServoEnd(np.frombuffer(shared), pipe, devices)
     with suppress(OSError):
-        pipe.send(("open", device.name))
-    servo = Servo([device], loop, real_time(), keeps=False)
-    report = servo.run(None, felt.stopped, lambda: felt.watch(loop, device))
+        pipe.send(("open", ", ".join(device.name for device in devices)))
+    servo = Servo(devices, loop, real_time(), keeps=False)
+    report = servo.run(None, felt.stopped, lambda: felt.watch(loop))
     with suppress(OSError):
         pipe.send(("ended", report.ended_by))
     pipe.close()

@@ -130,6 +130,7 @@ class SimulatedDevice:
         )
         self._passed = 0
         self._force = np.zeros(3)
+        self._run(0)  # compiled before it is felt
 
     def advance(self, steps: int, force: NDArray[np.float64]) -> None:
         """Let time pass."""
@@ -138,6 +139,9 @@ class SimulatedDevice:
         self._force[:] = force if size <= limit else force * (limit / size)
         if steps <= 0:
             return
+        self._run(steps)
+
+    def _run(self, steps: int) -> None:
         self._passed = _advance(
             self._steps, steps, self._motion, self._past, self._queued, self._force,
             self._figures, self._times, self._places, self._phases,

@@ -1,23 +1,42 @@
 """A hand on a device in the trainer: its servo's process, and the session that it leads."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
+from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 from simulated import phantom
 
-from app.haptics.device import DeviceError, DeviceOptions
+from app.haptics.device import DeviceError, DeviceOptions, DeviceState
 from app.haptics.hand import HandScript, SimulatedHand, Waypoint
-from app.haptics.servo_loop import LoopSettings
-from app.haptics.servo_process import FeltSetting, HookSnapshot, ServoProcess
-from app.simulation import Phase, Replay, Session
+from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, LoopSettings, ServoLoop
+from app.haptics.servo_process import (
+    HEAD,
+    ROW,
+    DuctSetting,
+    FeltSetting,
+    HookSnapshot,
+    ServoEnd,
+    ServoLink,
+    ServoProcess,
+    Snapshot,
+)
+from app.haptics.virtual_device import VirtualDevice
+from app.simulation import TICK_SECONDS, Phase, Replay, Session
+from app.simulation.bed import BedSession, DissectionReplay
+from app.trainer.client.client_state import Workers
+from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.pull_state import PullState
 from physics import Exact, TautString
 
-REST = HookSnapshot(0, 0.0, 0.0, 0.0, False)
+
+def hook(deflection: float = 0.0) -> HookSnapshot:
+    return HookSnapshot(np.array([0.0, 0.0, deflection]), np.zeros(3), deflection, None)
 
 
 @dataclass
@@ -27,69 +46,52 @@ class Servo:
     device: str = "a spoon"
     ended: str | None = None
     unfelt: str | None = None
+    hands: int = 1
     felt: list[FeltSetting | None] = field(default_factory=list[FeltSetting | None])
-    hook: HookSnapshot = REST
+    now: Snapshot = field(default_factory=lambda: Snapshot(0, False, (hook(),)))
     stopped: bool = False
 
     def feel(self, setting: FeltSetting | None) -> int:
         self.felt.append(setting)
-        self.hook = HookSnapshot(len(self.felt), 0.0, 0.0, 0.0, False)
+        self.now = Snapshot(len(self.felt), False, (hook(),))
         return len(self.felt)
 
     def pull(self, deflection: float, *, torn: bool = False) -> None:
-        self.hook = replace(self.hook, deflection=deflection, peak=deflection, torn=torn)
+        self.now = replace(self.now, hooks=(hook(deflection),), torn=torn)
 
-    def snapshot(self) -> HookSnapshot:
-        return self.hook
+    def snapshot(self) -> Snapshot:
+        return self.now
 
     def stop(self) -> None:
         self.stopped = True
 
 
-@dataclass
-class Page:
-    """What a hand needs of a state, without a client."""
+def said(state: PullState | DissectState) -> list[str]:
+    """What the page was told, newest last."""
+    calls = cast(MagicMock, state.client).add_notification.call_args_list
+    return [call.args[1] for call in calls]
 
-    session: Session
-    playback: object | None = None
-    paused: bool = False
-    device: str | None = None
-    said: list[str] = field(default_factory=list[str])
 
-    def give_hook(self, device: str) -> None:
-        self.device = device
-
-    def take_hook_back(self, why: str | None) -> None:
-        self.device = None
-        if why:
-            self.said.append(why)
-
-    def refuse(self, reason: str) -> None:
-        self.said.append(reason)
-
-    def grab_by_device(self) -> bool:
-        return self.session.grab(self.session.duct.grasp) is not None
-
-    def release(self) -> None:
-        self.session.release()
+def pulling() -> PullState:
+    return PullState(MagicMock(), Session(phantom(), vertices=300), cast(Workers, None))
 
 
 @pytest.fixture
-def led() -> tuple[HapticHand, Servo, Page]:
-    servo, page = Servo(), Page(Session(phantom(), vertices=300))
+def led() -> tuple[HapticHand, Servo, PullState]:
+    servo, page = Servo(), pulling()
     hand = HapticHand(cast(ServoProcess, servo))
-    hand.attend(cast(PullState, page))
+    hand.attend(page)
     return hand, servo, page
 
 
-def go(hand: HapticHand, page: Page, ticks: int = 30) -> None:
+def go(hand: HapticHand, page: PullState, ticks: int = 30) -> None:
     for _ in range(ticks):
-        hand.attend(cast(PullState, page))
+        hand.attend(page)
         page.session.advance()
 
 
 def test_the_hand_leads_the_session_and_the_run_is_made_again(
-    led: tuple[HapticHand, Servo, Page],
+    led: tuple[HapticHand, Servo, PullState],
 ) -> None:
     hand, servo, page = led
     assert page.device == "a spoon"
@@ -113,7 +115,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
 
 
 def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
-    led: tuple[HapticHand, Servo, Page],
+    led: tuple[HapticHand, Servo, PullState],
 ) -> None:
     hand, servo, page = led
     servo.pull(6.0)
@@ -131,42 +133,227 @@ def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
     assert page.session.reading().phase is Phase.INTACT
 
 
-def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, Page]) -> None:
+def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, PullState]) -> None:
     hand, servo, page = led
-    old = servo.hook
+    old = servo.now
     page.session.choose_theory(Exact())
     page.session.set_grasp(18.0)
     page.session.advance()
     go(hand, page, 1)
     newest = servo.felt[-1]
-    assert newest is not None
+    assert isinstance(newest, DuctSetting)
     assert (newest.theory, newest.grasp) == (Exact(), 18.0)
-    servo.hook = replace(old, peak=9.0)  # of the duct that was felt before
+    servo.now = replace(old, hooks=(hook(9.0),))  # of the duct that was felt before
     go(hand, page)
     assert not page.session.run.started
-    page.playback = object()
+    page.set_paused(True)
     go(hand, page, 1)
-    assert servo.felt[-1] is None  # no force while a replay is seen
-    page.playback = None
+    assert servo.felt[-1] is None  # no force while time stands still
+    page.set_paused(False)
     servo.unfelt = "theory string cannot be felt"
     page.session.choose_theory(TautString())
     go(hand, page, 3)
-    assert page.said == ["The device has no force: theory string cannot be felt."]
+    assert said(page).count("The device has no force: theory string cannot be felt.") == 1
 
 
-def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, Page]) -> None:
+def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, PullState]) -> None:
     hand, servo, page = led
     servo.pull(5.0)
     go(hand, page)
     servo.ended = "the service has gone"
     go(hand, page, 3)
     assert page.device is None
-    assert page.said == ["The service has gone. The mouse has the hook again."]
-    other = Page(Session(phantom(), vertices=300))
-    hand.attend(cast(PullState, other))
+    assert said(page)[-1] == "The service has gone. The mouse has the hook again."
+    other = pulling()
+    hand.attend(other)
     assert other.device is None
     hand.stop()
     assert servo.stopped
+
+
+class Mailbox(deque[Any]):
+    """A pipe with room for all."""
+
+    send, recv = deque[Any].append, deque[Any].popleft
+
+    def poll(self) -> bool:
+        return len(self) > 0
+
+
+class StepwiseServo(ServoLink):
+    """A servo without a process or a clock: `run` steps it by a tick of the trainer."""
+
+    device, ended = "a virtual device", None
+
+    def __init__(self, *scripts: HandScript) -> None:
+        settings = LoopSettings(hold=False)
+        self.devices = [VirtualDevice(DeviceOptions("", settings.period, each)) for each in scripts]
+        pipe = cast(Any, Mailbox())
+        row = np.zeros(HEAD + ROW * len(scripts))
+        super().__init__(row, pipe)
+        setting = felt_in(Session(phantom(), vertices=300))
+        model = setting.model(1.0, settings.period, len(scripts))
+        self.loop = ServoLoop(model, settings, self.devices[0].limits, len(scripts))
+        self.end = ServoEnd(row, pipe, self.devices)
+        self.states = [DeviceState() for _ in scripts]
+        self.largest_change = 0.0
+
+    def run(self) -> None:
+        for _ in range(round(TICK_SECONDS / self.loop.settings.period)):
+            before = self.loop.given.copy()
+            for hand, device in enumerate(self.devices):
+                device.exchange(self.loop.given[hand], self.states[hand])
+            units = np.array([np.rint(state.position / PLACE_UNIT) for state in self.states])
+            assert self.end.stopped() is None
+            bits = [state.buttons | FRESH | LIVE for state in self.states]
+            self.loop.step(units.astype(np.int64), bits)
+            change = np.linalg.norm(self.loop.given - before, axis=1).max()
+            self.largest_change = max(self.largest_change, float(change))
+            self.end.watch(self.loop)
+
+    def stop(self) -> None: ...
+
+
+def dissecting(*scripts: HandScript) -> tuple[HapticHand, StepwiseServo, DissectState]:
+    servo = StepwiseServo(*scripts)
+    state = DissectState(MagicMock(), BedSession(phantom(), vertices=300), cast(Workers, None))
+    return HapticHand(cast(ServoProcess, servo)), servo, state
+
+
+def dissect(hand: HapticHand, servo: StepwiseServo, state: DissectState, seconds: float) -> None:
+    for _ in range(round(seconds / TICK_SECONDS)):
+        hand.attend(state)
+        state.session.advance()
+        servo.run()
+
+
+def script(*path: tuple[float, tuple[float, float, float], str]) -> HandScript:
+    points = tuple(Waypoint(at, to, cast(Any, tuple(buttons))) for at, to, buttons in path)
+    return HandScript(path=points, hand=SimulatedHand(stiffness_N_per_m=900.0, tremor_mm=0.05))
+
+
+LIFT = script(
+    (0.1, (0.0, 0.0, 0.0), ""),
+    (0.3, (0.0, 0.0, 0.0), "a"),
+    (2.3, (0.0, 0.0, 12.0), "a"),
+    (2.8, (0.0, 0.0, 12.0), ""),
+    (3.6, (0.0, 0.0, 0.0), ""),
+)
+
+
+def test_a_device_frees_a_duct_from_its_bed_and_the_run_is_made_again() -> None:
+    hand, servo, state = dissecting(LIFT)
+    session = state.session
+    dissect(hand, servo, state, 0.25)
+    assert state.device == "a virtual device"
+    assert state.hand == 1  # the mouse has the other hand
+    assert not session.run.started
+    dissect(hand, servo, state, 2.25)
+    reading, (felt,) = session.reading(), servo.snapshot().hooks
+    assert reading.held == (True, False)
+    assert reading.parted > 100
+    # What is felt is what is shown, which follows two ticks later.
+    assert servo.loop.model.torn is False
+    model = cast(Any, servo.loop.model)
+    assert model.parted == pytest.approx(reading.parted, rel=0.02)
+    assert np.linalg.norm(felt.force) == pytest.approx(np.linalg.norm(reading.forces[0]), rel=0.05)
+    assert np.linalg.norm(felt.tip - session.duct.hands[0].place) < 0.1
+    assert servo.largest_change < 0.05  # N in a millisecond
+    dissect(hand, servo, state, 1.5)
+    assert session.reading().held == (False, False)
+    assert not servo.loop.given.any()
+    # Let go: what is felt next begins with what the session has, to the strand.
+    assert cast(Any, servo.loop.model).parted == session.reading().parted
+    session.finish()
+    file = session.run_file()
+    again = DissectionReplay(file.log, phantom(), vertices=300)
+    assert again.run_file().measures == file.measures
+
+
+def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:
+    still = script((0.1, (0.0, 0.0, 0.0), ""), (0.3, (0.0, 0.0, 0.0), "a"))
+    hand, servo, state = dissecting(still)
+    session = state.session
+    dissect(hand, servo, state, 0.5)
+    assert session.reading().held == (True, False)
+    # The left hand is the device's, whatever mouse and keys ask for.
+    for asked in (
+        lambda: state.choose_instrument(0, "swab"),
+        lambda: state.let_go(0),
+    ):
+        asked()
+        assert session.reading().held == (True, False)
+    assert said(state)[-2:] == [
+        "The hand on the device has this hook (a virtual device).",
+        "Release the button of the device.",
+    ]
+    # A grasper 12 mm aside lifts the duct: the hand that stays is drawn up.
+    place = session.grab(1, 37.0)
+    assert place is not None
+    for _ in range(8):
+        state.nudge(np.array([0.0, 0.0, 0.5]))
+        dissect(hand, servo, state, 0.1)
+    dissect(hand, servo, state, 0.3)
+    reading, (felt,) = session.reading(), servo.snapshot().hooks
+    assert reading.held == (True, True)
+    assert reading.forces[0][2] < -0.05  # it holds the duct down
+    assert felt.force == pytest.approx(reading.forces[0], abs=0.1 * abs(reading.forces[0][2]))
+    assert cast(Any, servo.loop.model).parted == pytest.approx(reading.parted, rel=0.05)
+    assert servo.largest_change < 0.05
+    # A dissector parts strands in what is felt as in what is shown.
+    parted = reading.parted
+    state.choose_instrument(1, "dissector")
+    session.move_hand(1, np.array([12.0, 0.0, session.duct.parking(1, "dissector")[2]]))
+    dissect(hand, servo, state, 0.8)
+    state.open_jaws(12.0)
+    dissect(hand, servo, state, 1.0)
+    assert session.reading().parted > parted + 30
+    assert cast(Any, servo.loop.model).parted == pytest.approx(session.reading().parted, rel=0.05)
+
+
+def test_two_devices_have_both_hands_and_keys_take_the_duct_where_there_is_no_button() -> None:
+    left = script(
+        (0.4, (-8.0, 0.0, 0.0), ""), (1.0, (-8.0, 0.0, 0.0), ""), (2.0, (-8.0, 0.0, 5.0), "")
+    )
+    right = script(
+        (0.4, (12.0, 0.0, 0.0), "a"), (1.0, (12.0, 0.0, 0.0), "a"), (2.0, (12.0, 0.0, 5.0), "a")
+    )
+    hand, servo, state = dissecting(left, right)
+    session = state.session
+    dissect(hand, servo, state, 0.8)
+    assert session.reading().held == (False, True)
+    state.choose_hand(0)
+    state.take_or_let_go()
+    dissect(hand, servo, state, 1.4)
+    reading = session.reading()
+    assert reading.held == (True, True)
+    assert min(reading.forces[:, 2]) > 0.1
+    for felt, shown in zip(servo.snapshot().hooks, reading.forces, strict=True):
+        assert felt.force == pytest.approx(shown, abs=0.05 * float(np.linalg.norm(shown)))
+    state.take_or_let_go()
+    dissect(hand, servo, state, 0.2)
+    assert session.reading().held == (False, True)
+
+
+def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_one() -> None:
+    hand, servo, state = dissecting(
+        script(
+            (0.1, (0.0, 0.0, 0.0), ""), (0.2, (0.0, 0.0, 0.0), "a"), (1.2, (0.0, 0.0, 45.0), "a")
+        )
+    )
+    session = state.session
+    state.choose_bed("inflamed", 1)
+    dissect(hand, servo, state, 1.5)
+    assert session.reading().torn_at is not None
+    assert not servo.loop.given.any()
+    assert servo.largest_change <= 0.2 + 1e-9  # N in a millisecond: the device's bound
+    state.reset()
+    dissect(hand, servo, state, 0.2)
+    assert session.reading().torn_at is None
+    assert servo.snapshot().torn is False
+    state.set_paused(True)
+    dissect(hand, servo, state, 0.1)
+    assert servo.loop.ended
 
 
 def until(true: Callable[[], Any], seconds: float = 60.0) -> None:
@@ -181,22 +368,18 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
     path = (Waypoint(0.3, (0.0, 0.0, 0.0)), Waypoint(1.3, (0.0, 0.0, 9.0)))
     script = HandScript(path=path, hand=SimulatedHand(stiffness_N_per_m=900.0))
     setting = felt_in(session)
-    servo = ServoProcess("virtual", DeviceOptions("", 0.001, script), LoopSettings(), setting)
+    servo = ServoProcess([("virtual", DeviceOptions("", 0.001, script))], LoopSettings(), setting)
     try:
         assert servo.device == "virtual device"
-        until(lambda: servo.snapshot().deflection > 4.0)
-        hook = servo.snapshot()
-        assert hook.force == pytest.approx(
-            session.duct.theory.pull(setting.beam, setting.grasp)
-            .to_deflection(hook.deflection)
-            .force,
-            rel=1e-6,
-        )
-        assert hook.peak >= hook.deflection
+        until(lambda: servo.snapshot().hooks[0].tip[2] > 4.0)
+        (hook,) = servo.snapshot().hooks
+        pulled = setting.theory.pull(setting.beam, setting.grasp).to_deflection(hook.tip[2])
+        assert hook.force[2] == pytest.approx(pulled.force, rel=1e-6)
+        assert hook.peak >= hook.tip[2]
         # Felt anew, the duct is at rest where the hand is now.
         generation = servo.feel(replace(setting, theory=Exact()))
         until(lambda: servo.snapshot().generation == generation)
-        assert servo.snapshot().deflection < 1.0
+        assert servo.snapshot().hooks[0].tip[2] < 1.0
         servo.feel(replace(setting, theory=TautString()))
         until(lambda: servo.ended or servo.unfelt)
         assert servo.unfelt is not None
@@ -209,4 +392,4 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
 def test_a_device_that_cannot_be_opened_is_said_in_the_trainers_words() -> None:
     setting = felt_in(Session(phantom(), vertices=300))
     with pytest.raises(DeviceError, match="unknown device 'spoon'"):
-        ServoProcess("spoon", DeviceOptions("", 0.001), LoopSettings(), setting)
+        ServoProcess([("spoon", DeviceOptions("", 0.001))], LoopSettings(), setting)

@@ -12,6 +12,8 @@ from app.simulation.bed.bedded_duct import (
     TOWARDS_HAND,
     BeddedDuct,
     BedReading,
+    Rod,
+    Touch,
 )
 from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.exercise import BedExercise
@@ -51,6 +53,8 @@ __all__ = [
     "Hand",
     "Instrument",
     "PeelScene",
+    "Rod",
+    "Touch",
     "beam_in_space",
     "bed_named",
     "bed_presets",

@@ -7,6 +7,7 @@ steps four times as short, at 40 mm/s within 2.6 % (docs/theory.md).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,9 @@ from app.simulation.dissection import Dissection
 from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, Books
 
-__all__ = ["BED_THEORY", "ELEMENTS", "HANDS", "SUBSTEPS", "BedReading", "BeddedDuct"]
+__all__ = [
+    "BED_THEORY", "ELEMENTS", "HANDS", "SUBSTEPS", "BedReading", "BeddedDuct", "Rod", "Touch",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +67,23 @@ class BedReading:
     def distance_to_break(self) -> float:
         """1 at rest, 0 at the break."""
         return 1.0 - self.stress_share
+
+
+class Rod(NamedTuple):
+    """A jaw or a swab, as the beam has it."""
+
+    number: int
+    tip: Floats  # (3,) mm
+    shaft: tuple[float, float, float]  # way back along it
+    radius: float  # mm
+
+
+class Touch(NamedTuple):
+    """What a hand does to the beam."""
+
+    station: float | None  # that it holds, mm along the beam
+    place: Floats  # (3,) of its tip, mm
+    rods: tuple[Rod, ...]
 
 
 class BeddedDuct:
@@ -137,11 +157,8 @@ class BeddedDuct:
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
         holder.put(self.parking(hand, instrument))
-        if instrument in HOLDING:
-            return
-        radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS
-        for rod, tip in self._tips(hand):
-            self.beam.set_rod(rod, tip, TOWARDS_HAND[instrument], radius)
+        for rod in self.touch(hand).rods:
+            self.beam.set_rod(*rod)
 
     def grab(self, hand: int, station: float) -> Floats | None:
         """Take hold, mm from the first clamp; return the place, or None where it cannot."""
@@ -174,6 +191,16 @@ class BeddedDuct:
     def open_jaws(self, hand: int, opening: float) -> None:
         """Set how far a dissector's jaws part, mm between their axes."""
         self.hands[hand].target_opening = min(max(opening, 0.0), MOST_OPENING)
+
+    def touch(self, hand: int) -> Touch:
+        """Return what a hand does to the beam now."""
+        holder = self.hands[hand]
+        node, instrument = holder.node, holder.instrument
+        radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS
+        rods = tuple(Rod(number, tip.copy(), TOWARDS_HAND[instrument], radius)
+                     for number, tip in self._tips(hand))  # fmt: skip
+        station = None if node is None else float(self.beam.stations[node])
+        return Touch(station, holder.place.copy(), rods)
 
     def rods_of(self, hand: int) -> tuple[int, ...]:
         """Return the rods of the beam that are a hand's jaws or its swab."""

@@ -5,12 +5,13 @@ The same action has one name from the page down: `choose_instrument`, `grab`, `m
 next tick. Places are mm in the duct's frame (`app.simulation.bed.hand`).
 """
 
+import copy
 from threading import RLock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading
+from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading, Touch
 from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.exercise_limits import bed_exercises
 from app.simulation.bed.hand import INSTRUMENTS, Instrument
@@ -27,6 +28,7 @@ from app.simulation.run_log import OrganIdentity
 from app.simulation.session import VERTICES
 from app.simulation.tear import SETTLED_SECONDS, tear_front, tear_swing
 from organ_geometry import Organ
+from physics.bed import BeamOnBed
 
 __all__ = ["BedSession"]
 
@@ -165,6 +167,16 @@ class BedSession:
         """Return what the instruments show now."""
         with self._lock:
             return self.duct.reading()
+
+    def beam_touched_by(self, hand: int) -> tuple[BeamOnBed, Touch]:
+        """Return a copy of the beam on its bed, and what a hand does to it."""
+        with self._lock:
+            return copy.deepcopy(self.duct.beam), self.duct.touch(hand)
+
+    def touch(self, hand: int) -> Touch:
+        """Return what a hand does to the beam now."""
+        with self._lock:
+            return self.duct.touch(hand)
 
     def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
         """Write the stress along the organ at each vertex of a drawn surface, MPa."""

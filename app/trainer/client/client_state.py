@@ -66,6 +66,8 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self._changed = True
         self._home = False
         self._refusal: viser.NotificationHandle | None = None
+        self.device: str | None = None  # the haptic device that holds a hook, or None
+        self._device_notice: viser.NotificationHandle | None = None
 
     @property
     def playback(self) -> ReplayPlayback[SessionT] | None:
@@ -88,6 +90,29 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         """Whether an exercise waits for its first input or goes on."""
         run = self.session.run
         return run.exercise is not None and not run.over
+
+    def give_hook(self, device: str, hands: int = 1) -> None:
+        """Give the hook to a device and say so; two devices have two `hands`."""
+        self.release_hand()
+        self.device = device
+        self._device_notice = self.client.add_notification(
+            *self._device_words(device, hands), color="green"
+        )
+        self._changed = True
+
+    def take_hook_back(self, why: str | None) -> None:
+        """Give the hook back to the mouse."""
+        self.device = None
+        if self._device_notice is not None:
+            self._device_notice.remove()
+            self._device_notice = None
+        if why is not None:
+            self.client.add_notification("The device has let go", why, color="yellow")
+        self._changed = True
+
+    @abstractmethod
+    def _device_words(self, device: str, hands: int) -> tuple[str, str]:
+        """Return what a page is told that a device now leads: a title and a sentence."""
 
     @abstractmethod
     def grab(self, hold: Hold) -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from app.simulation import VERTICES, Feedback, Preset
 from app.simulation.bed import (
+    HANDS,
     HOLDING,
     INSTRUMENTS,
     BedExercise,
@@ -31,6 +32,7 @@ NUDGE = 0.5
 MOST_TRIES = 20
 """Judged runs kept, to stand beside later ones."""
 NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
+TAKES = "button a takes the duct below the hook and lets go of it, as the keys X and G do"
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
 
 
@@ -49,6 +51,8 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         self._dragged: int | None = None  # the hand that the mouse leads
         self._led_from = np.zeros(3)  # where its tip was when the drag began, mm
         self._tries = deque[DissectionFile](maxlen=MOST_TRIES)
+        self.device_hands = 0  # how many of the first hands are devices'
+        self.device_holds = [False] * HANDS  # which of those hold by a key, whatever their buttons
         self.keep_run()
 
     @property
@@ -134,6 +138,38 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         self.session.start_exercise(exercise, feedback)
         self._begin()
 
+    # Devices
+
+    def give_hook(self, device: str, hands: int = 1) -> None:
+        """Give the first hands' hooks to devices and say so; mouse and keys have the other."""
+        super().give_hook(device, hands)
+        self.device_hands = hands
+        for hand in range(hands):
+            self.session.release(hand)
+            if self.session.duct.hands[hand].instrument != "hook":
+                self.session.choose_instrument(hand, "hook")
+        self.choose_hand(min(hands, HANDS - 1))
+
+    def take_hook_back(self, why: str | None) -> None:
+        """Give the hooks back to mouse and keys."""
+        self.device_hands = 0
+        self.device_holds[:] = [False] * HANDS
+        super().take_hook_back(why)
+
+    def _device_words(self, device: str, hands: int) -> tuple[str, str]:
+        if hands > 1:
+            return "The devices hold both hooks", f"{device}: {TAKES}."
+        return (
+            "The device holds the left hand's hook",
+            f"{device}: {TAKES}. The mouse and the keys have the right hand.",
+        )
+
+    def _refuses(self, hand: int) -> bool:
+        """Return whether a device has the hand; then tell the client so."""
+        if hand < self.device_hands:
+            self.refuse(f"The hand on the device has this hook ({self.device}).")
+        return hand < self.device_hands
+
     # Choices
 
     def choose_hand(self, hand: int) -> None:
@@ -143,7 +179,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
-        if self.playback is not None:
+        if self.playback is not None or self._refuses(hand):
             return
         wanted = self.session.run.exercise if self.in_exercise else None
         if wanted is not None and instrument not in wanted.instruments:
@@ -195,6 +231,8 @@ class DissectState(ClientState[BedSession, DissectionFile]):
             return
         if hold.hand is not None:
             self.choose_hand(hold.hand)
+        if self._refuses(self.hand):
+            return
         holder = self.session.duct.hands[self.hand]
         self._led_from = holder.place.copy()
         if hold.station is not None and holder.instrument in HOLDING:
@@ -220,7 +258,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def nudge(self, way: NDArray[np.float64]) -> None:
         """Move the active hand's tip, (3,) mm in the duct's frame."""
-        if self._dragged is None:
+        if self._dragged is None and not self._refuses(self.hand):
             holder = self.session.duct.hands[self.hand]
             self.session.move_hand(self.hand, holder.target + way)
 
@@ -238,6 +276,11 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def let_go(self, hand: int) -> None:
         """Let a hand go of the duct."""
+        if hand < self.device_hands:
+            if not self.device_holds[hand]:
+                self.refuse("Release the button of the device.")
+            self.device_holds[hand] = False
+            return
         if self._dragged == hand:
             self._dragged = None
         self.session.release(hand)
@@ -247,6 +290,8 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         holder = self.session.duct.hands[self.hand]
         if holder.node is not None:
             self.let_go(self.hand)
+        elif self.hand < self.device_hands:
+            self.device_holds[self.hand] = True
         elif holder.instrument in HOLDING:
             self._take(float(holder.place[0]))
         else:

@@ -1,14 +1,20 @@
-"""A haptic device in the trainer: it holds the hook of the first page, which says so.
+"""Haptic devices in the trainer: they hold the hooks of the first page, which says so.
 
 The servo computes the force at its own rate, in a process of its own. At each tick of the trainer's
-clock the session's hand is moved to where the device's hook has been pulled, as a mouse would move
-it, so that exercises, measures, tear and replay work the same. The servo is given the session's
-beam, theory, grasp and threshold again whenever one of them changes. Each such setting has a
-generation number, and what the servo reports of an older one is ignored.
+clock the session's hand is moved to where the device's hook is, as a mouse would move it, so that
+exercises, measures, tear and replay work the same. The servo is given the session's duct again
+whenever it becomes another one; in a bed also when the device has let go, so that what is felt is
+what is shown, to the strand. Each such setting has a generation number, and what the servo reports
+of an older one is ignored. In a bed the servo is also told, at each tick, what the hand of mouse
+and keys does to the duct.
 """
 
-from app.haptics.servo_process import FeltSetting, ServoProcess
+import numpy as np
+
+from app.haptics.servo_process import BedSetting, DuctSetting, FeltSetting, ServoProcess, Snapshot
 from app.simulation import Phase, Session
+from app.simulation.bed import HANDS, BedSession
+from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 
 __all__ = ["HapticHand", "felt_in"]
@@ -16,11 +22,13 @@ __all__ = ["HapticHand", "felt_in"]
 TAKEN, LEFT = 0.3, 0.05
 """Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
 apart so that a hand resting at the duct does not grab and release it at every tick."""
+TOUCHED = 0.01
+"""mm that a free hook has moved before the picture follows: a hand's tremor is less."""
 
 
-def felt_in(session: Session) -> FeltSetting:
+def felt_in(session: Session) -> DuctSetting:
     """Return the setting that the servo needs for a session's duct."""
-    return FeltSetting(
+    return DuctSetting(
         session.duct.theory,
         session.duct.dissection.beam,
         session.duct.grasp,
@@ -29,80 +37,152 @@ def felt_in(session: Session) -> FeltSetting:
 
 
 class HapticHand:
-    """Leads the session of one page by a servo's device. Called by the trainer's clock only."""
+    """Leads the session of one page by a servo's devices. Called by the trainer's clock only."""
 
     def __init__(self, servo: ServoProcess) -> None:
         self._servo = servo
-        self._state: PullState | None = None
+        self._hands = min(servo.hands, HANDS)
+        self._state: PullState | DissectState | None = None
+        # What the last setting followed from, and itself, which keeps that alive; None for none.
+        self._felt: object = None
         self._setting: FeltSetting | None = None
         self._generation = 0
-        self._holds = self._torn = False
+        self._holds = [False] * self._hands
+        self._torn = False
         self._told: str | None = None
+        self._led: object = None  # what was said last of the other hand
 
-    def attend(self, state: PullState | None) -> None:
+    def attend(self, state: PullState | DissectState | None) -> None:
         """Advance by one tick, for the page that has the device, or for none."""
         servo = self._servo
         if state is not self._state:
             self._leave()
             self._state = state
             if state is not None and servo.ended is None:
-                state.give_hook(servo.device)
+                state.give_hook(servo.device, self._hands)
         if state is None:
-            self._feel(None)
+            self._feel(None, None)
             return
         if (why := servo.ended) is not None:
             if state.device is not None:
+                self._let_go(state)
                 state.take_hook_back(f"{why[0].upper()}{why[1:]}. The mouse has the hook again.")
-                self._holds = False
             return
-        session, whole = state.session, state.session.reading().phase is Phase.INTACT
-        if not whole:
-            self._holds, self._torn = False, True
-            return
-        renewed, self._torn = self._torn, False
-        watching = state.playback is not None or state.paused
-        self._feel(None if watching else felt_in(session), again=renewed)
+        if isinstance(state, PullState):
+            self._pull(state)
+        else:
+            self._dissect(state)
         if servo.unfelt not in (None, self._told):
             state.refuse(f"The device has no force: {servo.unfelt}.")
         self._told = servo.unfelt
-        self._lead(state)
 
     def stop(self) -> None:
         """Release the duct and end the servo: the device's force is zero from then on."""
         self._leave()
         self._servo.stop()
 
-    def _feel(self, setting: FeltSetting | None, *, again: bool = False) -> None:
-        if again or not _same(setting, self._setting):
-            self._setting = setting
+    def _feel(self, felt: object, setting: FeltSetting | None) -> None:
+        # One duct at a time: the pipe has no room for two, and the clock is not to wait.
+        taken = setting is None or self._servo.snapshot().generation == self._generation
+        if felt != self._felt and taken:
+            self._felt, self._setting = felt, setting
             self._generation = self._servo.feel(setting)
 
-    def _lead(self, state: PullState) -> None:
-        hook = self._servo.snapshot()
-        if hook.generation != self._generation or self._setting is None:
+    def _snapshot(self) -> Snapshot | None:
+        """Return the state of what is felt, if it is the last setting."""
+        snapshot = self._servo.snapshot()
+        fresh = snapshot.generation == self._generation and self._felt is not None
+        return snapshot if fresh else None
+
+    # Without a bed
+
+    def _pull(self, state: PullState) -> None:
+        session, whole = state.session, state.session.reading().phase is Phase.INTACT
+        if not whole:
+            self._holds[0], self._torn = False, True
             return
-        session = state.session
-        if not self._holds and (hook.torn or hook.peak > TAKEN):
-            self._holds = state.grab_by_device()
-        if not self._holds:
+        if self._torn:  # a new duct, which may be equal to the old one
+            self._torn, self._felt = False, "torn"
+        watching = state.playback is not None or state.paused
+        setting = None if watching else felt_in(session)
+        self._feel(
+            setting and (id(setting.beam), setting.theory, setting.grasp, setting.threshold),
+            setting,
+        )
+        snapshot = self._snapshot()
+        if snapshot is None:
+            return
+        peak, torn = snapshot.hooks[0].peak, snapshot.torn
+        if not self._holds[0] and (torn or peak > TAKEN):
+            self._holds[0] = state.grab_by_device()
+        if not self._holds[0]:
             return
         # Torn already in the servo: move on until the session tears too, at the same stress.
-        session.move_hand(session.duct.deflection_limit if hook.torn else hook.peak)
-        if hook.peak <= LEFT and not hook.torn:
-            self._holds = False
+        session.move_hand(session.duct.deflection_limit if torn else peak)
+        if peak <= LEFT and not torn:
+            self._holds[0] = False
             state.release()
+
+    # In a bed
+
+    def _dissect(self, state: DissectState) -> None:
+        session = state.session
+        duct, run = session.duct, session.run
+        if state.playback is not None or state.paused or duct.torn is not None:
+            if self._felt is not None and duct.torn is None:
+                self._let_go(state)
+            # A duct that has torn in the servo as well has no force there: it goes off softly.
+            if duct.torn is None or not self._servo.snapshot().torn:
+                self._feel(None, None)
+            self._holds = [False] * self._hands
+            return
+        if self._felt != (duct, run):
+            self._let_go(state)
+            self._feel((duct, run), self._in_bed(session))
+        self._lead_other(state)
+        snapshot = self._snapshot()
+        if snapshot is None:
+            return
+        for hand, hook in enumerate(snapshot.hooks[: self._hands]):
+            held = self._holds[hand]
+            if hook.station is not None and not held:
+                held = session.grab(hand, hook.station / duct.surface.scale) is not None
+            elif hook.station is None and held and not snapshot.torn:
+                session.release(hand)
+                held = False
+                if not any(self._holds[:hand] + self._holds[hand + 1 :]):
+                    self._felt = "let go"  # the next tick begins with what the session has
+            self._holds[hand] = held
+            target = session.duct.hands[hand].target
+            if held or np.abs(hook.tip - target).max() > TOUCHED:
+                session.move_hand(hand, hook.tip)
+
+    def _in_bed(self, session: BedSession) -> BedSetting:
+        beam, touch = session.beam_touched_by(HANDS - 1)
+        tips = np.array([hand.target for hand in session.duct.hands[: self._hands]])
+        other = None if self._hands == HANDS else touch
+        self._led = None
+        return BedSetting(beam, tips, session.duct.threshold, other)
+
+    def _lead_other(self, state: DissectState) -> None:
+        """Tell the servo what the hand of mouse and keys does, and what the keys hold."""
+        other = None if self._hands == HANDS else state.session.touch(HANDS - 1)
+        said = repr((other, state.device_holds))
+        if said != self._led:
+            self._led = said
+            self._servo.lead(other, state.device_holds[: self._hands])
+
+    def _let_go(self, state: PullState | DissectState) -> None:
+        """Release what the devices hold in the session."""
+        for hand, holds in enumerate(self._holds):
+            if holds and isinstance(state, DissectState):
+                state.session.release(hand)
+            elif holds and isinstance(state, PullState):
+                state.release()
+        self._holds = [False] * self._hands
 
     def _leave(self) -> None:
         if self._state is not None:
-            if self._holds:
-                self._state.release()
+            self._let_go(self._state)
             self._state.take_hook_back(None)
-        self._state, self._holds, self._torn = None, False, False
-
-
-def _same(one: FeltSetting | None, other: FeltSetting | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return one.beam is other.beam and (one.theory, one.grasp, one.threshold) == (
-        other.theory, other.grasp, other.threshold,
-    )  # fmt: skip
+        self._state, self._torn = None, False

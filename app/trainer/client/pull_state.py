@@ -49,8 +49,6 @@ class PullState(ClientState[Session, RunFile]):
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self.heat = self.overlay = False
         self.pulls = 0  # number of changes of the pull that no slider has made
-        self.device: str | None = None  # the haptic device that holds the hook, or None
-        self._device_notice: viser.NotificationHandle | None = None
         self._held_from: float | None = None
         self._other_organ: Callable[[], None] | None = None
         self.keep_run()
@@ -145,23 +143,6 @@ class PullState(ClientState[Session, RunFile]):
         self._paused = False
         self._changed = True
 
-    def give_hook(self, device: str) -> None:
-        """Give the hook to a device and say so; mouse and sliders cannot pull then."""
-        self.release_hand()
-        self.device = device
-        self._device_notice = self.client.add_notification(
-            "The device holds the hook", f"{device}: pull up to pull the duct.", color="green"
-        )
-
-    def take_hook_back(self, why: str | None) -> None:
-        """Give the hook back to mouse and sliders."""
-        self.device = None
-        if self._device_notice is not None:
-            self._device_notice.remove()
-            self._device_notice = None
-        if why is not None:
-            self.client.add_notification("The device has let go", why, color="yellow")
-
     def grab_by_device(self) -> bool:
         """Grab the duct with the device's hand, at the hook; return whether it holds."""
         self._begin_anew(True)
@@ -216,6 +197,10 @@ class PullState(ClientState[Session, RunFile]):
         """Release the duct from the hand or the force."""
         self.session.release()
         self.pulls += 1
+
+    def _device_words(self, device: str, hands: int) -> tuple[str, str]:
+        more = " It is the first one's; the second one waits." if hands > 1 else ""
+        return "The device holds the hook", f"{device}: pull up to pull the duct.{more}"
 
     def _refuses_mouse(self) -> bool:
         """Return whether a device has the hook; then tell the client so."""

@@ -18,13 +18,11 @@ from organ_geometry import Organ
 
 __all__ = ["ClientView"]
 
-ELSEWHERE = "It pulls a duct without a bed: choose Pull at the top of the panel."
-
 
 class ClientView:
     """What one client sees of its practice: one of its sessions at a time.
 
-    `haptics` says whether there is a device; `ready` waits until what a mode needs is compiled;
+    `ready` waits until what a mode needs is compiled;
     `furnish` adds to the page of a mode, each time that it is shown. The look "plain" is for slow
     machines; "auto" changes to it where the page draws too slowly.
     """
@@ -37,14 +35,13 @@ class ClientView:
         look: LookChoice,
         *,
         exercise_inputs: ExerciseInputs = "hand",
-        haptics: bool = False,
         ready: Callable[[Mode], object] = lambda _: None,
         furnish: Callable[["ClientView"], object] = lambda _: None,
     ) -> None:
         self.client, self._practice, self._workers = client, practice, workers
         self._look: LookChoice = look
         self._exercise_inputs: ExerciseInputs = exercise_inputs
-        self._haptics, self._ready = haptics, ready
+        self._ready = ready
         self._plain = look == "plain"
         self._lock = Lock()  # while one mode is replaced by the other, nothing ticks
         self._closed = False
@@ -125,8 +122,6 @@ class ClientView:
             )
         else:
             state = DissectState(self.client, self._practice.dissect, self._workers)
-            if self._haptics:
-                self.client.add_notification("The device waits", ELSEWHERE, color="blue")
         state.plain = self._plain
         state.choose_mode = self._choose_mode
         return (

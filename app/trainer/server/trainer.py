@@ -19,6 +19,7 @@ from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session
 from app.trainer.classroom.lesson import Lesson, ToWatch
 from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.client_state import MODES, Mode, Workers, explained
+from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.practice import Practice
 from app.trainer.client.pull_state import PullState
@@ -84,8 +85,7 @@ class Trainer:
     port
         Port to serve; 0 takes a free one.
     mode
-        What a page opens on, if its address does not say `?mode=`; None for "dissect", or "pull"
-        where there is a device, which holds the hook of a pull.
+        What a page opens on, if its address does not say `?mode=`; None for "dissect".
     look
         "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
     bounds
@@ -162,7 +162,7 @@ class Trainer:
             self._guard.teacher_page = TeacherPage(lesson, lambda: self.link)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._host = host
-        self._mode: Mode = mode or ("dissect" if haptics is None else "pull")
+        self._mode: Mode = mode or "dissect"
         self._look: LookChoice = look
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
@@ -287,7 +287,6 @@ class Trainer:
                     self._workers,
                     self._look,
                     exercise_inputs=self._exercise_inputs,
-                    haptics=self._hand is not None,
                     ready=self.warm_up.wait,
                     furnish=furnish,
                 )
@@ -379,9 +378,7 @@ class Trainer:
             views = list(self._views.items())
         self._budget.begin_tick(self.timer.load)
         if self._hand is not None:
-            states = (view.state for _, view in views)
-            pulls = (state for state in states if isinstance(state, PullState))
-            self._attend(self._hand, next(pulls, None))
+            self._attend(self._hand, views[0][1].state if views else None)
         for place, (number, view) in enumerate(views):
             try:
                 view.tick(seconds, draws=self._budget.draws(place))
@@ -399,8 +396,8 @@ class Trainer:
         if there:
             self._tell_fault(view.client)
 
-    def _attend(self, hand: HapticHand, state: PullState | None) -> None:
-        """Let the hand on the device lead the first page that shows a pull."""
+    def _attend(self, hand: HapticHand, state: PullState | DissectState | None) -> None:
+        """Let the hand on the device lead the first page."""
         try:
             hand.attend(state)
         except Exception:
