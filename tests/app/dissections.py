@@ -12,7 +12,7 @@ import viser
 from browser import close_browser, new_context, running_browser
 from simulated import phantom
 
-from app.simulation.bed import BedSession
+from app.simulation.bed import BedManner, BedSession, script
 from app.trainer.scene.bed_scene import BedScene, Colours
 from app.trainer.stage.lighting import Look
 
@@ -81,6 +81,15 @@ def torn(session: BedSession) -> None:
         session.advance()
 
 
+def followed(session: BedSession) -> None:
+    """The end of a divided duct, lifted at the front."""
+    session.choose_bed("firm")
+    exercise = next(e for e in session.exercises_offered() if e.name == "follow-front")
+    session.start_exercise(exercise)
+    for _ in zip(range(240), script(session, session.duct, exercise, BedManner()), strict=False):
+        session.advance()
+
+
 STATES: dict[str, tuple[Callable[[BedSession], None], Colours]] = {
     "rest": (rest, "tissue"),
     "lifted": (lifted, "tissue"),
@@ -88,6 +97,7 @@ STATES: dict[str, tuple[Callable[[BedSession], None], Colours]] = {
     "spread": (spread, "tissue"),
     "swept": (swept, "tissue"),
     "torn": (torn, "tissue"),
+    "followed": (followed, "tissue"),
     "stress": (half_freed, "stress"),
     "freed": (half_freed, "freed"),
 }

@@ -6,7 +6,7 @@ the wall tears, and the transforms by which the duct's surface follows the beam.
 steps four times as short, at 40 mm/s within 2.6 % (docs/theory.md).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -121,10 +121,14 @@ class BeddedDuct:
         self._scale = self.surface.scale
         self.reset()
 
-    def reset(self, opened: tuple[float, float] | None = None) -> None:
-        """Make the duct and its bed whole, but for a stretch `opened` between two stations, mm."""
+    def reset(self, opened: tuple[float, float] | None = None, *, divided: bool = False) -> None:
+        """Make the duct and its bed whole, but for a stretch `opened` between two stations, mm.
+
+        A `divided` duct ends where its second clamp was.
+        """
+        self.divided = divided
         self.beam = BeamOnBed(
-            self._rest,
+            replace(self._rest, ends=("clamped", "free")) if divided else self._rest,
             self._strands,
             floor=self._layer.floor_under(self._rest),
             rods=2 * HANDS,
@@ -135,7 +139,7 @@ class BeddedDuct:
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
         )
         self.torn: RuptureCheck | None = None
-        self._torn_element = -1
+        self.torn_element = -1  # of the beam, which is none any more
         self._share = self._peak = self._station = 0.0
         self._still = True
 
@@ -238,19 +242,13 @@ class BeddedDuct:
         before = beam.places.copy()
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
         self._still = bool(np.abs(beam.places - before).max() <= STILL_MM)
-        worst = beam.worst_stress()
-        self._station = worst.station / self._scale
-        self._share = worst.total / self.threshold
+        check = self.surface.check(beam, self.threshold)
+        self._station = check.station
+        self._share = check.total_stress / self.threshold
         self._peak = max(self._peak, self._share)
         if self._share > 1.0 and self.torn is None:
-            self.torn = RuptureCheck(
-                station=self._station,
-                tension_side=1 if np.cos(worst.side) >= 0.0 else -1,
-                normal_stress=worst.normal,
-                bending_stress=worst.bending,
-                threshold=self.threshold,
-            )
-            self._torn_element = beam.tear(worst.station)
+            self.torn = check
+            self.torn_element = beam.tear(beam.worst_stress().station)
             for number in range(HANDS):  # a duct in two slips off what holds it
                 self.release(number)
         return True
@@ -301,6 +299,4 @@ class BeddedDuct:
 
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""
-        first = self._torn_element + 1 if piece == 1 else 0
-        last = self._torn_element if piece == 0 else None
-        return self.surface.move(self.beam, out, first, last)
+        return self.surface.move(self.beam, out, piece, self.torn_element)

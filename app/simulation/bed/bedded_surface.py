@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.simulation.dissection import Dissection
 from kernel_cache import njit
+from physics import RuptureCheck
 from physics.bed import BeamOnBed, SpaceBeam, Strands
 
 __all__ = ["BeddedSurface"]
@@ -34,10 +35,12 @@ class BeddedSurface:
     def __init__(self, dissection: Dissection, rest: SpaceBeam, strands: Strands) -> None:
         self._dissection, self._rest, self._strands = dissection, rest, strands
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
-        self._driven = self.scale * dissection.beam_stations
+        self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
 
-    def move(self, beam: BeamOnBed, out: Floats, first: int = 0, last: int | None = None) -> Floats:
-        """Write the (D, 3, 4) transforms of the driving points, by nodes `first` to `last`."""
+    def move(
+        self, beam: BeamOnBed, out: Floats, piece: int | None = None, torn_element: int = -1
+    ) -> Floats:
+        """Write the (D, 3, 4) transforms of the driving points, of a torn beam's piece 0 or 1."""
         _follow(
             self._driven,
             self._dissection.driving.positions,
@@ -48,11 +51,22 @@ class BeddedSurface:
             beam.rotations,
             beam.rest_places,
             beam.rest_rotations,
-            first,
-            beam.stations.size - 1 if last is None else last,
+            torn_element + 1 if piece == 1 else 0,
+            torn_element if piece == 0 else beam.stations.size - 1,
             out,
         )
         return out
+
+    def check(self, beam: BeamOnBed, threshold: float) -> RuptureCheck:
+        """Return the highest stress in the wall, held against the threshold, MPa."""
+        worst = beam.worst_stress()
+        return RuptureCheck(
+            station=worst.station / self.scale,
+            tension_side=1 if np.cos(worst.side) >= 0.0 else -1,
+            normal_stress=worst.normal,
+            bending_stress=worst.bending,
+            threshold=threshold,
+        )
 
     def freed_at(self, damage: Floats, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""

@@ -44,6 +44,7 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     out_of_sight_limit: int  # strands
     instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
     opened_mm: tuple[float, float] | None = None  # free at the start
+    divided: bool = False  # the duct ends at its second clamp, which is gone
     time_limit_s: float = 120.0
 
     def __post_init__(self) -> None:
@@ -91,8 +92,8 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
         if self.name == "follow-front":
             return (
-                f"From the open window, free {self.free_mm:.0f} mm with the hook: take hold at the "
-                f"front, lift, let go, take hold again."
+                f"The duct is divided and its end is free: from there, free {self.free_mm:.0f} mm "
+                f"more with the hook: take hold at the front, lift, let go, take hold again."
             )
         return (
             f"Hold the duct up with one hand and open the dissector behind it with the other until "
@@ -218,7 +219,13 @@ class BedTrial(Trial[BeddedDuct]):
         # Sideways only: at a front the stretched duct itself pulls the hook along it.
         angle = math.degrees(math.atan2(abs(float(self._force[1])), float(self._force[2])))
         at = self._station
-        behind = max([min(at - a, b - at) for a, b in self._taker.stretches], default=0.0)
+        # The end of a divided duct is no front.
+        opened = self._exercise.opened_mm
+        end = opened[1] - 1e-6 if opened is not None and self._exercise.divided else math.inf
+        behind = max(
+            [min(at - a, b - at if b < end else math.inf) for a, b in self._taker.stretches],
+            default=0.0,
+        )
         speed = max(self._speeds[self._pulled])
         reasons = [
             (angle / STEEP_DEG, f"the pull was sideways, {angle:.0f} degrees off straight up"),

@@ -30,9 +30,9 @@ SPARE_FORCE = 1.25
 about four standard deviations over beds of 20 seeds, and the strongest place of a scattered bed
 asks for more than an even one (docs/measures.md)."""
 WINDOW_PART = 1.0 / 3.0
-WINDOW_SHARE, OPENED_SHARE, FOLLOW_SHARE = 0.25, 0.22, 0.4
-"""Lengths over the span: of the window to be freed, of one that is open, and of what is to be free
-then. More is not to be had by a hook without a tear: beyond that the clamps are too near."""
+WINDOW_SHARE, OPENED_SHARE, FOLLOW_SHARE = 0.25, 0.12, 0.6
+"""Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
+be freed from there on."""
 HIDDEN_PART = 0.1
 """Strands that may tear out of sight, of those to be parted."""
 LOOSEST = 0.95
@@ -81,14 +81,13 @@ def _offered(
         return None
     force = SPARE_FORCE * needed.maximum_instrument_force_N
     strands = even.beam.strands.count / dissection.beam.span
-    opened = 0.0 if goal.opened_mm is None else goal.opened_mm[1] - goal.opened_mm[0]
     for each in range(seed, seed + MOST_SEEDS):
         exercise = msgspec.structs.replace(
             goal,
             bed_seed=each,
             share_limit=share,
             time_to_break_limit_s=REACTION_SECONDS,
-            out_of_sight_limit=round(HIDDEN_PART * strands * (goal.free_mm - opened)),
+            out_of_sight_limit=round(HIDDEN_PART * strands * goal.free_mm),
             instrument_force_limit_N=force if name == "free-scar" else None,
         )
         duct = BeddedDuct(dissection, bed, seed=each, threshold=threshold)
@@ -99,15 +98,12 @@ def _offered(
 
 def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedExercise:
     """Return what is to be freed, with limits that hardly limit."""
-    middle = 0.5 * span
-    a, b, free, opened = 0.0, span, FOLLOW_SHARE * span, None
+    a, b, free, opened = 0.0, span, WINDOW_SHARE * span, None
     instruments: tuple[Instrument, ...] = INSTRUMENTS
-    if name == "window":
-        free = WINDOW_SHARE * span
-    elif name == "follow-front":
-        half = 0.5 * OPENED_SHARE * span
-        opened, instruments = (middle - half, middle + half), HOLDING
-    else:
+    if name == "follow-front":
+        b, free = (1.0 - OPENED_SHARE) * span, FOLLOW_SHARE * span
+        opened, instruments = (b, span), HOLDING
+    elif name == "free-scar":
         assert bed.patch is not None  # noqa: S101 (the caller has looked)
         a, b = bed.patch.from_share * span, bed.patch.to_share * span
         free = FREED_PART * (b - a)
@@ -123,6 +119,7 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
         time_to_break_limit_s=0.0,
         out_of_sight_limit=10**6,
         opened_mm=opened,
+        divided=opened is not None,
     )
 
 
@@ -132,7 +129,7 @@ def rehearsed(
     """Do an exercise with scripted hands on a duct by itself."""
     taker = DissectionMeasureTaker()
     trial = BedTrial(exercise, taker)
-    duct.reset(exercise.opened_mm)
+    duct.reset(exercise.opened_mm, divided=exercise.divided)
     taker.start(duct)
     for _ in script(duct, duct, exercise, manner):
         taker.take(moved=duct.advance())

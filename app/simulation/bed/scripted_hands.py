@@ -136,28 +136,21 @@ def _spread(hands: Hands, duct: BeddedDuct, station: float, manner: BedManner) -
 def _follow(
     hands: Hands, duct: BeddedDuct, exercise: BedExercise, manner: BedManner
 ) -> Iterator[None]:
-    """Lift at one front and the other in turn, each time until it has moved on."""
-    assert exercise.opened_mm is not None  # noqa: S101
-    opened = exercise.opened_mm
-    side = 1
+    """Lift at the front of a divided duct until it has moved on, and take hold again there."""
     while True:
-        front = _front(duct, opened, side)
-        lift = _lift(hands, 0, front - side * manner.behind, MOST_MM, manner)
-        for _ in lift:
+        front = _front(duct, exercise)
+        for _ in _lift(hands, 0, front + manner.behind, MOST_MM, manner):
             yield
-            if side * (_front(duct, opened, side) - front) >= STEP_MM:
+            if front - _front(duct, exercise) >= STEP_MM:
                 break
         hands.release(0)
         yield from _rest()
-        side = -side
 
 
-def _front(duct: BeddedDuct, opened: tuple[float, float], side: int) -> float:
-    """Return where the bed begins on a side of what was open, mm."""
+def _front(duct: BeddedDuct, exercise: BedExercise) -> float:
+    """Return where the bed begins before what was open, mm."""
     # A strand left behind does not count as the front.
-    if side > 0:
-        return opened[1] + sum(max(0.0, b - max(a, opened[1])) for a, b in duct.freed_stretches())
-    return opened[0] - sum(max(0.0, min(b, opened[0]) - a) for a, b in duct.freed_stretches())
+    return exercise.to_mm - exercise.freed(duct.freed_stretches())
 
 
 def _steps(way: float, speed: float) -> list[float]:

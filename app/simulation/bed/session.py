@@ -234,7 +234,10 @@ class BedSession:
         """Make the duct and its bed whole, but for what the exercise has opened."""
         torn = self.duct.torn is not None
         exercise = self.run.exercise
-        self.duct.reset(None if exercise is None else exercise.opened_mm)
+        if exercise is None:
+            self.duct.reset()
+        else:
+            self.duct.reset(exercise.opened_mm, divided=exercise.divided)
         self._torn_ticks = 0
         if torn:
             self.drawn.show_whole()

@@ -1,5 +1,6 @@
 """The scene of a dissection: a duct in its bed, and the instruments of both hands."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
@@ -18,6 +19,7 @@ from app.trainer.stage.instruments import DrawnInstrument
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import StrandsInBed
+from app.trainer.stage.tissue import TornEnd
 from physics.bed import Strands
 
 __all__ = ["BedScene", "Colours"]
@@ -48,6 +50,7 @@ class BedScene(DuctOnStage[BedSession]):
         self._instruments: list[DrawnInstrument | None] = [None] * HANDS
         self._shares: list[NDArray[np.float32]] = []
         self._arrows: list[ForceArrow] = []
+        self._divided = False
         self.draw(session.reading())
 
     def draw(
@@ -56,6 +59,10 @@ class BedScene(DuctOnStage[BedSession]):
         """Draw the session as it is now, with the hands' forces if `figures` are shown."""
         with self._client.atomic():
             stage = self._set_stage()
+            divided = self._session.duct.divided
+            if divided != self._divided:
+                self._divided, self._shape = divided, -1
+            stage.show_second_clamp(not divided)
             stage.set_lift(LIFT * stage.span, self._client)
             self._set_surfaces()
             self._set_strands(stage)
@@ -75,6 +82,14 @@ class BedScene(DuctOnStage[BedSession]):
                 drawn.contact.mark(drawn.surface.vertices, *hooks)
                 drawn.contact.press_rods(rods, self._first)
             self._show(None if colours == "tissue" else self._values(colours))
+
+    @property
+    def _held(self) -> tuple[float, float]:
+        first, last = super()._held
+        return first, math.inf if self._divided else last
+
+    def _cut_end(self, surface: str) -> TornEnd | None:
+        return super()._cut_end(surface) or ("last" if self._divided else None)
 
     def let_drag(
         self,

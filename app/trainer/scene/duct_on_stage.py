@@ -142,6 +142,15 @@ class DuctOnStage(Generic[AnySession]):
         self._set_stage().frame_camera(self._client)
 
     @property
+    def _held(self) -> tuple[float, float]:
+        """Where along the organ the clamps hold it, mm."""
+        return self._session.duct.dissection.clamps
+
+    def _cut_end(self, surface: str) -> TornEnd | None:
+        """Return the end of a surface that is open, torn or divided."""
+        return TORN_ENDS.get(surface)
+
+    @property
     def _radius(self) -> float:
         """Radius of the duct as it is drawn, mm."""
         return drawn_radius(self._session.duct.dissection)
@@ -220,12 +229,12 @@ class DuctOnStage(Generic[AnySession]):
         self._drawn = []
         for surface in self._session.drawn.surfaces:
             skin, node = surface.skin, f"/organ/{surface.name}"
-            torn_end = TORN_ENDS.get(surface.name)
+            torn_end = self._cut_end(surface.name)
             contact = Contact(
                 skin,
                 organ.axis_at(skin.stations),
                 dissection.frame,
-                dissection.clamps,
+                self._held,
                 radius,
                 thickness=radius / organ.mean_radius,
                 bite=look.bite,

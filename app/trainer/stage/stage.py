@@ -138,7 +138,7 @@ class Stage:
             scene.add_glb(
                 f"/stage/{name}", files[name], scale=scale, position=floor, cast_shadow=False
             )
-        for end, x in (("first", 0.0), ("second", self.span)):
+        self._clamps = [
             scene.add_glb(
                 f"/stage/clamps/{end}",
                 files[f"clamps/{end}"],
@@ -146,6 +146,8 @@ class Stage:
                 cast_shadow=False,
                 receive_shadow=False,
             )
+            for end, x in (("first", 0.0), ("second", self.span))
+        ]
         if full:
             light_surfaces(
                 scene,
@@ -214,6 +216,11 @@ class Stage:
         if lift != self._lift:
             self._lift = lift
             self.frame_camera(client)
+
+    def show_second_clamp(self, shown: bool) -> None:
+        """Show the second clamp, or not where the duct is divided."""
+        if self._clamps[1].visible != shown:
+            self._clamps[1].visible = shown
 
     def show_hook(self) -> None:
         """Show the hook."""
