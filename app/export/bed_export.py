@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.export.motion import MOST_FRAMES, Motion, MotionKey
+from app.export.bed_recorder import BedRecorder
+from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import DissectedOrgan, Snapshot
-from app.export.strands import BedRecorder
-from app.simulation import Phase, Reading
+from app.simulation import SETTLED_SECONDS, Phase, Reading
 from app.simulation.bed import BED_THEORY, BeddedSurface, BedPreset, beam_in_space
+from organ_geometry.mesh import TornPiece
+from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
 
 __all__ = ["BedExport"]
@@ -23,6 +25,8 @@ HAND_SPEED = 3.0
 """mm/s at which the motion is played; it is quasi-static, and the same at any."""
 SHORTEST = 1.0
 """s, of a motion along a short path."""
+SUBSTEP = 1.0 / 240.0
+"""s, of the beam in real time."""
 
 
 @dataclass(frozen=True)
@@ -51,31 +55,27 @@ class BedExport(OrganExport):
 
     @cached_property
     def dissected(self) -> tuple[Motion, History]:
-        """The motion along the path, and its history in numbers."""
+        """The motion along the path, or up to where the duct tears on it, and its history."""
         dissection, threshold = self.dissection, self.threshold
         rest = beam_in_space(dissection, elements=self.elements, nodes_at=[self.hook])
         bed = self.bed.bed(rest, seed=self.seed, strands=self.strands)
         hand = Hand(at=self.hook, path=self.path, steps=self.steps)
         displaced = np.vstack([np.zeros(3), step_places(hand.path, hand.steps, "a hand's path")])
         surface = BeddedSurface(dissection, rest, bed.strands_under(rest))
-        recorder = BedRecorder(surface)
+        recorder = BedRecorder(dissection, surface)
         node = int(np.argmin(np.abs(rest.stations - self.hook)))
         axis = (dissection.axis_point(self.hook) - dissection.axis_point(0.0)) @ dissection.frame
         seconds = np.sqrt((np.diff(displaced, axis=0) ** 2).sum(axis=1)).sum() / HAND_SPEED
         times = np.linspace(0.0, max(SHORTEST, float(seconds)), self.steps + 1).tolist()
-        keys: list[MotionKey] = []
+        deepest = [0.0]
+        torn: BeamOnBed | None = None
 
-        def watch(beam: BeamOnBed) -> None:
-            step = len(keys)
-            check = recorder.check(beam, threshold)
-            if check.broken:
-                words = ", ".join(f"{each:.4g}" for each in displaced[step])
-                raise ValueError(
-                    f"the duct tears {check.station:.4g} mm from the first clamp in step {step} "
-                    f"of {self.steps}, its hook moved by {words} mm; give a shorter path"
-                )
-            recorder.add(beam)
+        def watch(beam: BeamOnBed) -> bool:
+            nonlocal torn
+            step = len(deepest) - 1
+            check = surface.check(beam, threshold)
             deflection = float(np.sqrt(displaced[step] @ displaced[step]))
+            deepest.append(max(deepest[-1], deflection))
             force = beam.hand_force(node) if step else np.zeros(3)
             place = axis + displaced[step]
             reading = Reading(
@@ -84,39 +84,59 @@ class BedExport(OrganExport):
                 deflection=deflection,
                 check=check,
                 breaks_at=None,
-                deepest=max([deflection, *(key.reading.deepest for key in keys[-1:])]),
+                deepest=deepest[-1],
                 hook=(float(place[0]), float(place[1]), float(place[2])),
                 held=True,
             )
-            transforms = dissection.rest_transforms()
-            if step:  # the first stays the identity to the bit
-                surface.move(beam, transforms)
-            keys.append(MotionKey(times[step], transforms, reading))
+            recorder.add(times[step], beam, reading)
+            torn = beam if check.broken else None
+            return check.broken
 
         history = pull(rest, bed, [hand], watch=watch)
-        return Motion.of(FREE, keys, recorder.track()), history
+        if torn is not None:
+            check = surface.check(torn, threshold)
+            element = torn.tear(torn.worst_stress().station)
+            torn.let_go(node)
+            # The fall of the pieces is too far for steps through equilibria.
+            torn.tick(SETTLED_SECONDS, ticks=round(SETTLED_SECONDS / SUBSTEP))
+            recorder.add_tear(torn, element, check)
+        return recorder.motion(FREE), history
 
     @property
     def motion(self) -> Motion:
         """The motion along the path."""
         return self.dissected[0]
 
+    @property
+    def tear(self) -> RuptureCheck | None:
+        """Where the duct tears on the path, and under which stresses."""
+        last = self.motion.readings[-1]
+        return None if last.phase is Phase.INTACT else last.check
+
+    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+        """Return the two pieces that the duct tears into on the path."""
+        if self.tear is None:
+            return None
+        return self.dissection.torn_at(self.tear, edge_length=self.edge_length)
+
     def motions(self) -> list[Motion]:
         """Return the motion along the path."""
         return [self.motion]
 
     def snapshot(self) -> Snapshot:
-        """Return the duct at the end of the path."""
-        return self._organ().at(self.steps)
+        """Return the duct at the end of the path, or its two pieces."""
+        return self._organ().at(len(self.motion.times) - 1)
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
         """Yield the duct at rest and after each step, with the time in the motion, s."""
-        organ = self._organ()
-        for key, time in enumerate(self.motion.times.tolist()):
-            yield time, organ.at(key)
+        organ, motion = self._organ(), self.motion
+        for key, time in enumerate(motion.times.tolist()):
+            if motion.fronts[key] != 0.0:  # the tear that has not begun to run is the whole organ
+                yield time, organ.at(key)
 
     def _organ(self) -> DissectedOrgan:
-        return DissectedOrgan(self.dissection, self.motion, edge_length=self.edge_length)
+        pieces = self.pieces()
+        return DissectedOrgan(self.dissection, self.motion, pieces, edge_length=self.edge_length)
 
     def written_table(self) -> tuple[bytes, ExportResult]:
         """Return the history of the path, as `solve --bed -o` writes it."""

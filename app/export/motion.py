@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.export.strands import BedTrack
+from app.export.strands import BedTrack, StrandsSnapshot
 from app.simulation import (
     FRONT_SECONDS,
     SETTLED_SECONDS,
@@ -20,6 +20,7 @@ from app.simulation import (
     tear_front,
     tear_swing,
 )
+from organ_geometry import DrivingPoints
 from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "MotionKey",
     "check_frames",
     "pull_motion",
+    "recoil_times",
     "tear_motion",
 ]
 
@@ -56,6 +58,7 @@ class MotionKey:
     transforms: NDArray[np.float64]  # (D, 3, 4), less the identity (`DrivingPoints.transforms`)
     reading: Reading
     front: float = WHOLE  # progress of the tear (`tear_front`); `WHOLE` without one
+    second: NDArray[np.float64] | None = None  # as `transforms`, where the second piece has its own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +75,7 @@ class Motion:
     fronts: NDArray[np.float64]  # (T,) how far the tear has run; `WHOLE` while there is none
     readings: tuple[Reading, ...]  # T
     bed: BedTrack | None = None  # what becomes of the bed that the organ lies in, if it does
+    second: NDArray[np.float64] | None = None  # as `transforms`, of the second piece where it parts
 
     def __post_init__(self) -> None:
         if not self.times.size:
@@ -88,6 +92,10 @@ class Motion:
         series = list(keys)
         if not series:
             raise ValueError(f"motion {name!r} has no key")
+        second = None
+        if any(key.second is not None for key in series):
+            each = (key.transforms if key.second is None else key.second for key in series)
+            second = np.stack(list(each))
         return cls(
             name,
             np.array([key.time for key in series]),
@@ -95,7 +103,27 @@ class Motion:
             np.array([key.front for key in series]),
             tuple(key.reading for key in series),
             bed,
+            second,
         )
+
+    def of_piece(self, piece: int) -> "Motion":
+        """Return the motion whose transforms are those of piece 0 or 1."""
+        if piece == 0 or self.second is None:
+            return self
+        return replace(self, transforms=self.second)
+
+    def of_strands(self, driving: DrivingPoints) -> "Motion":
+        """Return the motion whose transforms are those that the strands' ends follow."""
+        if self.second is None or self.bed is None or self.bed.tear is None:
+            return self
+        beyond = (driving.stations >= self.bed.tear)[:, np.newaxis, np.newaxis]
+        return replace(self, transforms=np.where(beyond, self.second, self.transforms))
+
+    def strands_at(self, key: int, driving: DrivingPoints) -> StrandsSnapshot | None:
+        """Return the strands at a key; None without a bed."""
+        if self.bed is None:
+            return None
+        return self.bed.strands_at(key, driving, self.of_strands(driving).transforms[key])
 
     @property
     def whole(self) -> NDArray[np.bool_]:
@@ -154,6 +182,17 @@ def pull_motion(
     return Motion("pull", times, transforms, np.full(frames, WHOLE), tuple(readings))
 
 
+def recoil_times(run_step: float) -> NDArray[np.float64]:
+    """Return times after the start of a tear, s, `run_step` apart while its front runs."""
+    run, settled = FRONT_SECONDS, SETTLED_SECONDS
+    return np.concatenate(
+        [
+            np.linspace(0.0, run, round(run / run_step) + 1),
+            np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
+        ]
+    )
+
+
 def tear_motion(
     dissection: Dissection,
     theory: Theory,
@@ -177,13 +216,7 @@ def tear_motion(
     at_break = (
         theory.pull(dissection.beam, grasp).to_force(event.force).sample(dissection.beam_stations)
     )
-    run, settled = FRONT_SECONDS, SETTLED_SECONDS
-    elapsed = np.concatenate(
-        [
-            np.linspace(0.0, run, round(run / run_step) + 1),
-            np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
-        ]
-    )
+    elapsed = recoil_times(run_step)
     fronts = np.array([tear_front(each) for each in elapsed.tolist()])
     torn = np.zeros((elapsed.size, *pull.transforms.shape[1:]))
     for key, seconds in enumerate(elapsed.tolist()):

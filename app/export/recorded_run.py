@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.export.bed_recorder import BedRecorder
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
-from app.export.strands import BedRecorder
 from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Reading, Replay
 from app.simulation.bed import BeddedDuct, DissectionReplay
 from organ_geometry.mesh import TornPiece, organ_skin
@@ -55,26 +55,25 @@ class RecordedRun:
 
     @classmethod
     def of_dissection(cls, replay: DissectionReplay, *, frames: int) -> "RecordedRun":
-        """Return a replayed dissection: `frames` keys to its end, or to just before the tear."""
+        """Return a replayed dissection: `frames` keys to its end or its tear, then the recoil."""
         check_frames(frames)
         ticks, session = replay.log.ticks, replay.session
         if not ticks:
             raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
         replay.seek_tick(0)
         duct = session.duct
-        keys: list[MotionKey] = []
-        recorder = BedRecorder(duct.surface)
-        for tick in np.unique(np.rint(np.linspace(0.0, ticks, frames)).astype(int)).tolist():
+        recorder = BedRecorder(duct.dissection, duct.surface)
+        shown = np.rint(np.linspace(0.0, ticks, frames)).astype(int)
+        # A tear ends the run: the last key of the whole duct is the one before.
+        for tick in np.unique([*shown, ticks - 1]).tolist():
             replay.seek_tick(tick)
-            if duct.torn is not None:
-                break
-            recorder.add(duct.beam)
-            reading = _bed_reading(duct, recorder.check(duct.beam, duct.threshold))
-            transforms = session.drawn.transforms.copy()
-            if not tick:  # the first key stays the identity to the bit
-                transforms[:] = 0.0
-            keys.append(MotionKey(tick * TICK_SECONDS, transforms, reading))
-        return cls(duct.dissection, Motion.of(RUN, keys, recorder.track()), replay.log.seed)
+            if duct.torn is None:
+                check = duct.surface.check(duct.beam, duct.threshold)
+                recorder.add(tick * TICK_SECONDS, duct.beam, _bed_reading(duct, check))
+        if duct.torn is not None:
+            replay.seek_tick(ticks + AFTER_TEAR)
+            recorder.add_tear(duct.beam, duct.torn_element, duct.torn, run_step=TICK_SECONDS)
+        return cls(duct.dissection, recorder.motion(RUN), replay.log.seed)
 
     @property
     def torn(self) -> bool:

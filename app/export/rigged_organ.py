@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from app.export.motion import Motion
 from app.export.strand_mesh import StrandMesh, strand_mesh
+from app.export.strands import BedTrack
 from app.export.torn_rim import RimShapes, rim_shapes
 from app.simulation import PIECES
 from organ_geometry import DrivingPoints
@@ -95,9 +96,10 @@ def rigged_organ(
     if pieces is None and not all(motion.whole.all() for motion in motions):
         raise ValueError("a motion tears the organ and its pieces are not given")
     for motion in motions:
-        turns = np.eye(3) + motion.transforms[..., :3]
-        if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
-            raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
+        for piece in range(len(PIECES)):
+            turns = np.eye(3) + motion.of_piece(piece).transforms[..., :3]
+            if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
+                raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
     file = GltfFile()
     first, last = _moving(motions)
     whole = _chain(file, ORGAN, driving, np.arange(first, last + 1), shown=True)
@@ -105,12 +107,13 @@ def rigged_organ(
     file.add_root({"name": ORGAN, "mesh": mesh, "skin": whole.skin})
     torn: list[tuple[_Chain, int, RimShapes]] = []
     holder = whole.root
-    for name, piece in zip(PIECES, pieces or (), strict=False):
-        bound = piece.skin.bound_to(driving)
-        rim = rim_shapes(piece, bound, list(motions), tolerance=RIM_TOLERANCE * radius)
+    for number, piece in enumerate(pieces or ()):
+        name, bound = PIECES[number], piece.skin.bound_to(driving)
+        moved = [motion.of_piece(number) for motion in motions]
+        rim = rim_shapes(piece, bound, moved, tolerance=RIM_TOLERANCE * radius)
         start = min(max(first, bound.index.min()), bound.index.max())
         points = np.arange(start, max(start + 1, min(last, bound.index.max() + 1)) + 1)
-        if name != PIECES[0]:
+        if number:
             points = points[::-1]  # it is held at the organ's end
         chain = _chain(file, name, driving, points, shown=False)
         mesh = _mesh(file, name, bound, chain, rim.shapes)
@@ -118,16 +121,19 @@ def rigged_organ(
         torn.append((chain, holder, rim))
         holder = chain.root
     beds = [None if motion.bed is None else strand_mesh(motion.bed) for motion in motions]
-    if beds[0] is not None:
-        mesh = _strands(file, beds[0], driving, whole)
-        file.extend("nodes", holder, {"mesh": mesh, "skin": whole.skin})
+    hung = whole  # what the strands' ends follow: once there are pieces, joints of their own
+    if beds[0] is not None and motions[0].bed is not None:
+        if torn:
+            hung = _chain(file, STRANDS, driving, np.arange(first, last + 1), shown=True)
+        mesh = _strands(file, beds[0], motions[0].bed, driving, hung)
+        file.extend("nodes", holder, {"mesh": mesh, "skin": hung.skin})
 
     for number, motion in enumerate(motions):
         animation = _Animation(file)
         animation.add_joints(whole, motion, motion.whole)
         torn_keys = ~motion.whole
-        for chain, node, rim in torn:
-            animation.add_joints(chain, motion, torn_keys)
+        for piece, (chain, node, rim) in enumerate(torn):
+            animation.add_joints(chain, motion.of_piece(piece), torn_keys)
             if torn_keys.any() and len(rim.shapes):
                 # From the start on: Blender before 4.4 begins an action with its first key.
                 times = np.append(motion.times[0], motion.times[torn_keys])
@@ -135,8 +141,13 @@ def rigged_organ(
                 new = np.append(True, np.diff(times) > 0.0)
                 animation.add(node, "weights", times[new], weights[new].ravel())
         bed = beds[number]
-        if bed is not None and len(bed.shapes):
-            animation.add(holder, "weights", motion.times, bed.weights.ravel())
+        if bed is not None:
+            later = np.append(np.diff(motion.times) > 0.0, True)  # no two keys at one time
+            if hung is not whole:
+                animation.add_joints(hung, motion.of_strands(driving), later)
+            if len(bed.shapes):
+                weights = bed.weights[later].ravel()
+                animation.add(holder, "weights", motion.times[later], weights)
         if torn:
             animation.add_shown(whole, motion.times, motion.whole)
             for chain, _, _ in torn:
@@ -147,7 +158,8 @@ def rigged_organ(
 
 def _moving(motions: Sequence[Motion]) -> tuple[int, int]:
     """Return the driving points before the first that moves and after the last."""
-    moving = np.logical_or.reduce([motion.transforms.any(axis=(0, 2, 3)) for motion in motions])
+    poses = [motion.of_piece(piece).transforms for motion in motions for piece in (0, 1)]
+    moving = np.logical_or.reduce([pose.any(axis=(0, 2, 3)) for pose in poses])
     which = np.flatnonzero(moving)
     if not which.size:
         return 0, len(moving) - 1
@@ -199,9 +211,11 @@ def _mesh(
     return _mesh_of(file, name, primitives, 0 if shapes is None else len(shapes))
 
 
-def _strands(file: GltfFile, strands: StrandMesh, driving: DrivingPoints, chain: _Chain) -> int:
+def _strands(
+    file: GltfFile, strands: StrandMesh, bed: BedTrack, driving: DrivingPoints, chain: _Chain
+) -> int:
     """Add strands between the bed, which is the chain's anchor, and the organ."""
-    index, weight = driving.binding(strands.stations)
+    index, weight = bed.binding(driving, strands.stations)
     attributes = {
         "POSITION": file.accessor(
             metres(strands.vertices), "VEC3", target="vertices", bounded=True

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from app.export.motion import Motion
 from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Stresses, SurfaceStress, tear_front
-from organ_geometry.mesh import Surface, organ_skin
+from organ_geometry.mesh import Surface, TornPiece, organ_skin
 from physics import BreakEvent, Theory, critical_stations
 
 __all__ = [
@@ -81,29 +81,44 @@ class PulledOrgan:
 class DissectedOrgan:
     """An organ's skin on its bed at the keys of a motion, with its stresses and its strands."""
 
-    def __init__(self, dissection: Dissection, motion: Motion, *, edge_length: float) -> None:
-        self._driving, self._motion = dissection.driving, motion
-        self.skin = organ_skin(dissection.organ, edge_length=edge_length)
-        self._bound = self.skin.bound_to(dissection.driving)
-        self._stress = SurfaceStress(dissection, self.skin)
-        self._places = self.skin.stations - dissection.clamps[0]
+    def __init__(
+        self,
+        dissection: Dissection,
+        motion: Motion,
+        pieces: tuple[TornPiece, TornPiece] | None = None,
+        *,
+        edge_length: float,
+    ) -> None:
+        self._dissection, self._motion, self._pieces = dissection, motion, pieces or ()
+        skin = organ_skin(dissection.organ, edge_length=edge_length)
+        skins = [skin, *(piece.skin for piece in self._pieces)]
+        self._bound = [each.bound_to(dissection.driving) for each in skins]
+        self._stress = [SurfaceStress(dissection, each) for each in skins]
 
     def at(self, key: int) -> Snapshot:
-        """Return the organ at a key of the motion."""
-        motion = self._motion
-        assert motion.bed is not None  # noqa: S101 (a motion on a bed has it)
-        vertices = self._bound.deform(motion.transforms[key], np.empty_like(self.skin.vertices))
-        reading = motion.readings[key]
-        stress = self._stress.in_space(
-            motion.bed.stations[key], motion.bed.stresses[key], reading.check.threshold
-        )
+        """Return the organ, or its two pieces, at a key of the motion."""
+        motion, dissection = self._motion, self._dissection
+        bed, reading = motion.bed, motion.readings[key]
+        assert bed is not None  # noqa: S101 (a motion on a bed has it)
+        whole = bool(motion.whole[key])
+        surfaces: list[Surface] = []
+        for number, bound in [(0, self._bound[0])] if whole else enumerate(self._bound[1:]):
+            pose = motion.of_piece(number).transforms[key]
+            vertices = bound.deform(pose, np.empty_like(bound.skin.vertices))
+            if not whole:
+                self._pieces[number].open(float(motion.fronts[key]), vertices)
+            surfaces.append(Surface("organ" if whole else PIECES[number], bound.skin, vertices))
+        stations = np.concatenate([surface.skin.stations for surface in surfaces])
         return Snapshot(
-            (Surface("organ", self.skin, vertices),),
-            (stress,),
+            tuple(surfaces),
+            tuple(
+                stress.in_space(bed.stations[key], bed.stresses[key], reading.check.threshold)
+                for stress in (self._stress[:1] if whole else self._stress[1:])
+            ),
             reading.force,
             reading.deflection,
-            motion.bed.freed_at(key, self._places).astype(np.float32),
-            motion.bed.strands_at(key, self._driving, motion.transforms[key]),
+            bed.freed_at(key, stations - dissection.clamps[0]).astype(np.float32),
+            motion.strands_at(key, dissection.driving),
         )
 
 

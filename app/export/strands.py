@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from app.simulation.bed import BeddedSurface
 from organ_geometry import DrivingPoints
-from physics import RuptureCheck
-from physics.bed import BeamOnBed
 
-__all__ = ["BedRecorder", "BedTrack", "StrandsSnapshot"]
+__all__ = ["BedTrack", "StrandsSnapshot", "stubs"]
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +43,14 @@ class StrandsSnapshot:
         return lines, np.concatenate([whole, parted, parted])
 
 
+def stubs(feet: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return (S, 2, 3) feet and ends of strands, mm, each with the tip of its stub."""
+    way = feet - ends
+    length = np.sqrt((way**2).sum(axis=1, keepdims=True))
+    stub = way * np.minimum(STUB_SHARE, STUB_MM / length)
+    return np.stack([feet, feet - stub], axis=1), np.stack([ends, ends + stub], axis=1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BedTrack:
     """What becomes of a bed in a motion of T keys: S strands, and the stresses they cause."""
@@ -58,10 +64,20 @@ class BedTrack:
     freed: Floats  # (T,) length of organ whose strands have parted, mm
     stations: Floats  # (T, N) of the beam's nodes, mm from the first clamp
     stresses: Floats  # (T, N - 1, 2, 3) MPa (`BeamOnBed.stresses`)
+    tear: float | None = None  # where the organ tears, mm along its axis
+
+    def binding(self, driving: DrivingPoints, stations: Floats) -> tuple[NDArray[np.int32], Floats]:
+        """Return the first of the two driving points that places follow, the second's weight."""
+        index, weight = driving.binding(stations)
+        if self.tear is not None:  # what is beside the tear follows its own piece alone
+            before, after = driving.stations[index], driving.stations[index + 1]
+            beside = (before < self.tear) & (after >= self.tear)
+            weight = np.where(beside, stations >= self.tear, weight)
+        return index, weight
 
     def strands_at(self, key: int, driving: DrivingPoints, transforms: Floats) -> StrandsSnapshot:
         """Return the strands at a key, moved by the driving points' transforms there."""
-        index, weight = driving.binding(self.strand_stations)
+        index, weight = self.binding(driving, self.strand_stations)
         weight = weight[:, None, None]
         blended = (1.0 - weight) * transforms[index] + weight * transforms[index + 1]
         moved = self.ends + np.einsum("sij,spj->spi", blended[..., :3], self.ends)
@@ -71,47 +87,3 @@ class BedTrack:
     def freed_at(self, key: int, stations: Floats) -> Floats:
         """Return the share of strands that have parted about stations, mm from the first clamp."""
         return self.surface.freed_at(self.damage[key], stations)
-
-
-class BedRecorder:
-    """Takes down key by key what becomes of a bed."""
-
-    def __init__(self, surface: BeddedSurface) -> None:
-        self._surface = surface
-        self._keys: list[tuple[Floats, Floats, float, Floats, Floats]] = []
-
-    def check(self, beam: BeamOnBed, threshold: float) -> RuptureCheck:
-        """Return the highest stress of a beam, held against the threshold, MPa."""
-        worst = beam.worst_stress()
-        return RuptureCheck(
-            station=worst.station / self._surface.scale,
-            tension_side=1 if np.cos(worst.side) >= 0.0 else -1,
-            normal_stress=worst.normal,
-            bending_stress=worst.bending,
-            threshold=threshold,
-        )
-
-    def add(self, beam: BeamOnBed) -> None:
-        """Take down the bed as it is now."""
-        force = beam.strands.forces(beam.strand_ends(), beam.damage)
-        at = beam.stations / self._surface.scale
-        self._keys.append((beam.damage, force, beam.freed, at, beam.stresses()))
-
-    def track(self) -> BedTrack:
-        """Return what was taken down."""
-        stations, ends, feet = self._surface.strands_at_rest()
-        way = feet - ends
-        length = np.sqrt((way**2).sum(axis=1, keepdims=True))
-        stub = way * np.minimum(STUB_SHARE, STUB_MM / length)
-        damage, force, freed, at, stresses = map(np.array, zip(*self._keys, strict=True))
-        return BedTrack(
-            self._surface,
-            stations,
-            np.stack([feet, feet - stub], axis=1),
-            np.stack([ends, ends + stub], axis=1),
-            damage,
-            force,
-            freed,
-            at,
-            stresses,
-        )

@@ -218,7 +218,7 @@ def pull(
     rods: Sequence[Rod] = (),
     plane: bool = False,
     floor: Floats | None = None,
-    watch: Callable[[BeamOnBed], None] | None = None,
+    watch: Callable[[BeamOnBed], bool] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
 
@@ -238,12 +238,13 @@ def pull(
     floor
         (N,) stiffness of the floor at the nodes, N/mm, beside the beds' own.
     watch
-        Called with the beam at rest, once hands have taken hold, and after each step.
+        Called with the beam at rest, once hands have taken hold, and after each step, with which
+        the pull ends if it returns True.
 
     Returns
     -------
     History
-        One row for each step.
+        One row for each step that was made.
 
     Raises
     ------
@@ -319,19 +320,20 @@ def pull(
         books[t] = now.work, now.stored, now.dissipated, now.snap, now.open
         if stress is not None:
             stress[t] = held.worst_stress().total
-        if watch is not None:
-            watch(held)
+        if watch is not None and watch(held):
+            total = t + 1
+            break
     return History(
-        at,
-        force,
-        pushed,
-        freed,
-        parted,
-        books[:, 0],
-        books[:, 1],
-        books[:, 2],
-        books[:, 3],
-        stress,
+        at[:total],
+        force[:total],
+        pushed[:total],
+        freed[:total],
+        parted[:total],
+        books[:total, 0],
+        books[:total, 1],
+        books[:total, 2],
+        books[:total, 3],
+        None if stress is None else stress[:total],
         held.places.copy(),
         held.damage,
     )

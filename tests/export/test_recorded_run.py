@@ -233,7 +233,7 @@ def test_a_dissection_is_played_as_it_was_drawn(tmp_path: Path) -> None:
     )
 
 
-def test_a_dissection_that_tears_is_played_up_to_its_tear() -> None:
+def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
     session = BedSession(phantom(), bed=bed_named("inflamed"), vertices=300)
     start = session.grab(0, 25.0)
     assert start is not None
@@ -242,6 +242,18 @@ def test_a_dissection_that_tears_is_played_up_to_its_tear() -> None:
         session.advance()
     assert session.duct.torn is not None
     again = DissectionReplay(session.run_file().log, phantom(), vertices=300)
-    motion = RecordedRun.of_dissection(again, frames=200).motion
-    assert motion.whole.all()
-    assert 0.0 < motion.readings[-1].check.distance_to_break < 0.2
+    run = RecordedRun.of_dissection(again, frames=200)
+    motion, whole = run.motion, run.motion.whole
+    assert run.torn
+    assert 0.0 < motion.readings[int(whole.sum()) - 1].check.distance_to_break < 0.2
+    assert motion.readings[-1].check.station == session.duct.torn.station
+    # At the end each piece is where the trainer draws it.
+    surfaces = again.session.drawn.surfaces
+    pieces = run.pieces(edge_length=again.session.drawn.edge_length)
+    assert pieces is not None
+    for number, (piece, drawn) in enumerate(zip(pieces, surfaces, strict=True)):
+        out = np.empty_like(piece.skin.vertices)
+        pose = motion.of_piece(number).transforms[-1]
+        piece.skin.bound_to(run.dissection.driving).deform(pose, out)
+        assert np.abs(piece.open(2.0, out) - drawn.vertices).max() < 0.02
+    assert run.rigged(edge_length=1.2)

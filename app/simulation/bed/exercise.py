@@ -198,12 +198,15 @@ class BedTrial(Trial[BeddedDuct]):
             held = holder.node is not None
             going_on = held and self._held[hand]  # the way to a new hold is no pull
             self._held[hand] = held
-            self._speeds[hand].append(float(np.sqrt(way @ way)) / TICK_SECONDS if going_on else 0.0)
+            if held:
+                speed = float(np.sqrt(way @ way)) / TICK_SECONDS
+                self._speeds[hand].append(speed if going_on else 0.0)
             if held and (pulled < 0 or float(forces[hand] @ forces[hand]) > self._force_squared):
                 pulled, self._force_squared = hand, float(forces[hand] @ forces[hand])
-        if duct.torn is not None:  # the hands have just slipped off: what they did stays
+        # What a hand did stays, also when it has let go or slipped off.
+        if duct.torn is not None or float((forces**2).sum()) <= LEAST_FORCE**2:
             return
-        self._pulled = pulled if pulled >= 0 and self._force_squared > LEAST_FORCE**2 else -1
+        self._pulled = pulled if self._force_squared > LEAST_FORCE**2 else -1
         if self._pulled >= 0:
             self._force = forces[self._pulled]
             self._station = duct.held_at(self._pulled) or 0.0

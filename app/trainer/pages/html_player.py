@@ -93,6 +93,9 @@ def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
             f"{between} in a bed, {export.bed.title.lower()}; a hook frees it "
             f"{export.hook:.1f} mm from the first"
         )
+        if export.tear is not None:
+            says += f", and tears it at {export.tear.station:.1f} mm"
+            pieces = replace(export, edge_length=edge_length).pieces()
     else:
         event, solved = export.break_event, dissection.section(export.theory)
         tear = export.tear(PULL_KEYS, run_step=RECOIL_STEP) if export.force is None else None
@@ -196,8 +199,8 @@ def _recorded(
         for name, piece in zip(PIECES, pieces or (), strict=False)
     ]
     strands: viser.LineSegmentsHandle | None = None
-    if motion.bed is not None:
-        rest = motion.bed.strands_at(0, dissection.driving, motion.transforms[0])
+    rest = motion.strands_at(0, dissection.driving)
+    if rest is not None:
         strands = scene.add_line_segments(
             "/organ/strands", _halves(rest), STRAND_COLOR, thickness=STRAND_MM
         )
@@ -220,14 +223,17 @@ def _recorded(
             center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
         stage.place_hook(center, (0.0, 0.0, 1.0))
         # Sent ahead while hidden: a page takes a moment to read a surface.
-        for body in torn if is_whole else [whole]:
-            if key in turns:
-                at = turns[key]
-                body.show(motion.transforms[at], float(motion.fronts[at]), visible=False)
-        for body in [whole] if is_whole else torn:
-            body.show(motion.transforms[key], float(motion.fronts[key]), place)
-        if strands is not None and motion.bed is not None:
-            moved = motion.bed.strands_at(key, dissection.driving, motion.transforms[key])
+        shown, hidden = ([whole], torn) if is_whole else (torn, [whole])
+        if key in turns:
+            at = turns[key]
+            for number, body in enumerate(hidden):
+                pose = motion.of_piece(number).transforms[at]
+                body.show(pose, float(motion.fronts[at]), visible=False)
+        for number, body in enumerate(shown):
+            pose = motion.of_piece(number).transforms[key]
+            body.show(pose, float(motion.fronts[key]), place)
+        moved = motion.strands_at(key, dissection.driving)
+        if strands is not None and moved is not None:
             strands.points = _halves(moved)
         freed = None if motion.bed is None else float(motion.bed.freed[key])
         words = _caption(motion.readings[key], freed)

@@ -1,0 +1,93 @@
+"""Takes down a motion of a duct on its bed, key by key, and how it tears.
+
+The beam of a torn duct is in its new equilibrium at once. The pieces are drawn swinging to it, as
+in the trainer, but rigidly: with Q the transforms there and P those at the break, a driving point
+goes to Q + s (P - Q), s the swing, and turns by the rotation nearest to that blend of rotations.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.export.motion import RUN_STEP, Motion, MotionKey, recoil_times
+from app.export.strands import BedTrack, stubs
+from app.simulation import Dissection, Phase, Reading, tear_front, tear_swing
+from app.simulation.bed import BeddedSurface
+from physics import RuptureCheck
+from physics.bed import BeamOnBed
+
+__all__ = ["BedRecorder"]
+
+Floats = NDArray[np.float64]
+
+
+class BedRecorder:
+    """Takes down a motion of a duct on its bed."""
+
+    def __init__(self, dissection: Dissection, surface: BeddedSurface) -> None:
+        self._dissection, self._surface = dissection, surface
+        self._keys: list[MotionKey] = []
+        self._states: list[tuple[Floats, Floats, float, Floats, Floats]] = []
+        self._tear: float | None = None
+
+    def add(self, time: float, beam: BeamOnBed, reading: Reading) -> None:
+        """Take down the whole duct as it is now, at a time, s."""
+        transforms = self._dissection.rest_transforms()
+        if self._keys:  # the first stays the identity to the bit
+            self._surface.move(beam, transforms)
+        self._keys.append(MotionKey(time, transforms, reading))
+        self._states.append(self._state(beam))
+
+    def add_tear(
+        self,
+        beam: BeamOnBed,
+        element: int,
+        check: RuptureCheck,
+        run_step: float = RUN_STEP,
+    ) -> None:
+        """Take down how the duct tears after the last key.
+
+        `beam` is in equilibrium in two, without its `element`; keys are `run_step` s apart while
+        the front runs.
+        """
+        last, before, after = self._keys[-1], self._states[-1], self._state(beam)
+        hung = [
+            self._surface.move(beam, self._dissection.rest_transforms(), piece, element)
+            for piece in (0, 1)
+        ]
+        tearing = replace(last.reading, phase=Phase.TEARING, check=check, held=False)
+        torn = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
+        middle = beam.stations[element : element + 2].mean() / self._surface.scale
+        self._tear = self._dissection.clamps[0] + float(middle)
+        for elapsed in recoil_times(run_step).tolist():
+            front, swing = tear_front(elapsed), tear_swing(elapsed)
+            first, second = (self._swung(last.transforms, each, swing) for each in hung)
+            reading = tearing if front < 1.0 else torn
+            self._keys.append(MotionKey(last.time + elapsed, first, reading, front, second))
+            self._states.append(before if front < 1.0 else after)
+
+    def motion(self, name: str) -> Motion:
+        """Return the motion that was taken down."""
+        stations, ends, feet = self._surface.strands_at_rest()
+        damage, force, freed, at, stresses = map(np.array, zip(*self._states, strict=True))
+        feet, ends = stubs(feet, ends)
+        track = BedTrack(
+            self._surface, stations, feet, ends, damage, force, freed, at, stresses, self._tear
+        )
+        return Motion.of(name, self._keys, track)
+
+    def _state(self, beam: BeamOnBed) -> tuple[Floats, Floats, float, Floats, Floats]:
+        force = beam.strands.forces(beam.strand_ends(), beam.damage)
+        at = beam.stations / self._surface.scale
+        return beam.damage, force, beam.freed, at, beam.stresses()
+
+    def _swung(self, start: Floats, end: Floats, swing: float) -> Floats:
+        """Return transforms a part of the way back from `end` to `start`, rigid as both are."""
+        at = self._dissection.driving.positions
+        blended = end + swing * (start - end)
+        moved = np.einsum("dij,dj->di", blended[..., :3], at) + blended[..., 3]
+        u, _, v = np.linalg.svd(np.eye(3) + blended[..., :3])
+        turned = u @ v - np.eye(3)
+        shift = moved - np.einsum("dij,dj->di", turned, at)
+        return np.concatenate([turned, shift[..., np.newaxis]], axis=-1)
