@@ -114,16 +114,21 @@ class Motion:
 
     def of_strands(self, driving: DrivingPoints) -> "Motion":
         """Return the motion whose transforms are those that the strands' ends follow."""
-        if self.second is None or self.bed is None or self.bed.tear is None:
-            return self
-        beyond = (driving.stations >= self.bed.tear)[:, np.newaxis, np.newaxis]
-        return replace(self, transforms=np.where(beyond, self.second, self.transforms))
+        keys = range(len(self.times))
+        return replace(self, transforms=np.stack([self._led(key, driving) for key in keys]))
 
     def strands_at(self, key: int, driving: DrivingPoints) -> StrandsSnapshot | None:
         """Return the strands at a key; None without a bed."""
         if self.bed is None:
             return None
-        return self.bed.strands_at(key, driving, self.of_strands(driving).transforms[key])
+        return self.bed.strands_at(key, driving, self._led(key, driving))
+
+    def _led(self, key: int, driving: DrivingPoints) -> NDArray[np.float64]:
+        """Return the (D, 3, 4) transforms that strands' ends follow at a key."""
+        if self.second is None or self.bed is None or self.bed.tear is None:
+            return self.transforms[key]
+        beyond = (driving.stations >= self.bed.tear)[:, np.newaxis, np.newaxis]
+        return np.where(beyond, self.second[key], self.transforms[key])
 
     @property
     def whole(self) -> NDArray[np.bool_]:

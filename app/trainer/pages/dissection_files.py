@@ -3,15 +3,10 @@
 import io
 from zipfile import ZIP_DEFLATED, ZipFile
 
-import numpy as np
-
 from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.recorded_run import RecordedRun
-from app.export.snapshot import Snapshot
-from app.export.strands import BedRecorder, StrandsSnapshot
 from app.export.vtk_series import snapshot_contents
-from app.simulation import SurfaceStress
-from app.simulation.bed import BedSession, DissectionFile, DissectionReplay
+from app.simulation.bed import DissectionFile, DissectionReplay
 from app.trainer.pages.downloads import VERTICES, Download, file_name, organ_content
 from app.trainer.pages.html_player import page_edge_length, run_page
 from organ_geometry import Organ
@@ -44,57 +39,19 @@ def run_download(run: DissectionFile | None, organ: Organ, suffix: str) -> Downl
 
 
 def _content(run: DissectionFile, organ: Organ, name: str, suffix: str) -> bytes:
-    at_end = suffix in (".stl", ".zip")
-    replay = DissectionReplay(run.log, organ, vertices=VERTICES if at_end else FEW)
-    if not at_end:
-        most = MOST_FRAMES if suffix == ".glb" else PAGE_FRAMES
-        played = RecordedRun.of_dissection(replay, frames=min(most, run.log.ticks + 1))
-        if suffix == ".glb":
-            return played.rigged(edge_length=page_edge_length(organ, VERTICES))
+    replay = DissectionReplay(run.log, organ, vertices=FEW)
+    most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES}.get(suffix, 2)
+    played = RecordedRun.of_dissection(replay, frames=min(most, run.log.ticks + 1))
+    if suffix == ".html":
         return run_page(played, edge_length=page_edge_length(organ)).encode()
-    replay.seek_tick(replay.ticks)
+    edge_length = page_edge_length(organ, VERTICES)
+    if suffix == ".glb":
+        return played.rigged(edge_length=edge_length)
+    at_end = played.at_end(edge_length=edge_length)
     if suffix == ".stl":
-        return mesh_content(replay.session.drawn.surfaces, suffix)
+        return mesh_content(at_end.surfaces, suffix)
     packed = io.BytesIO()
     with ZipFile(packed, "w", ZIP_DEFLATED) as archive:
-        for end, content in snapshot_contents(_snapshot(replay.session)).items():
+        for end, content in snapshot_contents(at_end).items():
             archive.writestr(f"{name}{end}.vtp", content)
     return packed.getvalue()
-
-
-def _snapshot(session: BedSession) -> Snapshot:
-    """Return the duct, whole or in two, and the strands as they are now."""
-    duct, surfaces = session.duct, session.drawn.surfaces
-    beam, dissection = duct.beam, duct.dissection
-    at, stresses = beam.stations / duct.surface.scale, beam.stresses()
-    freed = [duct.freed_at(each.skin.stations - dissection.clamps[0]) for each in surfaces]
-    return Snapshot(
-        surfaces,
-        tuple(
-            SurfaceStress(dissection, each.skin).in_space(at, stresses, duct.threshold)
-            for each in surfaces
-        ),
-        float(np.linalg.norm(session.reading().forces, axis=1).max()),
-        0.0,
-        np.concatenate(freed).astype(np.float32),
-        _strands(session),
-    )
-
-
-def _strands(session: BedSession) -> StrandsSnapshot:
-    """Return the strands as they are now, those of a torn duct at the piece that has them."""
-    duct = session.duct
-    recorder = BedRecorder(duct.surface)
-    recorder.add(duct.beam)
-    track = recorder.track()
-
-    def on(piece: int | None) -> StrandsSnapshot:
-        moved = duct.move(duct.dissection.rest_transforms(), piece)
-        return track.strands_at(0, duct.dissection.driving, moved)
-
-    if duct.torn is None:
-        return on(None)
-    first, second = on(0), on(1)
-    on_first = track.strand_stations - duct.dissection.clamps[0] < duct.torn.station
-    ends = np.where(on_first[:, None, None], first.ends, second.ends)
-    return StrandsSnapshot(first.feet, ends, first.damage, first.force)

@@ -95,7 +95,7 @@ def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
         )
         if export.tear is not None:
             says += f", and tears it at {export.tear.station:.1f} mm"
-            pieces = replace(export, edge_length=edge_length).pieces()
+            pieces = dissection.torn_at(export.tear, edge_length=edge_length)
     else:
         event, solved = export.break_event, dissection.section(export.theory)
         tear = export.tear(PULL_KEYS, run_step=RECOIL_STEP) if export.force is None else None
