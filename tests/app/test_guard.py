@@ -18,7 +18,7 @@ from program import refused, started
 from prometheus_client.parser import text_string_to_metric_families
 from simulated import phantom
 
-from app.command_line.trainer import _draw
+from app.command_line.trainer import draw_link
 from app.trainer.server import guard
 from app.trainer.server import trainer as server
 from app.trainer.server.guard import TOKEN_VARIABLE, Guard, is_loopback
@@ -331,7 +331,7 @@ def test_the_link_is_drawn_as_a_code_that_a_camera_reads(monkeypatch: pytest.Mon
     drawn: dict[str, str] = {}
     for encoding in ("utf-8", "ascii"):
         monkeypatch.setattr(sys, "stdout", terminal := Terminal(io.BytesIO(), encoding))
-        _draw(link)
+        draw_link(link)
         terminal.seek(0)
         drawn[encoding] = terminal.read()
     monkeypatch.undo()
