@@ -280,3 +280,14 @@ def test_a_dissection_is_played_by_the_command(
     assert "as recorded                  yes, to the digit" in said
     with pytest.raises(RunFileError, match="a dissection in a bed, not of a pull"):
         read_run(shortest)
+
+
+def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
+    """Two hands, a dissector behind the duct, a new hold, and a pull that tears it."""
+    content = (Path(__file__).parent / "runs" / "version_3_torn.json").read_bytes()
+    original = read_any_run(content)
+    assert isinstance(original, DissectionFile)
+    found = DissectionReplay(original.log, phantom(), vertices=300).run_file()
+    assert found == original
+    assert original.measures.tear is not None
+    assert original.measures.strands_parted_by_instrument > 0
