@@ -213,6 +213,7 @@ def export(
             "bed": wanted.bed.name,
             "seed": seed,
             "hook_mm": wanted.hook,
+            "torn_at_mm": None if wanted.tear is None else wanted.tear.station,
             **{name: last[name] for name in BED_FACTS},
         }
     if as_json:
@@ -232,8 +233,12 @@ def export(
 def _state(facts: "dict[str, object]", *, torn: bool) -> str:
     """Say how the organ is pulled, and by which theory."""
     if "bed" in facts:
+        at = facts["torn_at_mm"]
+        ended = (
+            "at the end of the path" if at is None else f"torn {at:.4g} mm from the first clamp:"
+        )
         return (
-            f"bed {facts['bed']}, at the end of the path {facts['freed_mm']:.4g} mm are free, "
+            f"bed {facts['bed']}, {ended} {facts['freed_mm']:.4g} mm are free, "
             f"{facts['strands_parted']} strands parted, distance to break "
             f"{facts['distance_to_break_percent']:.4g} %"
         )

@@ -290,6 +290,16 @@ def test_the_command_writes_what_solve_says(tmp_path: Path) -> None:
     assert facts["distance_to_break_percent"] == float(last["distance_to_break_percent"])
 
 
+def test_the_command_says_where_the_duct_tore(tmp_path: Path) -> None:
+    options = ["--bed", "firm", "--lift", "40", "--steps", "20", "--strands", "100", "--json"]
+    done = run("export", BILE_DUCT, *options, "-o", tmp_path / "a.stl")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["surfaces"] == list(PIECES)
+    assert 0.0 <= facts["torn_at_mm"] <= 50.8
+    assert facts["distance_to_break_percent"] < 0.0
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
