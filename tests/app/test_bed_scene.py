@@ -13,7 +13,7 @@ from playwright.sync_api import Browser
 from simulated import phantom
 
 from app.simulation import preset_named
-from app.simulation.bed import BedSession, Instrument
+from app.simulation.bed import BedExercise, BedSession, Instrument
 from app.trainer.scene.bed_scene import BedScene
 from app.trainer.stage.strands import NUMBERS, PARTED
 from physics.bed import kernels
@@ -132,6 +132,48 @@ def test_a_dissectors_jaws_lie_along_its_rods(
         out = vertices[working] - rod[:3] - back[working, None] * rod[3:6]
         np.testing.assert_allclose(np.linalg.norm(out, axis=1), rod[kernels.RADIUS], rtol=0.06)
         assert back.min() == pytest.approx(0.0, abs=0.1)
+
+
+def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
+    client: viser.ClientHandle, session: BedSession
+) -> None:
+    drawn = BedScene(client, session, "plain")
+    lift(session, 6.0)
+    reading = session.reading()
+    drawn.draw(reading)
+    held, free = drawn._arrows
+    assert (held.visible, free.visible) == (True, False)
+    arrow, label = held._parts
+    foot, tip = arrow.points[0]
+    way, force = tip - foot, session.duct.dissection.frame @ reading.forces[0]
+    np.testing.assert_allclose(way / np.linalg.norm(way), force / np.linalg.norm(force), atol=1e-5)
+    # A fifth of the span at the break, in proportion to the stress below it.
+    share = max(reading.stress_share, 0.3)
+    assert np.linalg.norm(way) == pytest.approx(0.2 * drawn._set_stage().span * share, rel=1e-4)
+    assert label.text == f"{np.linalg.norm(force):.2f} N"
+    drawn.draw(reading, figures=False)
+    assert not held.visible
+
+
+def test_the_stretch_that_an_exercise_is_about_is_marked(
+    client: viser.ClientHandle, session: BedSession
+) -> None:
+    drawn = BedScene(client, session, "plain")
+    scar = BedExercise(
+        name="free-scar", bed="scar", bed_seed=1, free_mm=9.0, from_mm=20.0, to_mm=31.0,
+        instruments=("hook", "dissector"), share_limit=0.9, time_to_break_limit_s=0.0,
+        out_of_sight_limit=100,
+    )  # fmt: skip
+    drawn.draw(session.reading())
+    assert drawn._goal is None
+    session.start_exercise(scar)
+    drawn.draw(session.reading())
+    assert drawn._goal is not None
+    lines, _ = drawn._goal._parts
+    assert (lines.points[..., 0].min(), lines.points[..., 0].max()) == (20.0, 31.0)
+    session.finish()
+    drawn.draw(session.reading())
+    assert drawn._goal is None
 
 
 def test_nothing_is_sent_when_nothing_changes(

@@ -9,10 +9,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation.bed import HANDS, BedReading, BedSession
+from app.simulation.bed import HANDS, BedExercise, BedReading, BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
+from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import HookPlace, sink
 from app.trainer.stage.instruments import DrawnInstrument
@@ -51,6 +52,8 @@ class BedScene(DuctOnStage[BedSession]):
         self._shares: list[NDArray[np.float32]] = []
         self._arrows: list[ForceArrow] = []
         self._divided = False
+        self._goal: GoalStretch | None = None
+        self._goal_of: BedExercise | None = None
         self.draw(session.reading())
 
     def draw(
@@ -72,6 +75,7 @@ class BedScene(DuctOnStage[BedSession]):
                 look = appearance_of(self._session.duct.dissection.preset)
                 stage.spill(look, reading.torn_at)
             depth = sink(reading.stress_share, stage.radius)
+            self._show_goal(stage)
             self._show_forces(reading, stage, figures=figures)
             hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
             # Light and shadow are those of one hook.
@@ -165,6 +169,20 @@ class BedScene(DuctOnStage[BedSession]):
         center = self._first + frame @ (hand.place + np.array([0.0, 0.0, depth]))
         return HookPlace(center, frame, stage.radius)
 
+    def _show_goal(self, stage: Stage) -> None:
+        """Mark the stretch that an exercise is about, if that is not the whole duct."""
+        run = self._session.run
+        exercise = None if run.over else run.exercise
+        if exercise is self._goal_of:
+            return
+        self._goal_of = exercise
+        if self._goal is not None:
+            self._goal.remove()
+            self._goal = None
+        if exercise is not None and exercise.from_mm > 0.0:
+            low, high = exercise.from_mm, exercise.to_mm
+            self._goal = GoalStretch(self._client.scene, low, high, stage.radius)
+
     def _show_forces(self, reading: BedReading, stage: Stage, *, figures: bool) -> None:
         """Draw what each hand pulls or pushes with; at the break the larger is of full length."""
         if not self._arrows:
@@ -231,3 +249,6 @@ class BedScene(DuctOnStage[BedSession]):
         for arrow in self._arrows:
             arrow.remove()
         self._instruments, self._arrows = [None] * HANDS, []
+        if self._goal is not None:
+            self._goal.remove()
+        self._goal = self._goal_of = None

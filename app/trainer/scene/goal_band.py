@@ -1,10 +1,12 @@
-"""The goal of an exercise in the picture: a band over the duct, and what to do now."""
+"""The goal of an exercise in the picture: a band over the duct, or a stretch of its bed."""
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-__all__ = ["GOAL_COLOR", "GoalBand"]
+from app.trainer.stage.drawn import Drawn
+
+__all__ = ["GOAL_COLOR", "GoalBand", "GoalStretch"]
 
 GOAL_COLOR = (92, 200, 255)
 HALF_LENGTH = 0.3
@@ -66,3 +68,23 @@ class GoalBand:
         """Remove it from the scene."""
         for part in (self._area, self._edges, self._label):
             part.remove()
+
+
+class GoalStretch(Drawn):
+    """A bracket before the duct, from and to where it is to be freed, mm from the first clamp."""
+
+    def __init__(self, scene: viser.SceneApi, low: float, high: float, radius: float) -> None:
+        front, foot, tick = -1.5 * radius, -radius, 0.4 * radius
+        places = [(low, foot + tick), (low, foot), (high, foot), (high, foot + tick)]
+        corners = np.array([(along, front, up) for along, up in places], np.float32)
+        lines = scene.add_line_segments(
+            "/bed/goal",
+            corners[[0, 1, 1, 2, 2, 3]].reshape(3, 2, 3),
+            GOAL_COLOR,
+            thickness=LINE_WIDTH,
+            thickness_units="screen",
+        )
+        label = scene.add_label(
+            "/bed/goal_label", "Free this", position=corners[1:3].mean(axis=0), anchor="top-center"
+        )
+        super().__init__(lines, label)
