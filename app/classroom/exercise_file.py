@@ -20,7 +20,7 @@ from app.simulation import (
 from app.simulation.bed import BedExercise, BedSession, bed_named
 from organ_geometry import Organ
 
-__all__ = ["GOALS", "ExerciseFile", "SetExercise", "read_exercise", "template"]
+__all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "template"]
 
 Goal = Literal[
     "window", "follow-front", "free-scar", "hold-stretch", "approach-break", "gentle-lifts"

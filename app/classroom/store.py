@@ -399,7 +399,8 @@ class ClassStore:
 
     def _forget(self) -> None:
         """Move the write-ahead log into the file, so that it holds nothing that was deleted."""
-        with contextlib.suppress(sqlite3.OperationalError):  # another process reads it now
+        # Another process reads it now, or it is closed already.
+        with contextlib.suppress(sqlite3.OperationalError, sqlite3.ProgrammingError):
             self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 

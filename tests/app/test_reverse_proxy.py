@@ -18,7 +18,7 @@ from test_guard import TOKEN, UPGRADE, Answer
 from websockets import Subprotocol
 from websockets.sync.client import connect
 
-from app.command_line.trainer import _tls
+from app.command_line.trainer import tls_context
 from app.trainer.server.bounds import Bounds, Connections, socket_options
 from app.trainer.server.guard import Guard
 from app.trainer.server.trainer import Trainer
@@ -56,7 +56,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def test_what_is_sent_is_encrypted_with_the_certificate(certificate: tuple[Path, Path]) -> None:
     connections = Connections(Bounds())
     guard = Guard("127.0.0.1", TOKEN, connections, encrypted=True)
-    server = start_server("127.0.0.1", 0, guard, socket_options(connections, _tls(*certificate)))
+    server = start_server(
+        "127.0.0.1", 0, guard, socket_options(connections, tls_context(*certificate))
+    )
     try:
         port = server.get_port()
         trusting = ssl.create_default_context(cafile=certificate[0])
