@@ -1,22 +1,16 @@
-"""Runs as a class keeps them, and a process that saves them until it is killed."""
+"""Runs as a class keeps them."""
 
-import sys
-import threading
 import uuid
 from functools import cache
-from pathlib import Path
 
 import msgspec
 import numpy as np
 from simulated import phantom
 
 from app.classroom.exercise_file import SetExercise, read_exercise, template
-from app.classroom.recorder import Recorder
-from app.classroom.store import ClassStore, RunRecord, now
+from app.classroom.store import RunRecord, now
 from app.simulation import run_json
 from app.simulation.bed import BedSession
-
-SAVER = "from class_runs import save_until_killed; save_until_killed()"
 
 
 @cache
@@ -56,25 +50,3 @@ def record(
         run_id or uuid.uuid4().hex, person_id, assignment, "dissect", "Open a window", now(),
         finished, passed, reason, measures, file,
     )  # fmt: skip
-
-
-def save_until_killed() -> None:
-    """Save runs one after the other, and print each one's identity once it is acknowledged."""
-    store = ClassStore(Path(sys.argv[1]))
-    person = store.name_person("browser", "Ann")
-    recorder = Recorder(store)
-    measures = '{"time_s": 1.0}'
-    while True:
-        run_id, acknowledged = uuid.uuid4().hex, threading.Event()
-        run = RunRecord(
-            run_id, person.id, None, "dissect", "Free", now(), True, None, "", measures,
-            run_id.encode() * 128,
-        )  # fmt: skip
-
-        def done(problem: str | None, acknowledged: threading.Event = acknowledged) -> None:
-            assert problem is None, problem
-            acknowledged.set()
-
-        recorder.save(run_id, lambda run=run: run, done)
-        acknowledged.wait()
-        print(run_id, flush=True)

@@ -3,22 +3,19 @@
 import csv
 import io
 import json
-import os
 import random
 import re
-import signal
 import sqlite3
 import stat
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from class_runs import SAVER, asked, dissection, record
-from hypothesis import given
+from class_runs import asked, dissection, record
+from class_saver import check_killed, killed_while_saving
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from program import refused, run
 from simulated import phantom
@@ -149,6 +146,7 @@ def test_what_is_no_class_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "new.sqlite").exists()
 
 
+@settings(deadline=None, max_examples=50)
 @given(title=st.text(max_size=120))
 def test_a_title_gives_a_file_in_the_folder_of_classes_only(title: str) -> None:
     if "/" in title or title.endswith(".sqlite"):
@@ -161,38 +159,7 @@ def test_a_title_gives_a_file_in_the_folder_of_classes_only(title: str) -> None:
     assert ".." not in path.parts
 
 
-def killed_while_saving(path: Path, seconds: float) -> set[str]:
-    """Kill a process that saves after some time; return what it had acknowledged."""
-    before = os.environ.get("PYTHONPATH", "")
-    with subprocess.Popen(
-        [sys.executable, "-c", SAVER, str(path)], stdout=subprocess.PIPE, text=True,
-        env=os.environ | {"PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{before}"},
-    ) as process:  # fmt: skip
-        assert process.stdout is not None
-        said = [process.stdout.readline()]
-        threading.Timer(seconds, process.send_signal, [signal.SIGKILL]).start()
-        said += process.stdout
-    return {line.strip() for line in said if line.endswith("\n")}
-
-
-def check_killed(path: Path, acknowledged: set[str]) -> None:
-    """Check that all that was acknowledged is whole."""
-    store = ClassStore(path)
-    kept = {each.id for each in store.runs()}
-    assert acknowledged <= kept
-    for each in acknowledged:
-        found = store.run(each)
-        assert found is not None
-        assert found.file == each.encode() * 128
-    (whole,) = store._rows("PRAGMA integrity_check")
-    assert whole[0] == "ok"
-    store.close()
-
-
-def test_what_was_acknowledged_survives_kills(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(store_module, "MOST_RUNS", 10**6)
+def test_what_was_acknowledged_survives_kills(tmp_path: Path) -> None:
     path = tmp_path / "class.sqlite"
     ClassStore.new(path, "Killed").close()
     chance, acknowledged = random.Random(15), set[str]()
@@ -285,7 +252,7 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
         ('"window"', '"windows"', "windows"),
         ("Open a window", "x" * 61, "60 characters"),
         ("What you tell", "x" * 1001, "1000 characters"),
-        ("time_limit_s", "name", "limits.name is none of window; there are: free_mm"),
+        ("time_limit_s = 120", "name = 120", "limits.name is none of window; there are: free_mm"),
         ("= 120", "= nan", "time_limit_s"),
         ("= 120", "= -1", "time_limit_s"),
         ("= 120", '= "long"', "limits"),
@@ -324,7 +291,7 @@ def test_the_commands_keep_a_class(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         "results.csv", "results.json", "report.html", "runs",
     }  # fmt: skip
     (file,) = (folder / "runs").iterdir()
-    assert "peak_stress_share" in run("replay", file).stdout
+    assert "as recorded                  yes" in run("replay", file).stdout
     assert run("class", "backup", "Surgery 3A", copy).returncode == 0
     assert run("class", "export", copy, "-o", tmp_path / "again").returncode == 0
     tokens = store.teacher_token, store.trainee_token
