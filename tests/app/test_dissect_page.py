@@ -340,12 +340,12 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
 
         # So do drags without either, if the box says so.
         session.reset()
-        tab.tick("Drag into the picture")
+        tab.tick("Into the picture")
         tab.wait_until(lambda: view.state.into_picture)
         drag(tab, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: held() and target()[1] > 0.8)
         page.mouse.up()
-        tab.tick("Drag into the picture")
+        tab.tick("Into the picture")
         tab.wait_until(lambda: not view.state.into_picture and not held())
 
         session.reset()

@@ -53,7 +53,7 @@ class HandsTab:
             hint="Between the dissector's jaws (O opens, C closes)",
         )
         self._depth = gui.add_checkbox(
-            "Drag into the picture",
+            "Into the picture",
             initial_value=state.into_picture,
             hint="For fingers: as with Shift or the right button, up is away from you",
         )

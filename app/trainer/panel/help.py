@@ -79,7 +79,7 @@ close to the front where strands still hold, straight off the bed, without haste
 takes it likewise, and stays where it is left until it is told to let go. A **dissector** parts
 strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
 and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**,
-the right button or *Drag into the picture* into it and out of it. Drag beside the duct to look
+the right button or *Into the picture* into it and out of it. Drag beside the duct to look
 around, scroll to come nearer.
 
 **The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Freed* is

@@ -13,6 +13,8 @@ __all__ = ["DissectView"]
 class DissectView(ModeView[DissectState, BedScene, DissectPanel, BedReading]):
     """A session in a bed, and what one client sees of it."""
 
+    plain_tab = "Bed"
+
     def _make_scene(self, look: Look) -> BedScene:
         return BedScene(self.client, self.state.session, look)
 

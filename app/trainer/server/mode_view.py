@@ -20,9 +20,6 @@ PANEL_SECONDS = 0.1
 """s, shortest time between updates of the panel: faster changes of a figure cannot be read."""
 LEAST_PICTURES = 5.0
 """Frames per second below which a page gets the simple picture."""
-REMEDY = (
-    f"A simpler picture helps: {SIMPLE_PICTURE!r} in the Model tab, or start with --look plain."
-)
 
 
 StateT = TypeVar("StateT", bound=ClientState[Any, Any])
@@ -34,9 +31,13 @@ ReadingT = TypeVar("ReadingT", Reading, BedReading)
 class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
     """The scene and the panel of one mode of the page. `frames` counts how often it was drawn.
 
+    `plain_tab` is the tab of the panel that offers the simple picture.
+
     The state's session is the client's alone. The look "plain" is for slow machines; "auto" changes
     to it where the page draws too slowly.
     """
+
+    plain_tab: str
 
     def __init__(self, state: StateT, look: LookChoice) -> None:
         self.client, self.state, self.session = state.client, state, state.session
@@ -163,6 +164,8 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         """Suggest the simple picture to a page that draws in software; "auto" switches to it."""
         if look == "plain":
             return
+        where = f"{SIMPLE_PICTURE!r} in the {self.plain_tab} tab"
+        remedy = f"A simpler picture helps: {where}, or start with --look plain."
         command: viser.CommandHandle | None = None
         if look == "auto":
             command = self.client.gui.add_command(
@@ -175,8 +178,8 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
                 self.client.add_notification(
                     "A simpler picture",
                     f"This page draws fewer than {LEAST_PICTURES:g} pictures a second. The full "
-                    f"one comes back with {SIMPLE_PICTURE!r} in the Model tab.",
+                    f"one comes back with {where}.",
                     color="blue",
                 )
 
-        watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=REMEDY)
+        watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=remedy)

@@ -19,6 +19,8 @@ __all__ = ["PullView"]
 class PullView(ModeView[PullState, DuctScene, PullPanel, Reading]):
     """A session without a bed, and what one client sees of it."""
 
+    plain_tab = "Model"
+
     def __init__(self, state: PullState, look: LookChoice) -> None:
         super().__init__(state, look)
         self._annotations = Annotations(self.client)
