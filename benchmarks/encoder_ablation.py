@@ -14,7 +14,7 @@ from assets import BILE_DUCT_PHANTOM
 from benchmarks.organ_sets import DATA, SETS, missing_sets
 from organ_geometry import BuiltOrgan, build_organ, read_image_stack
 from organ_geometry.encoder.encode import ToleranceTooSmall, encoded_organ
-from organ_geometry.encoder.settings import QUICK, EncoderSettings
+from organ_geometry.encoder.settings import FULL, QUICK, EncoderSettings
 
 WITHOUT: dict[str, EncoderSettings] = {
     "levels": replace(QUICK, axis_levels=(0,)),
@@ -28,9 +28,9 @@ WITHOUT: dict[str, EncoderSettings] = {
 }
 """Settings without an idea each."""
 ADDED: dict[str, EncoderSettings] = {
-    "+ second axis": replace(QUICK, axes=2),
-    "+ more rounds": replace(QUICK, rounds=6),
-    "+ key moves": replace(QUICK, moved=1, moved_rounds=2),
+    "+ rotation tried": replace(FULL, moved=0),
+    "+ key moves": replace(FULL, rotation_tried=0.0),
+    "full effort": FULL,
 }
 """Settings with an idea each that default effort goes without."""
 

@@ -61,7 +61,7 @@ class Search:
         self._settings = candidates.settings
         self._sampled = sampled
         self._middle: int | None = None
-        self._turn, self._turned = 0, 1.0
+        self._turns = [0]  # Rotations of half-curves, known with the axes' levels
 
     def fewest_bytes(self) -> Encoding:
         """Return the encoding of fewest bytes that keeps the tolerance."""
@@ -120,7 +120,8 @@ class Search:
     ) -> list[Encoding]:
         """Return encodings that keep the tolerance, of several axes and in several steps."""
         settings, candidates = self._settings, self._candidates
-        first_step, worth = settings.section_steps[0], settings.bit_worths[0]
+        first_step, *steps = settings.section_steps
+        worth = settings.bit_worth
         kept: list[Encoding] = []
         tried: list[tuple[float, AxisSampling]] = []
         nearest = np.inf
@@ -133,22 +134,18 @@ class Search:
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
                 tried.append((size, sampling))
         tried = _best_of_each_depth(tried)
-        full = settings.rounds > settings.choice_rounds
+        more_rounds = settings.rounds > settings.choice_rounds
         # Where all first encodings miss their limits by a third, no other step will keep them,
         # unless the finest steps do.
-        if not full and nearest > 1.3:
+        if not more_rounds and nearest > 1.3:
             if not last:
                 return []
             self._check_within_reach()
-        # The best axis is encoded in all section steps. The first step and worth are left out where
-        # they would repeat, round for round, what it was chosen by.
-        for _, sampling in tried if every else tried[: settings.axes]:
-            for step in settings.section_steps:
-                for bit_worth in settings.bit_worths:
-                    if full or every or (step, bit_worth) != (first_step, worth):
-                        kept += _keeping(
-                            candidates.encode(sampling, step, bit_worth, settings.rounds)
-                        )
+        # The best axis is encoded in all section steps, the first left out where it would repeat,
+        # round for round, what the axis was chosen by.
+        for _, sampling in tried if every else tried[:1]:
+            for step in [first_step, *steps] if more_rounds or every else steps:
+                kept += _keeping(candidates.encode(sampling, step, worth, settings.rounds))
         for step in settings.finer_steps:
             if kept:
                 break
@@ -174,7 +171,7 @@ class Search:
         ways = (
             [way]
             if way is not None
-            else [(levels, first, self._turns()[-1]) for levels in self._levels((1, 0))]
+            else [(levels, first, self._turns[-1]) for levels in self._levels((1, 0))]
         )
         found: list[tuple[float, tuple[int, int, int], Encoding]] = []
         while ways:
@@ -212,7 +209,7 @@ class Search:
         scale = scale_number(0.25 * candidates.step_unit)
         step = candidates.tolerance * scale_of(scale)
         weights = np.full(sampling.samples + 1, len(candidates.contours) / (sampling.samples + 1))
-        worth = self._settings.bit_worths[0] * step * step
+        worth = self._settings.bit_worth * step * step
         # The rule's threshold is lowered until the promise is kept, 24 times to a 200th.
         for _ in range(24):
             keys = key_sections(rows[0], lumen, threshold)
@@ -232,16 +229,14 @@ class Search:
             costs = [candidates.axis(levels, scale).cost for levels in range(1, most + 1)]
             self._middle = 1 + int(np.argmin(costs))
             sampling = candidates.sample(self._middle, scale, candidates.depth)
-            self._turn, self._turned = best_turn(sampling.outlines.outer)
+            turn, share = best_turn(sampling.outlines.outer)
+            if share < self._settings.rotation_used:
+                self._turns = [turn]
+            elif share < self._settings.rotation_tried:
+                self._turns = [turn, 0]
         for more in beyond:
             if 1 <= self._middle + more <= most:
                 yield self._middle + more
-
-    def _turns(self) -> list[int]:
-        """Return the half-curves' rotations that are tried, once axes' levels are known."""
-        if self._turned < self._settings.rotation_used:
-            return [self._turn]
-        return [self._turn, 0] if self._turned < self._settings.rotation_tried else [0]
 
     def _samplings(self, depths: tuple[int, ...]) -> Iterator[AxisSampling]:
         """Yield the contours sampled across axes of several levels and steps, and rotated."""
@@ -250,7 +245,7 @@ class Search:
             for share in settings.axis_steps:
                 scale = scale_number(share * candidates.step_unit)
                 for depth in depths:
-                    for turn in self._turns():
+                    for turn in self._turns:
                         yield candidates.sample(levels, scale, depth, turn)
 
 
