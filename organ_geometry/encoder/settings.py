@@ -74,7 +74,7 @@ class EncoderSettings:
     # How many of the smallest encodings have their key sections moved, dropped and added one by
     # one, in how many rounds, and the bits such a move must save (table: + key moves).
     moved: int = 0
-    moved_rounds: int = 3
+    moved_rounds: int = 6
     moved_bits: float = 0.5
 
     # Stacks of so many sections are searched by about `sample` of them first.

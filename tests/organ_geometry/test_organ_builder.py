@@ -25,7 +25,6 @@ from organ_geometry.curves.half_curves import (
 )
 from organ_geometry.curves.outline_distance import polygon_distances
 from organ_geometry.encoder.encode import ToleranceTooSmall
-from organ_geometry.encoder.settings import Effort
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_fitted, build_organ
@@ -302,15 +301,12 @@ def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStac
     assert build_organ(stack, promise=Promise(tolerance_mm=2.0)).warnings == ()
 
 
-@pytest.mark.parametrize("effort", ["quick", pytest.param("full", marks=pytest.mark.long)])
-def test_hundreds_of_equal_discs_are_a_straight_organ(
-    write_stack: WriteStack, effort: Effort
-) -> None:
+def test_hundreds_of_equal_discs_are_a_straight_organ(write_stack: WriteStack) -> None:
     # Along a straight axis a bend along it changes nothing, to rounding: none is to be stored.
     mask = cv2.circle(np.zeros((160, 160), np.uint8), (80, 80), 40, 255, -1)
     spacing = SPACING | {"slice_spacing_mm": 0.1}
     stack = read_image_stack(write_stack([mask] * 400, spacing))
-    organ = build_organ(stack, promise=Promise(effort=effort)).organ
+    organ = build_organ(stack).organ
     bends = code_from_bytes(organ.encoded).bends
     assert not bends[:, 0].any()
     assert np.abs(bends).max() <= 1

@@ -15,7 +15,6 @@ from organ_geometry.curves.axis_curve import (
 from organ_geometry.curves.half_curves import closed_outlines
 from organ_geometry.encoder.encode import EncodedOrgan, ToleranceTooSmall, encoded_organ
 from organ_geometry.encoder.section_encoder import extents, fitted_signals
-from organ_geometry.encoder.settings import Effort
 from organ_geometry.organ_file import code_from_bytes
 from organ_geometry.organ_file.coefficients import signals_to_rows
 from organ_geometry.surface_distance import root_mean_squares, section_distances
@@ -204,8 +203,7 @@ def test_centroid_radius_and_even_points_of_a_rectangle() -> None:
     )
 
 
-@pytest.mark.parametrize("effort", ["quick", "full"])
-def test_a_straight_organ_of_many_sections_has_no_bends(effort: Effort) -> None:
-    encoded = encoded_organ(cylinder(sections=400), 0.02 * RADIUS, effort=effort)
+def test_a_straight_organ_of_many_sections_has_no_bends() -> None:
+    encoded = encoded_organ(cylinder(sections=400), 0.02 * RADIUS)
     assert not code_from_bytes(encoded.organ.encoded).bends.any()
     assert len(encoded.organ.encoded) < 45
