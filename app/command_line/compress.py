@@ -187,6 +187,14 @@ def compress(
             "--json", help="JSON on stdout: an object, or a list of them.", rich_help_panel=_REPORT
         ),
     ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler, tcp://HOST:PORT, whose workers compress several "
+            "stacks; they must see the same files.",
+            rich_help_panel=_REPORT,
+        ),
+    ] = None,
 ) -> None:
     """Find the organ in section images, drop redundant sections, and write an organ file.
 
@@ -231,9 +239,11 @@ def compress(
             effort=chosen("--effort", effort, ("quick", "full")),
         ),
     )
+    if scheduler is not None and len(stacks) < 2:
+        raise ValueError("--scheduler is for several stacks")
     if len(stacks) > 1 or target.is_dir() or output.endswith("/"):
         jobs = jobs_into(target, stacks, figures=figure, like=job)
-        _compress_many(jobs, target, figure, every=sections, as_json=as_json)
+        _compress_many(jobs, target, figure, scheduler, every=sections, as_json=as_json)
     else:
         _compress_one(job, every=sections, as_json=as_json)
 
@@ -254,11 +264,18 @@ def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
 
 
 def _compress_many(
-    jobs: "list[StackJob]", folder: Path, figures: Path | None, *, every: bool, as_json: bool
+    jobs: "list[StackJob]",
+    folder: Path,
+    figures: Path | None,
+    scheduler: str | None,
+    *,
+    every: bool,
+    as_json: bool,
 ) -> None:
-    """Compress many stacks on all cores, report on each, and fail if one has failed."""
+    """Compress many stacks, report on each, and fail if one has failed."""
     from app.compression.report import Facts, remark_lines, section_lines, summary_lines
-    from app.compression.stack_job import Failed, compress_all
+    from app.compression.stack_batch import compress_all
+    from app.compression.stack_job import Failed
     from organ_geometry import make_folder
 
     for place in (folder, figures):
@@ -269,8 +286,8 @@ def _compress_many(
     by_stack: dict[str, Facts | Failed] = {}
     with _progress("Compressing") as bar:
         task = bar.add_task("", total=len(jobs))
-        for outcome in compress_all(jobs):
-            by_stack[str(outcome.stack)] = outcome
+        for outcome in compress_all(jobs, folder, scheduler):
+            by_stack[outcome.stack] = outcome
             bar.advance(task)
     outcomes = [by_stack[str(job.stack)] for job in jobs]
     done = [outcome for outcome in outcomes if isinstance(outcome, Facts)]
@@ -285,11 +302,11 @@ def _compress_many(
             for line in remark_lines(said):
                 print(f"{line[:10]} {said.stack}: {line[11:]}")
         for one in failed:
-            print(f"failed     {one.stack}: {one.reason}")
+            print(f"failed     {one.stack}: {one.error}")
     if failed:
         raise ValueError(
             f"{len(failed)} of {len(jobs)} stacks could not be compressed: "
-            + ", ".join(str(one.stack) for one in failed)
+            + ", ".join(one.stack for one in failed)
         )
 
 

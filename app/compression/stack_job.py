@@ -1,10 +1,7 @@
-"""One stack to compress, and many at once on all cores."""
+"""One stack to compress, and jobs for many that go into one folder."""
 
-import multiprocessing
-import os
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,7 +24,7 @@ from organ_geometry import (
     write_organ,
 )
 
-__all__ = ["Failed", "StackJob", "compress_all", "compress_stack", "jobs_into"]
+__all__ = ["Failed", "StackJob", "compress_stack", "jobs_into", "try_stack"]
 
 ORGAN_SUFFIX = ".organ"
 ZIP_BOUNDS = UploadBounds(
@@ -58,12 +55,12 @@ class StackJob:
 class Failed:
     """A stack that could not be compressed."""
 
-    stack: Path  # Where its images are
-    reason: str  # Why, in one line
+    stack: str  # Where its images are
+    error: str  # Why, in one line
 
     def as_json(self) -> dict[str, object]:
         """Return the failure as values for JSON."""
-        return {"stack": str(self.stack), "error": self.reason}
+        return {"stack": self.stack, "error": self.error}
 
 
 def _check_job(job: StackJob) -> None:
@@ -142,33 +139,12 @@ def jobs_into(
     ]
 
 
-def compress_all(jobs: Sequence[StackJob]) -> Iterator[Facts | Failed]:
-    """Compress many stacks, one process a core; one that fails does not stop the others."""
-    workers = min(len(jobs), _cores())
-    # A process that starts anew holds no locks of threads that it does not have.
-    context = multiprocessing.get_context("spawn")
-    others = multiprocessing.active_children()
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        running = {pool.submit(_outcome, job): job for job in jobs}
-        try:
-            for done in as_completed(running):
-                try:
-                    yield done.result()
-                except Exception as error:  # the process died, of a lack of memory perhaps
-                    yield Failed(running[done].stack, f"its process ended: {error}")
-        except BaseException:  # somebody stops it: what runs would go on to its end
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                if process not in others:
-                    process.terminate()
-            raise
-
-
-def _outcome(job: StackJob) -> Facts | Failed:
+def try_stack(job: StackJob) -> Facts | Failed:
+    """Compress a stack, or say why that failed."""
     try:
         return compress_stack(job)
     except (ValueError, OSError) as error:
-        return Failed(job.stack, " ".join(str(error).split()))
+        return Failed(str(job.stack), " ".join(str(error).split()))
 
 
 def _names(places: list[Path]) -> list[str]:
@@ -186,11 +162,3 @@ def _name(place: Path, depth: int) -> str:
     own = place.name if place.is_dir() else place.name.split(".")[0]
     folders = place.parent.parts[1:]
     return "-".join([*folders[len(folders) - depth :], own])
-
-
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on this system
-        return os.cpu_count() or 1

@@ -1,6 +1,8 @@
 """Stacks into organ files: many at once, their reports, their figures, and what is in a file."""
 
+import csv
 import json
+import os
 import signal
 import subprocess
 from pathlib import Path
@@ -13,6 +15,7 @@ from program import command, refused, run
 
 from app.compression.report import report_lines
 from app.compression.stack_job import StackJob, compress_stack, jobs_into
+from app.workers import by_processes
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry import Promise, TraceOptions, read_organ
 
@@ -47,7 +50,8 @@ def test_many_stacks_go_into_one_folder_under_names_that_differ(
     said = json.loads(done.stdout)
     assert [one["stack"] for one in said] == [str(stack) for stack in stacks]
     names = [Path(one["file"]).name for one in said]
-    assert sorted(names) == sorted(path.name for path in (tmp_path / "organs").iterdir())
+    written = {path.name for path in (tmp_path / "organs").iterdir()}
+    assert written == {*names, "summary.jsonl", "summary.csv"}
     # What tells the two alike apart comes before all names.
     assert [name.split("-")[-2:] for name in names[:2]] == [
         ["left", "masks.organ"],
@@ -80,7 +84,10 @@ def test_a_stack_that_fails_does_not_stop_the_others(tmp_path: Path, stacks: lis
     assert str(empty) in failed
     assert "two or more are needed" in failed
     written = {path.name for path in (tmp_path / "organs").iterdir()}
-    assert written == {"masks.organ", "duct.organ"}
+    assert written == {"masks.organ", "duct.organ", "summary.jsonl", "summary.csv"}
+    row = list(csv.DictReader((tmp_path / "organs" / "summary.csv").read_text().splitlines()))[1]
+    assert row["stack"] == str(empty)
+    assert "two or more are needed" in row["error"]
 
 
 def test_a_stack_given_twice_is_refused(tmp_path: Path, stacks: list[Path]) -> None:
@@ -328,3 +335,40 @@ def test_info_refuses_what_is_no_organ_file(tmp_path: Path) -> None:
     path = tmp_path / "duct.organ"
     path.write_bytes(b"solid duct")
     assert "not an organ file" in refused(("info", path))
+
+
+def test_a_batch_goes_on_from_where_it_was_ended(tmp_path: Path, stacks: list[Path]) -> None:
+    organs = tmp_path / "organs"
+    first = json.loads(run("compress", *stacks[:2], "-o", organs, "--json").stdout)
+    lines = (organs / "summary.jsonl").read_bytes()
+    assert len(lines.splitlines()) == 2
+    # A kill cut a third line short, and left no organ file of it.
+    (organs / "summary.jsonl").write_bytes(lines + lines.splitlines()[0][:300])
+    whole = json.loads(run("compress", *stacks, "-o", organs, "--json").stdout)
+    # Seconds too: they are not compressed again.
+    assert whole[:2] == first
+    rows = list(csv.DictReader((organs / "summary.csv").read_text().splitlines()))
+    assert [row["stack"] for row in rows] == [str(stack) for stack in stacks]
+    assert [float(row["rms_error_mm"]) for row in rows] == [one["rms_error_mm"] for one in whole]
+    # What has changed is compressed anew: other options, other images, an organ that is gone.
+    Path(whole[2]["file"]).unlink()
+    os.utime(next(stacks[1].glob("*.png")))
+    again = json.loads(run("compress", *stacks, "-o", organs, "--json").stdout)
+    assert [one["seconds"] == old["seconds"] for one, old in zip(again, whole, strict=True)] == [
+        True,
+        False,
+        False,
+    ]
+    other = run("compress", stacks[0], "-o", organs, "--json", "--tolerance-px", 1.0)
+    assert json.loads(other.stdout)[0]["tolerance_px"] > 1.5 * whole[0]["tolerance_px"]
+
+
+def _end_at_three(number: int) -> int:
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def test_a_process_that_dies_takes_only_its_own_work_with_it() -> None:
+    done = dict(by_processes(_end_at_three, range(8), 2, died=lambda number: -number))
+    assert done == {number: -3 if number == 3 else number**2 for number in range(8)}
