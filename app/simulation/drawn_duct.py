@@ -179,8 +179,9 @@ class SurfaceStress:
         """Write the stress at each vertex of a beam in space, in mm from the first clamp."""
         if self._across is None:
             self._across = fibre_shares(self._organ, self._skin, self._lateral)
+        self._bind(stations)
         _write_in_space(
-            stations, stresses, self._places, self._share, self._across, self._free, out
+            stresses, self._before, self._weight, self._share, self._across, self._free, out
         )
         return out
 
@@ -219,8 +220,7 @@ class SurfaceStress:
         part: float,
         out: NDArray[np.float32],
     ) -> None:
-        if self._stations is None or not np.array_equal(self._stations, pulled.stations):
-            self._bind(pulled.stations)
+        self._bind(pulled.stations)
         _write(
             normal,
             bending,
@@ -235,7 +235,9 @@ class SurfaceStress:
         )
 
     def _bind(self, stations: NDArray[np.float64]) -> None:
-        """Find the two beam stations on both sides of each vertex, and its weight."""
+        """Find the two beam stations on both sides of each vertex, and its weight, once for all."""
+        if self._stations is not None and np.array_equal(self._stations, stations):
+            return
         self._stations = stations.copy()
         places, numbers = np.unique(stations, return_index=True)
         index = np.searchsorted(places, self._places, side="right") - 1
@@ -287,23 +289,19 @@ def _write(
 
 @njit(cache=True)
 def _write_in_space(
-    stations: NDArray[np.float64],
     stresses: NDArray[np.float64],
-    places: NDArray[np.float64],
+    element: NDArray[np.int32],
+    weight: NDArray[np.float64],
     up: NDArray[np.float64],
     across: NDArray[np.float64],
     free: NDArray[np.bool_],
     out: NDArray[np.float32],
 ) -> None:
-    last = stations.size - 2
     for v in range(out.shape[0]):
         if not free[v]:
             out[v] = 0.0
             continue
-        e = last
-        while e > 0 and stations[e] > places[v]:
-            e -= 1
-        w = min(max((places[v] - stations[e]) / (stations[e + 1] - stations[e]), 0.0), 1.0)
+        e, w = element[v], weight[v]
         total = 0.0
         for end in range(2):
             part = w if end else 1.0 - w
