@@ -6,13 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.command_line.bed_options import (
+    Bed,
+    BedSeed,
+    Elements,
+    Hook,
+    HookPath,
+    Lift,
+    Steps,
+    StrandCount,
+    check_options,
+    hook_path,
+)
 from app.command_line.load import (
-    BED_NAMES,
-    PATH_HELP,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
-    hook_path,
     organ_from,
     theory_options,
 )
@@ -89,33 +98,14 @@ def export(
             show_default="0.5; of a page what keeps it small",
         ),
     ] = None,
-    bed: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Free the duct from a bed of strands that part: {BED_NAMES} (`info --beds`)."
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", "--bed-seed", help="Bed: chooses its scattered strands.")
-    ] = 1,
-    hook: Annotated[
-        float | None,
-        typer.Option(help="Bed: mm from the first clamp; the middle if not given."),
-    ] = None,
-    lift: Annotated[
-        float | None, typer.Option(help="Bed: lift the hook so far off the bed, mm.")
-    ] = None,
-    path: Annotated[
-        str | None,
-        typer.Option(help=PATH_HELP),
-    ] = None,
-    steps: Annotated[
-        int, typer.Option(help="Bed: steps along the path; a motion has a key after each.")
-    ] = 60,
-    elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80,
-    strands: Annotated[
-        int | None, typer.Option(help="Bed: how many strands; about 600 if not given.")
-    ] = None,
+    bed: Bed = None,
+    seed: BedSeed = 1,
+    hook: Hook = None,
+    lift: Lift = None,
+    path: HookPath = None,
+    steps: Steps = 60,
+    elements: Elements = 80,
+    strands: StrandCount = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Write an organ under a pull, or freed from its bed, as a file for other tools.
@@ -144,15 +134,7 @@ def export(
     of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--law": law, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None, "--torn": torn or None}
     of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
-    wrong = of_bed if bed is None else of_pull
-    given = ", ".join(name for name, value in wrong.items() if value is not None)
-    if given and bed is None:
-        raise ValueError(f"{given} go with --bed")
-    if given:
-        raise ValueError(
-            f"a duct in a --bed is a beam in space, pulled by --hook and --lift or --path in "
-            f"--steps; leave out {given}"
-        )
+    check_options(bed, of_bed, of_pull)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, chosen_preset(preset) if preset else default_preset(tissue))
     edges = 0.5 if edge_length is None else edge_length

@@ -1,6 +1,5 @@
-"""Shared by the commands: an organ from a file or the shipped one, a theory, and a hook's path."""
+"""Shared by the commands: an organ from a file or the shipped one, and a theory."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -15,23 +14,15 @@ PRESET_NAMES = (
 """For the help, which must not wait until the presets are read; a test compares."""
 
 PRESET_HELP = f"{PRESET_NAMES}; or a preset file, .toml."
-BED_NAMES = "normal, loose, firm, inflamed or scar"
-"""As for the presets; `bluntdissect info --beds` says where they are from."""
-PATH_HELP = (
-    "Bed: the hook's displacements from rest, mm, as JSON: a list of points of three numbers each."
-)
 
 THEORY_HELP = "cubic, string, exact, fem or mass-spring."
 
 __all__ = [
-    "BED_NAMES",
-    "PATH_HELP",
     "PRESET_HELP",
     "PRESET_NAMES",
     "THEORY_HELP",
     "chosen_theory",
     "equilibrium",
-    "hook_path",
     "organ_from",
     "shipped_organ",
     "theory_options",
@@ -99,17 +90,3 @@ def equilibrium(
         return theory.pull(beam, at).to_force(force).sample(stations)
     assert deflection is not None  # noqa: S101
     return theory.pull(beam, at).to_deflection(deflection).sample(stations)
-
-
-def hook_path(lift: float | None, path: str | None) -> tuple[tuple[float, float, float], ...]:
-    """Return the hook's displacements from the options, mm."""
-    if (lift is None) == (path is None):
-        raise ValueError("give either --lift (mm) or --path '[[x,y,z],...]' (mm)")
-    if path is None:
-        assert lift is not None  # noqa: S101
-        return ((0.0, 0.0, lift),)
-    try:
-        points = json.loads(path)
-        return tuple((float(x), float(y), float(z)) for x, y, z in points)
-    except (TypeError, ValueError):
-        raise ValueError(f"--path must be JSON of points [[x,y,z],...] in mm, not {path}") from None

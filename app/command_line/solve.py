@@ -7,14 +7,23 @@ from typing import Annotated
 
 import typer
 
+from app.command_line.bed_options import (
+    Bed,
+    BedSeed,
+    Elements,
+    Hook,
+    HookPath,
+    Lift,
+    Steps,
+    StrandCount,
+    check_options,
+    hook_path,
+)
 from app.command_line.load import (
-    BED_NAMES,
-    PATH_HELP,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,
     equilibrium,
-    hook_path,
     organ_from,
     theory_options,
 )
@@ -62,29 +71,14 @@ def solve(
         float | None,
         typer.Option(help="Stress at which it breaks, MPa; the preset's own if not given."),
     ] = None,
-    bed: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Lay the duct in a bed of strands that part: {BED_NAMES} (`info --beds`)."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Bed: chooses its scattered strands.")] = 1,
-    hook: Annotated[
-        float | None,
-        typer.Option(help="Bed: mm from the first clamp; the middle if not given."),
-    ] = None,
-    lift: Annotated[
-        float | None, typer.Option(help="Bed: lift the hook so far off the bed, mm.")
-    ] = None,
-    path: Annotated[
-        str | None,
-        typer.Option(help=PATH_HELP),
-    ] = None,
-    steps: Annotated[int, typer.Option(help="Bed: steps along the path.")] = 60,
-    elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80,
-    strands: Annotated[
-        int | None, typer.Option(help="Bed: how many strands; about 600 if not given.")
-    ] = None,
+    bed: Bed = None,
+    seed: BedSeed = 1,
+    hook: Hook = None,
+    lift: Lift = None,
+    path: HookPath = None,
+    steps: Steps = 60,
+    elements: Elements = 80,
+    strands: StrandCount = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Bed: write the history as CSV here.")
     ] = None,
@@ -98,21 +92,13 @@ def solve(
     """
     of_bed = {"--hook": hook, "--lift": lift, "--path": path, "--strands": strands, "-o": output}
     of_bed |= {"--seed": seed != 1 or None, "--steps": steps != 60 or None}
-    if bed is None:
-        given = [name for name, value in of_bed.items() if value is not None]
-        if given:
-            raise ValueError(f"{', '.join(given)} go with --bed")
-    else:
-        of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
-        of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
-        of_pull |= {"--poisson": poisson, "--law": law, "--shear": shear or None}
-        of_pull |= {"--theory": theory != "cubic" or None}
-        given = [name for name, value in of_pull.items() if value is not None]
-        if given:
-            raise ValueError(
-                f"a duct in a --bed is a beam in space, pulled by --hook and --lift or --path; "
-                f"leave out {', '.join(given)}"
-            )
+    of_bed |= {"--elements": elements != 80 or None}
+    of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
+    of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
+    of_pull |= {"--poisson": poisson, "--law": law, "--shear": shear or None}
+    of_pull |= {"--theory": theory != "cubic" or None}
+    check_options(bed, of_bed, of_pull)
+    if bed is not None:
         in_bed(
             bed,
             preset=preset,

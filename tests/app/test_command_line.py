@@ -14,7 +14,8 @@ import trimesh
 from own_organ import phantom_start
 from program import refused, run
 
-from app.command_line.load import BED_NAMES, PRESET_NAMES
+from app.command_line.bed_options import BED_NAMES
+from app.command_line.load import PRESET_NAMES
 from app.simulation import presets
 from app.simulation.bed import bed_presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3

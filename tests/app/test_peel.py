@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from program import refused, run
 
-from app.command_line.load import BED_NAMES
+from app.command_line.bed_options import BED_NAMES
 from app.simulation.bed.preset import bed_presets
 from app.simulation.bed.scene import BeamTable, BedTable, HandTable, RodTable, StrandTable
 
