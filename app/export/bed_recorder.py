@@ -23,10 +23,12 @@ Floats = NDArray[np.float64]
 
 
 class BedRecorder:
-    """Takes down a motion of a duct on its bed."""
+    """Takes down a motion of a duct on its bed; a `divided` one has no second clamp."""
 
-    def __init__(self, dissection: Dissection, surface: BeddedSurface) -> None:
-        self._dissection, self._surface = dissection, surface
+    def __init__(
+        self, dissection: Dissection, surface: BeddedSurface, *, divided: bool = False
+    ) -> None:
+        self._dissection, self._surface, self._divided = dissection, surface, divided
         self._keys: list[MotionKey] = []
         self._states: list[tuple[Floats, Floats, float, Floats, Floats]] = []
         self._tear: float | None = None
@@ -73,7 +75,17 @@ class BedRecorder:
         damage, force, freed, at, stresses = map(np.array, zip(*self._states, strict=True))
         feet, ends = stubs(feet, ends)
         track = BedTrack(
-            self._surface, stations, feet, ends, damage, force, freed, at, stresses, self._tear
+            self._surface,
+            stations,
+            feet,
+            ends,
+            damage,
+            force,
+            freed,
+            at,
+            stresses,
+            self._tear,
+            self._divided,
         )
         return Motion.of(name, self._keys, track)
 

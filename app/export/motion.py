@@ -128,7 +128,8 @@ class Motion:
         if self.second is None or self.bed is None or self.bed.tear is None:
             return self.transforms[key]
         beyond = (driving.stations >= self.bed.tear)[:, np.newaxis, np.newaxis]
-        return np.where(beyond, self.second[key], self.transforms[key])
+        led: NDArray[np.float64] = np.where(beyond, self.second[key], self.transforms[key])
+        return led
 
     @property
     def whole(self) -> NDArray[np.bool_]:

@@ -63,7 +63,7 @@ class RecordedRun:
             raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
         replay.seek_tick(0)
         duct = session.duct
-        recorder = BedRecorder(duct.dissection, duct.surface)
+        recorder = BedRecorder(duct.dissection, duct.surface, divided=duct.divided)
         shown = np.rint(np.linspace(0.0, ticks, frames)).astype(int)
         # A tear ends the run: the last key of the whole duct is the one before.
         for tick in np.unique([*shown, ticks - 1]).tolist():

@@ -65,6 +65,7 @@ class BedTrack:
     stations: Floats  # (T, N) of the beam's nodes, mm from the first clamp
     stresses: Floats  # (T, N - 1, 2, 3) MPa (`BeamOnBed.stresses`)
     tear: float | None = None  # where the organ tears, mm along its axis
+    divided: bool = False  # whether the organ ends at its second clamp, which is gone
 
     def binding(self, driving: DrivingPoints, stations: Floats) -> tuple[NDArray[np.int32], Floats]:
         """Return the first of the two driving points that places follow, the second's weight."""

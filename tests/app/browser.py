@@ -305,6 +305,13 @@ DRAWN = """(function start() {
                     tops[name] = Math.max(tops[name] ?? -Infinity, places[z]);
             });
         }
+        let parted = null;
+        nodes['/bed/strands']?.traverse(child => {
+            if (parted !== null || !child.isMesh) return;
+            parted = 0;
+            const numbers = child.geometry.attributes.position.array;
+            for (let k = 3; k < numbers.length; k += 5) parted += numbers[k] === -9;
+        });
         const lights = [];
         scene.traverseVisible(node => { if (node.isLight) lights.push(node.type); });
         const hook = nodes['/stage/hook'];
@@ -312,7 +319,7 @@ DRAWN = """(function start() {
             clock: Number(document.querySelector('input')?.value ?? NaN),
             caption: document.getElementById('caption').textContent,
             tops, hook: hook.position.z, lights: lights.sort(),
-            around: Boolean(scene.environment), fog: scene.fog?.near ?? null,
+            around: Boolean(scene.environment), fog: scene.fog?.near ?? null, parted,
         });
     };
 })()"""
@@ -331,6 +338,7 @@ class Drawn:
     lights: list[str]
     around: bool
     fog: float | None
+    parted: int | None  # strands of a bed, as they are streamed
 
 
 class PlayerPage:

@@ -268,3 +268,24 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
     assert np.linalg.norm(middles[parted, :4] - ends[parted, None], axis=2).max() < 3.0
     on_bed = middles[parted, 4:] - middles[parted, -1:]
     assert np.linalg.norm(on_bed, axis=2).max() < 3.0
+
+
+def test_a_divided_duct_is_drawn_without_its_second_clamp(
+    client: viser.ClientHandle, session: BedSession
+) -> None:
+    front = next(each for each in session.exercises_offered() if each.name == "follow-front")
+    scene = BedScene(client, session, "full")
+    stubs: list[list[int]] = []
+    for exercise in (None, front):
+        if exercise is not None:
+            session.start_exercise(exercise)
+        scene.draw(session.reading())
+        assert scene._stage is not None
+        assert [clamp.visible for clamp in scene._stage._clamps] == [True, exercise is None]
+        (drawn,) = scene._drawn
+        stubs.append([len(each) for each in drawn.contact.stubs])
+    assert stubs[0][0] == stubs[0][1] == stubs[1][0] > 0
+    assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
+    session.reset()
+    scene.draw(session.reading())
+    assert scene._stage._clamps[1].visible

@@ -173,3 +173,23 @@ def test_the_skin_bears_the_stress_of_bending_up_and_across(session: BedSession)
     _, across, up = (out @ duct.dissection.frame)[0]
     assert np.cos(np.arctan2(across, up) - worst.side) > 0.9
     assert abs(np.sin(worst.side)) > 0.2  # else this would say nothing of bending across
+
+
+def test_a_divided_duct_is_lifted_off_its_bed_by_its_free_end(session: BedSession) -> None:
+    """Its end follows the hook, turned up, for less than the same way takes between clamps."""
+    duct = session.duct
+    shares: list[float] = []
+    for divided in (False, True):
+        duct.reset((44.7, 50.8), divided=divided)
+        assert (duct.grab(0, 50.8) is not None) == divided, "a clamp cannot be held"
+        start = duct.grab(0, 45.0)
+        assert start is not None
+        for tick in range(1, 61):
+            duct.move_hand(0, start + tick / 10.0 * UP)
+            duct.advance()
+        shares.append(duct.reading().peak_share)
+        moved = duct.beam.places - duct.beam.rest_places
+        assert np.abs(moved[0]).max() == 0.0
+        assert moved[-1, 2] == pytest.approx(8.0 if divided else 0.0, abs=2.0 * divided)
+    assert shares[1] < 0.5 * shares[0]
+    assert duct.freed_stretches()[-1][1] == pytest.approx(50.8)

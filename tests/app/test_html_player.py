@@ -120,6 +120,36 @@ def test_titles_are_text() -> None:
     assert titled.index("</script>") < titled.index('<div id="about">') < titled.rindex("</body>")
 
 
+def test_a_page_plays_how_a_duct_is_freed_and_torn(tmp_path: Path) -> None:
+    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
+    path = ((0.0, 0.0, 14.0),)
+    wanted = BedExport(
+        dissection, bed_named("inflamed"), 25.4, path, steps=20, elements=40, strands=150
+    )
+    page_file = tmp_path / "torn.html"
+    page_file.write_text(export_page(wanted, edge_length=page_edge_length(dissection.organ)))
+    motion = wanted.motion
+    assert motion.bed is not None
+    errors: list[str] = []
+    with running_browser(drawing=False) as browser:
+        page = new_context(browser, 480, 300).new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        (pictures,) = PlayerPage(page, page_file).passes(1)
+        assert not errors
+    freed = [re.search(r"freed ([\d.]+) mm", drawn.caption) for drawn in pictures]
+    lengths = [float(found[1]) for found in freed if found]
+    assert lengths == sorted(lengths)
+    assert lengths[0] == 0.0
+    assert lengths[-1] > 5.0
+    parted = [drawn.parted for drawn in pictures]
+    assert parted[0] == 0
+    assert parted[-1] == int((motion.bed.damage[-1] >= 1.0).sum())
+    assert pictures[0].tops.keys() == {"organ"}
+    assert pictures[-1].tops.keys() == set(PIECES)
+    assert pictures[-1].caption == "F 0 N   torn in two"
+    assert "and tears it at 25.4 mm" in page_file.read_text()
+
+
 def test_a_page_of_a_duct_in_its_bed_says_which_and_can_be_sent() -> None:
     dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
     edge_length = page_edge_length(dissection.organ)

@@ -33,7 +33,7 @@ class BeddedSurface:
     """
 
     def __init__(self, dissection: Dissection, rest: SpaceBeam, strands: Strands) -> None:
-        self._dissection, self._rest, self._strands = dissection, rest, strands
+        self._dissection, self._rest, self.strands = dissection, rest, strands
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
         self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
 
@@ -71,17 +71,24 @@ class BeddedSurface:
     def freed_at(self, damage: Floats, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
         reach = self._rest.span / ELEMENTS
-        order = np.argsort(self._strands.stations, kind="stable")
-        placed = self._strands.stations[order]
+        order = np.argsort(self.strands.stations, kind="stable")
+        placed = self.strands.stations[order]
         parted = np.concatenate([[0.0], np.cumsum(damage[order] >= 1.0)])
         low = np.searchsorted(placed, self.scale * stations - reach)
         high = np.searchsorted(placed, self.scale * stations + reach)
         return (parted[high] - parted[low]) / np.maximum(high - low, 1)
 
+    def strand_angles(self) -> Floats:
+        """Return (S,) where round the beam strands hold it, rad from straight down, to the side."""
+        places, axes = self._rest.frames_at(self.strands.stations)
+        out = self.strands.ends - places
+        across, up = (np.einsum("si,si->s", out, axes[:, row]) for row in (1, 2))
+        return np.arctan2(across, -up)
+
     def strands_at_rest(self) -> tuple[Floats, Floats, Floats]:
         """Return the strands as they are drawn at rest, in the organ's coordinates."""
         # (S,) stations along the organ's axis, (S, 3) ends on its surface and (S, 3) feet, mm.
-        strands, organ = self._strands, self._dissection.organ
+        strands, organ = self.strands, self._dissection.organ
         frame = self._dissection.frame
         stations = self._dissection.clamps[0] + strands.stations / self.scale
         places, axes = self._rest.frames_at(strands.stations)

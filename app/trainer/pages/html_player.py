@@ -14,7 +14,6 @@ from app.export.bed_export import BedExport
 from app.export.motion import RECOIL_STEP, Motion
 from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
-from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, Phase, Reading
 from app.simulation.bed import BED_THEORY
 from app.trainer.scene.duct_on_stage import TORN_ENDS
@@ -24,6 +23,7 @@ from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.contact import Contact, HookPlace, sink
 from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
+from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs
 from app.trainer.stage.tissue import Tissue, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
@@ -47,7 +47,6 @@ GRID = 1.0 / 256.0
 REST_SECONDS, END_SECONDS = 0.6, 1.2
 """s of rest before and after the motion."""
 ASPECT = 16.0 / 9.0
-STRAND_COLOR, STRAND_MM = (228, 204, 178), 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,17 +192,21 @@ def _recorded(
     scene.add_frame("/organ", show_axes=False, wxyz=turn.wxyz, position=turn.apply(-first))
     scene.add_frame("/finish", show_axes=False, position=(0.5 * stage.span, 0.0, 0.0))
     send_finish(scene, look, stage.radius)
-    whole = _body(scene, dissection, "organ", bound, None)
+    divided = motion.bed is not None and motion.bed.divided
+    stage.show_second_clamp(not divided)
+    whole = _body(scene, dissection, "organ", bound, None, divided=divided)
     torn = [
-        _body(scene, dissection, name, piece.skin.bound_to(dissection.driving), piece)
+        _body(
+            scene,
+            dissection,
+            name,
+            piece.skin.bound_to(dissection.driving),
+            piece,
+            divided=divided,
+        )
         for name, piece in zip(PIECES, pieces or (), strict=False)
     ]
-    strands: viser.LineSegmentsHandle | None = None
-    rest = motion.strands_at(0, dissection.driving)
-    if rest is not None:
-        strands = scene.add_line_segments(
-            "/organ/strands", _halves(rest), STRAND_COLOR, thickness=STRAND_MM
-        )
+    strands = None if motion.bed is None else _PageStrands(scene, stage, motion, dissection)
     written = ""
 
     # At these keys the hidden surfaces are sent as they are at the key where they appear next.
@@ -232,9 +235,8 @@ def _recorded(
         for number, body in enumerate(shown):
             pose = motion.of_piece(number).transforms[key]
             body.show(pose, float(motion.fronts[key]), place)
-        moved = motion.strands_at(key, dissection.driving)
-        if strands is not None and moved is not None:
-            strands.points = _halves(moved)
+        if strands is not None:
+            strands.show(key)
         freed = None if motion.bed is None else float(motion.bed.freed[key])
         words = _caption(motion.readings[key], freed)
         if written != words:
@@ -263,15 +265,18 @@ def _body(
     name: str,
     bound: BoundSkin,
     piece: TornPiece | None,
+    *,
+    divided: bool,
 ) -> _Body:
     """Add a surface; a piece is added as it is before the tear opens."""
     organ, skin = dissection.organ, bound.skin
     look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
+    first, last = dissection.clamps
     contact = Contact(
         skin,
         organ.axis_at(skin.stations),
         dissection.frame,
-        dissection.clamps,
+        (first, math.inf if divided else last),
         radius,
         thickness=radius / organ.mean_radius,
         bite=look.bite,
@@ -283,22 +288,50 @@ def _body(
         look=look,
         radius=radius,
         lumen=drawn_lumen(dissection),
-        torn_end=TORN_ENDS.get(name),
+        torn_end=TORN_ENDS.get(name) or ("last" if divided else None),
     )
     body = _Body(bound, piece, contact, tissue, skin.vertices.copy())
     body.show(dissection.rest_transforms(), 0.0, None)
     return body
 
 
-def _halves(strands: StrandsSnapshot) -> NDArray[np.float32]:
-    """Return (2 S, 2, 3) lines, mm: both halves of whole strands, both stubs of parted ones."""
-    middle = np.mean([strands.feet[:, 0], strands.ends[:, 0]], axis=0)
-    parted = strands.parted[:, np.newaxis]
-    lines = [
-        np.stack([part[:, 0], np.where(parted, part[:, 1], middle)], axis=1)
-        for part in (strands.feet, strands.ends)
-    ]
-    return _rounded(np.concatenate(lines).astype(np.float32))
+class _PageStrands:
+    """A bed's strands in a page, drawn by the trainer's own script."""
+
+    def __init__(self, scene: viser.SceneApi, stage: Stage, run: Motion, duct: Dissection) -> None:
+        assert run.bed is not None  # noqa: S101 (the caller has looked)
+        self._run, self._duct, surface = run, duct, run.bed.surface
+        self._first = duct.axis_point(0.0)
+        self._strands = strands = surface.strands
+        self._drawn = DrawnStrands(
+            scene,
+            "/bed/strands",
+            self._numbers(0),
+            feet=(run.bed.feet[:, 0] - self._first) @ duct.frame,
+            toughness=strands.stiffness * strands.yield_ * strands.part,
+            pairs=film_pairs(strands.stations, surface.strand_angles()),
+            rods=0,
+            header=0,
+            floor=stage.floor,
+            scale=stage.scale,
+            bed_columns=stage.bed_columns,
+            fibres=1,
+        )
+
+    def show(self, key: int) -> None:
+        """Draw them as they are at a key."""
+        self._drawn.send(self._numbers(key))
+
+    def _numbers(self, key: int) -> NDArray[np.float32]:
+        now = self._run.strands_at(key, self._duct.driving)
+        assert now is not None  # noqa: S101 (it is on a bed)
+        strands, way = self._strands, now.ends[:, 0] - now.feet[:, 0]
+        elongation = np.sqrt((way**2).sum(axis=1)) - strands.length
+        out = np.zeros((len(way), NUMBERS), np.float32)
+        out[:, :3] = (now.ends[:, 0] - self._first) @ self._duct.frame
+        out[:, 3] = elongation / np.where(elongation > 0.0, strands.part, strands.length)
+        out[now.parted, 3] = PARTED
+        return _rounded(out).ravel()
 
 
 def _rounded(numbers: NDArray[np.float32]) -> NDArray[np.float32]:

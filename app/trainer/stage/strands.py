@@ -19,7 +19,7 @@ from app.trainer.viser_bridge import run_in_page
 from kernel_cache import njit
 from physics.bed import BeamOnBed, kernels
 
-__all__ = ["PARTED", "StrandsInBed", "write_strands"]
+__all__ = ["NUMBERS", "PARTED", "DrawnStrands", "StrandsInBed", "film_pairs", "write_strands"]
 
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
@@ -40,13 +40,82 @@ def _script() -> str:
     return Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
 
 
-class StrandsInBed:
-    """The strands of one client's duct, the scene node `name`, in the stage's coordinates.
+class DrawnStrands:
+    """S strands, the scene node `name`, in the stage's coordinates.
+
+    `numbers` are those that are streamed: `header` of `rods`, then five of each strand. `feet`,
+    (S, 3), are in mm, `toughness`, (S,), in any unit, and `pairs`, (P, 2), are strands that films
+    join. `floor` and `scale` are the place and the scale of the stage's bed, `bed_columns` how many
+    points a row of it has, 0 for a hard one, and `fibres` how many threads a strand is drawn with.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        numbers: NDArray[np.float32],
+        *,
+        feet: NDArray[np.float64],
+        toughness: NDArray[np.float64],
+        pairs: NDArray[np.int64],
+        rods: int,
+        header: int,
+        floor: tuple[float, float, float],
+        scale: float,
+        bed_columns: int,
+        fibres: int,
+    ) -> None:
+        self._scene, self._name, self._header = scene, name, header
+        self._sent = np.zeros((-(-numbers.size // 3), 3), np.float32)
+        self._sent.reshape(-1)[: numbers.size] = numbers
+        self._mesh = scene.add_mesh_simple(
+            name,
+            self._sent,
+            np.zeros((1, 3), np.uint32),  # nothing to be seen without the script
+            color=(255, 255, 255),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        widths = WIDTH * np.clip((toughness / np.median(toughness)) ** 0.6, 0.45, 2.2)
+        wear = {
+            "count": len(feet),
+            "rods": rods,
+            "header": header,
+            "fibres": fibres,
+            "feet": _text(feet),
+            "widths": _text(widths),
+            "pairs": _text(pairs),
+            "floor": list(floor),
+            "scale": scale,
+            "columns": bed_columns,
+        }
+        run_in_page(
+            scene, f"{_script()}\nbluntdissectStrands.show({json.dumps(name)}, {json.dumps(wear)});"
+        )
+
+    @property
+    def whole(self) -> int:
+        """How many are drawn whole."""
+        return int((self._sent.reshape(-1)[self._header + 3 :: NUMBERS] > PARTED).sum())
+
+    def send(self, numbers: NDArray[np.float32]) -> None:
+        """Draw the strands by new numbers, if that can be seen to differ."""
+        sent = self._sent.reshape(-1)[: numbers.size]
+        if np.abs(numbers - sent).max() > LEAST_CHANGE:
+            sent[:] = numbers
+            self._mesh.vertices = self._sent
+
+    def remove(self) -> None:
+        """Remove them from the scene."""
+        self._mesh.remove()
+        run_in_page(self._scene, f"bluntdissectStrands.remove({json.dumps(self._name)});")
+
+
+class StrandsInBed(DrawnStrands):
+    """The strands of one client's duct, as its beam has them.
 
     `aside`, (S, 3) mm in the order of `beam.strands`, is how far off its place each is drawn, where
-    the duct's skin is not the beam's. `floor` and `scale` are the place and the scale of the
-    stage's bed, `bed_columns` how many points a row of it has, 0 for a hard one, and `fibres` how
-    many threads a strand is drawn with.
+    the duct's skin is not the beam's.
     """
 
     def __init__(
@@ -61,58 +130,29 @@ class StrandsInBed:
         bed_columns: int,
         fibres: int,
     ) -> None:
-        self._scene, self._name = scene, name
-        strand, order = beam.state.strand, beam.order
-        self._aside = aside[order]
-        count, rods = beam.strands.count, beam.state.rods.shape[0]
-        self._header = beam.state.rods.size
-        size = self._header + NUMBERS * count
-        self._sent = np.zeros((-(-size // 3), 3), np.float32)
-        self._new = self._sent.copy()
-        write_strands(beam, self._aside, self._new.reshape(-1))
-        self._sent[:] = self._new
-        self._mesh = scene.add_mesh_simple(
+        strand, rods = beam.state.strand, beam.state.rods
+        self._aside = aside[beam.order]
+        self._new = write_strands(beam, self._aside)
+        arm = strand[kernels.ARM_X : kernels.ARM_Z + 1]
+        nodes = np.repeat(np.arange(beam.stations.size), np.diff(beam.state.first))
+        super().__init__(
+            scene,
             name,
-            self._sent,
-            np.zeros((1, 3), np.uint32),  # nothing to be seen without the script
-            color=(255, 255, 255),
-            cast_shadow=False,
-            receive_shadow=False,
+            self._new,
+            feet=strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T + self._aside,
+            toughness=strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.PART],
+            pairs=film_pairs(beam.stations[nodes] + arm[0], np.arctan2(arm[1], -arm[2])),
+            rods=rods.shape[0],
+            header=rods.size,
+            floor=floor,
+            scale=scale,
+            bed_columns=bed_columns,
+            fibres=fibres,
         )
-        tough = strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.PART]
-        widths = WIDTH * np.clip((tough / np.median(tough)) ** 0.6, 0.45, 2.2)
-        wear = {
-            "count": count,
-            "rods": rods,
-            "header": self._header,
-            "fibres": fibres,
-            "feet": _text(strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T + self._aside),
-            "widths": _text(widths),
-            "pairs": _text(film_pairs(beam)),
-            "floor": list(floor),
-            "scale": scale,
-            "columns": bed_columns,
-        }
-        run_in_page(
-            scene, f"{_script()}\nbluntdissectStrands.show({json.dumps(name)}, {json.dumps(wear)});"
-        )
-
-    @property
-    def whole(self) -> int:
-        """How many are drawn whole."""
-        return int((self._sent.reshape(-1)[self._header + 3 :: NUMBERS] > PARTED).sum())
 
     def show(self, beam: BeamOnBed) -> None:
-        """Draw the strands as they are now, if that can be seen to differ."""
-        write_strands(beam, self._aside, self._new.reshape(-1))
-        if np.abs(self._new - self._sent).max() > LEAST_CHANGE:
-            self._sent[:] = self._new
-            self._mesh.vertices = self._sent
-
-    def remove(self) -> None:
-        """Remove them from the scene."""
-        self._mesh.remove()
-        run_in_page(self._scene, f"bluntdissectStrands.remove({json.dumps(self._name)});")
+        """Draw the strands as they are now."""
+        self.send(write_strands(beam, self._aside, self._new))
 
 
 def write_strands(
@@ -131,12 +171,8 @@ def write_strands(
     return out
 
 
-def film_pairs(beam: BeamOnBed) -> NDArray[np.int64]:
-    """Return (P, 2) strands, in the order of the beam's state, that films join."""
-    arm = beam.state.strand[kernels.ARM_X : kernels.ARM_Z + 1]
-    angle = np.arctan2(arm[1], -arm[2])
-    nodes = np.repeat(np.arange(beam.stations.size), np.diff(beam.state.first))
-    along = beam.stations[nodes] + arm[0]
+def film_pairs(along: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return (P, 2) strands that films join, by their stations, mm, and rad from straight down."""
     pairs = [np.empty((0, 2), np.int64)]
     for flank in (-1.0, 1.0):
         for low, high in pairwise(FILM_ANGLES):
