@@ -12,7 +12,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import blocks, commands, run
+from program import command, run
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -45,14 +45,36 @@ def test_make_knows_its_targets(words: list[str]) -> None:
 def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "assets").symlink_to(ROOT / "assets")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     said = ""
     for words in commands(README, "bluntdissect"):
+        if words[:2] == ["class", "new"]:
+            serves_a_class(words)
+            continue
         done = run(*words)
         assert done.returncode == 0, (words, done.stderr)
         said += done.stdout
     assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}
     for line in "".join(blocks(README, "text")).splitlines():
         assert line in said
+
+
+def serves_a_class(words: list[str]) -> None:
+    """Check that a class can be opened by its links, and ends when told to."""
+    with subprocess.Popen(
+        command(*words, "--port", "0"), stdout=subprocess.PIPE, text=True
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout is not None
+            for who, place in (("Teacher", "./class/"), ("Trainees", "./")):
+                said = process.stdout.readline()
+                assert said.startswith(f"{who}: http://127.0.0.1:"), said
+                with urllib.request.urlopen(said.split()[1]) as answer:
+                    assert f"url={place}" in answer.read().decode()
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60.0) == 0
+        finally:
+            process.kill()
 
 
 def test_python_example_gives_its_figures() -> None:

@@ -24,9 +24,11 @@ from typing import Any
 import msgspec
 import psutil
 import viser
+from class_saver import check_killed, killed_while_saving
 from hostile import ATTACKS, kept_share
 from program import command
 
+from app.classroom.store import ClassStore
 from benchmarks.page_protocol import CAMERA, Page, connected
 
 FIGURES = Path(__file__).parents[2] / "docs" / "reliability.md"
@@ -35,6 +37,7 @@ ENCODE = msgspec.msgpack.encode
 SCALE = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
 ORIGINS, HOSTS = 60, 60
 MESSAGES, REQUESTS, PAGES = (round(SCALE * most) for most in (10_000, 10_000, 200))
+KILLS = round(SCALE * 100)
 PER_PAGE = 300  # Hostile messages of a page; what closes it is sent last
 SEED = 15
 
@@ -225,8 +228,25 @@ async def _opening(address: str) -> float:
     return time.monotonic() - start
 
 
+def killed_class() -> tuple[str, str]:
+    """Kill a process that saves a class's results, again and again."""
+    chance, acknowledged = random.Random(SEED), set[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "class.sqlite"
+        ClassStore.new(path, "Killed").close()
+        for _ in range(KILLS):
+            acknowledged |= killed_while_saving(path, chance.uniform(0.0, 0.3))
+            check_killed(path, acknowledged)
+        size = path.stat().st_size / 1e6
+    return (
+        "kills of a class that saves results",
+        f"{KILLS}: {len(acknowledged):,} results acknowledged, none lost, {size:.0f} MB, sound",
+    )
+
+
 def soak() -> Iterator[tuple[str, str]]:
     """Give each figure with its name."""
+    yield killed_class()
     # An address would otherwise open a page each half second only.
     with trainer("--most-per-address", 10**6) as running:
         yield from foreign(running)

@@ -1,0 +1,223 @@
+"""A class at work: a teacher and trainees in real pages, and who gets in where."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import PATIENCE, TrainerPage, new_context, trainer_page
+from playwright.sync_api import Browser, Page, expect
+from simulated import phantom
+from test_guard import UPGRADE, Answer
+
+from app.classroom.exercise_file import template
+from app.classroom.store import ClassStore
+from app.trainer.classroom.lesson import Lesson
+from app.trainer.classroom.teacher_page import TeacherPage
+from app.trainer.server.trainer import Trainer
+
+OWN = {"Host": "localhost:PORT"}
+PATHS = (
+    "/class", "/class/", "/class/live", "/class/results", "/class/results.csv",
+    "/class/results.json", "/class/report", "/class/run?id=x", "/class/teacher.js", "/class/x",
+)  # fmt: skip
+
+
+def opened(path: Path, port: int = 0) -> Trainer:
+    store = ClassStore(path)
+    return Trainer(phantom(), port=port, look="plain", lesson=Lesson(store, phantom()))
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("class") / "surgery-3a.sqlite"
+    ClassStore.new(path, "Surgery <3A>").close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def running(path: Path) -> Iterator[Trainer]:
+    trainer = opened(path)
+    trainer.warm_up.wait("dissect")
+    yield trainer
+    trainer.stop()
+
+
+def lesson_of(trainer: Trainer) -> Lesson:
+    assert trainer._lesson is not None
+    return trainer._lesson
+
+
+def cookie(trainer: Trainer, link: str | None) -> str:
+    assert link is not None
+    entered = Answer(trainer.port, OWN, "/?" + link.partition("?")[2])
+    assert entered.status == 200
+    return entered.headers["Set-Cookie"].partition(";")[0]
+
+
+@pytest.mark.parametrize("asked_path", PATHS)
+@pytest.mark.parametrize("kind", [{}, UPGRADE], ids=["page", "websocket"])
+def test_a_trainee_s_link_opens_nothing_of_the_teacher_s(
+    running: Trainer, asked_path: str, kind: dict[str, str]
+) -> None:
+    trainee, teacher = cookie(running, running.link), cookie(running, running.teacher_link)
+    assert trainee.partition("=")[0] + "-teacher" == teacher.partition("=")[0]
+    posing = f"{teacher.partition('=')[0]}={trainee.partition('=')[2]}"
+    token = running.link.partition("=")[2]
+    for headers in ({}, {"Cookie": trainee}, {"Cookie": posing},
+                    {"Cookie": trainee, "Authorization": f"Bearer {token}"}):  # fmt: skip
+        answer = Answer(running.port, OWN | kind | headers, asked_path)
+        assert answer.status == 403, headers
+        assert "Surgery" not in answer.text
+    foreign = OWN | kind | {"Cookie": teacher, "Origin": "http://attacker.example"}
+    assert Answer(running.port, foreign, asked_path).status == 403
+    answer = Answer(running.port, OWN | {"Cookie": f"{trainee}; {teacher}"}, asked_path)
+    assert answer.status in (200, 307, 404)
+    assert running.link != running.teacher_link
+    assert running.teacher_link is not None
+    assert token not in running.teacher_link
+
+
+def test_the_teacher_s_page_runs_no_script_but_its_own(running: Trainer) -> None:
+    teacher = {"Cookie": cookie(running, running.teacher_link)}
+    page = Answer(running.port, OWN | teacher, "/class/")
+    assert "script-src 'self';" in page.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in page.headers["Content-Security-Policy"]
+    assert page.headers["Cache-Control"] == "no-store"
+    assert "Surgery &lt;3A&gt;" in page.text
+    assert "<3A>" not in page.text
+    assert Answer(running.port, OWN | teacher, "/class").headers["Location"] == "class/"
+
+
+def test_a_command_that_is_none_is_refused_in_words(running: Trainer) -> None:
+    page = TeacherPage(lesson_of(running), lambda: running.link)
+    for text in ("", "{", "[]", '{"type": "hello"}', '{"type": "delete"}', "x" * 60_000,
+                 '{"type": "delete", "person": "x"}', '{"type": "start"}',
+                 '{"type": "standing", "shown": 2}', '{"type": "assign", "text": "x"}',
+                 '{"type": "start", "more": 1}'):  # fmt: skip
+        assert set(json.loads(page._done(text))) == {"refused"}, text
+
+
+class Trainee:
+    """A trainee's page of the class."""
+
+    def __init__(self, page: TrainerPage) -> None:
+        self.trainer, self.page = page, page.page
+
+    def join(self, name: str) -> None:
+        self.trainer.row("Your name").locator("input").fill(name)
+        self.trainer.press("Join the class")
+        expect(self.page.get_by_test_id("class-name")).to_have_text(name)
+
+    def told(self, what: str) -> None:
+        expect(self.page.get_by_test_id("class-last")).to_contain_text(what, timeout=PATIENCE)
+
+    def lift(self, steps: int) -> None:
+        """Take the duct in the middle and lift it by keys, half a millimetre each."""
+        self.page.mouse.click(300, 500)  # from the field of the name to the picture
+        for key in ["g", *["ArrowUp"] * steps]:
+            self.page.keyboard.press(key)
+
+
+def teacher_page(browser: Browser, trainer: Trainer) -> Page:
+    page = new_context(browser).new_page()
+    page.set_default_timeout(PATIENCE)
+    assert trainer.teacher_link is not None
+    page.goto(trainer.teacher_link)
+    expect(page.locator("#connection")).to_have_text("Live", timeout=PATIENCE)
+    assert page.url.endswith("/class/")  # no token in the address
+    return page
+
+
+def test_a_lesson_from_the_first_name_to_the_restart(
+    browser: Browser, path: Path, running: Trainer
+) -> None:
+    token = running.link.partition("token=")[2]
+    lesson, port = lesson_of(running), running.port
+    wait = {"timeout": PATIENCE}
+    teacher = teacher_page(browser, running)
+    errors: list[str] = []
+    teacher.on("pageerror", lambda error: errors.append(str(error)))
+    with (
+        trainer_page(browser, running.address, query=f"&token={token}") as first,
+        trainer_page(browser, running.address, query=f"&token={token}") as second,
+    ):
+        ann, ben = Trainee(first), Trainee(second)
+        expect(teacher.locator("#count")).to_contain_text("2 without a name", **wait)
+        ann.join("Ann")
+        ben.join("<b>Ben</b>")
+        rows = teacher.locator("#people tbody tr")
+        expect(rows).to_have_count(2, **wait)
+        expect(rows.nth(1).locator("td").first).to_have_text("<b>Ben</b>")
+        expect(rows.first.locator(".bar b")).to_have_text("100 %")
+
+        teacher.locator("#text").fill(template("window").replace("Open a window", "One <i>"))
+        teacher.locator("#assign").click()
+        expect(teacher.locator("#now h3")).to_contain_text("One <i>", **wait)
+        assert not ann.page.get_by_test_id("class-exercise").is_visible()
+        teacher.locator("#start").click()
+        for each in (ann, ben):
+            exercise = each.page.get_by_test_id("class-exercise")
+            expect(exercise).to_contain_text("One <i>", **wait)
+            expect(each.page.get_by_test_id("exercise-state")).to_contain_text("Ready", **wait)
+
+        # Ann lifts the duct, which this exercise forbids; what she did is saved, then said.
+        ann.lift(14)
+        ann.told("Failed. The wall reached")
+        expect(ann.page.get_by_test_id("class-saved")).to_contain_text("Saved", **wait)
+        (kept,) = [each for each in lesson.store.runs() if each.finished]
+        assert (kept.passed, kept.title) == (False, "One <i>")
+        expect(teacher.locator("#found tbody tr")).to_have_count(1, **wait)
+        expect(teacher.locator("#found")).to_contain_text("0 of 1 passed")
+        assert teacher.locator("#found i").count() == 0
+        assert not ann.page.get_by_test_id("class-standing").is_visible()
+        teacher.locator("#standing").check()
+        expect(ann.page.get_by_test_id("class-standing")).to_contain_text("0 of 1", **wait)
+        assert not ben.page.get_by_test_id("class-standing").is_visible()  # no try yet
+
+        # The run again, and Ben's duct live; a trainee who asks for them gets neither.
+        replay = teacher.get_by_role("link", name="Replay").get_attribute("href") or ""
+        watch = rows.nth(1).get_by_role("link", name="Watch").get_attribute("href") or ""
+        for asked_for, word in ((replay, "Replay"), (watch, "Live")):
+            address = f"{running.address}/{asked_for.removeprefix('../')}"
+            looking = teacher.context.new_page()
+            looking.goto(address)
+            expect(looking.get_by_test_id("readout")).to_contain_text(word, **wait)
+            looking.close()
+            looking = ann.page.context.new_page()
+            looking.goto(address)
+            readout = looking.get_by_test_id("readout")
+            expect(readout).to_contain_text("100", **wait)
+            assert word not in (readout.text_content() or "")
+            looking.close()
+
+        # Ben has begun when the trainer stops.
+        ben.lift(2)
+        expect(rows.nth(1)).to_contain_text("of 120 s", **wait)
+        running.stop()
+        (cut,) = [each for each in ClassStore(path).runs() if not each.finished]
+        assert json.loads(cut.measures)["time_s"] > 0.0
+        again = opened(path, port)
+        try:
+            expect(teacher.locator("#connection")).to_have_text("Live", **wait)
+            ben.told("One <i> was cut short")
+            ann.told("Your last run, One <i>, failed at")
+            expect(ann.page.get_by_test_id("class-name")).to_have_text("Ann")
+            # Ben has not finished it: it is on his duct again. Ann has.
+            expect(ben.page.get_by_test_id("exercise-state")).to_contain_text("Ready", **wait)
+            assert not ann.page.get_by_test_id("exercise-state").is_visible()
+
+            rows.first.get_by_role("button", name="Delete").click()
+            teacher.get_by_role("dialog").get_by_role("button", name="Delete").click()
+            expect(rows).to_have_count(1, **wait)
+            expect(ann.trainer.row("Your name")).to_be_visible(**wait)
+            assert {each.person_id for each in lesson_of(again).store.runs()} == {cut.person_id}
+            teacher.locator("#stop").click()
+            expect(ben.page.get_by_test_id("exercise-state")).to_be_hidden(**wait)
+            started = time.monotonic()
+            again.stop()
+            assert time.monotonic() - started < 10.0
+        finally:
+            again.stop()
+    assert not errors, errors
