@@ -12,7 +12,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import command, run
+from program import blocks, command, commands, run
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
