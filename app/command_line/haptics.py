@@ -111,7 +111,7 @@ def haptics(
         raise ValueError(f"--seconds must be above 0, not {seconds:g}")
     if second is None and (second_device is not None or second_at):
         raise ValueError("--second-device and --second-at are of a second hook: give --second")
-    if second is not None and second_device is None and second_at <= 0.0:
+    if second is not None and second_device is None and not 0.0 < second_at < math.inf:
         raise ValueError("a second hook is led by --second-device, or --second-at says how far")
     from app.haptics.device import DeviceOptions
     from app.haptics.duct_choice import DuctChoice

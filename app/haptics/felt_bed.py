@@ -50,7 +50,7 @@ class FeltBed:
         self.grasps, self.coupling = grasps, coupling
         self.threshold, self._period = threshold, period
         self._at_first, self._touch_at_first = beam, touch
-        self.free = tips is not None
+        self.pushes, self.free = True, tips is not None
         self._tips_at_first = np.zeros((hooks, 3)) if tips is None else np.array(tips)
         self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
         self.hooks, self.tips = np.zeros((hooks, 3)), np.zeros((hooks, 3))

@@ -27,7 +27,7 @@ from physics import (
 from physics.cubic_kernels import cubic_deflection
 from physics.quantity import positive
 
-__all__ = ["FeltDuct", "FeltModel"]
+__all__ = ["UP", "FeltDuct", "FeltModel"]
 
 UP = 2
 """Axis of the pull among right, forward and up."""
@@ -46,6 +46,7 @@ class FeltModel(Protocol):
     spent: float  # energy that tears and parted strands have taken
     torn: bool
     grasps: tuple[float, ...]  # of the hooks, mm from the first clamp
+    pushes: bool  # whether they push as well as pull
     free: bool  # whether hooks move about before they take the duct
     coupling: float  # stiffness of the virtual coupling, N/mm
 
@@ -101,7 +102,7 @@ class FeltDuct:
         self.hooks = self.tips = np.zeros((hands, 3))
         self.stored = self.spent = 0.0
         self.torn = False
-        self.free = False
+        self.pushes = self.free = False
         self._steps = 0
         self._held = [False] * hooks
         self._heights = [0.0] * hooks

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
-from app.haptics.felt_duct import FeltModel
+from app.haptics.felt_duct import UP, FeltModel
 from app.haptics.regulator import Regulator
 from kernel_cache import njit
 
@@ -84,17 +84,22 @@ def _go(before: Array, led: Array, part: float, now: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def _work(
-    pulled: Array, elastic: Array, before: Array, led: Array, strides: int, hands: int
-) -> tuple[float, float]:
+    pulled: Array, elastic: Array, before: Array, led: Array, stride: int, strides: int,
+    hands: int, pushes: bool,
+) -> tuple[float, float]:  # fmt: skip
     """Return the work of one step of the model: of the hands, and of hooks without one."""
     by_hands = by_assist = 0.0
     for h in range(led.shape[0]):
         for j in range(3):
-            work = 0.5 * (pulled[h, j] + elastic[h, j]) * (led[h, j] - before[h, j]) / strides
-            if h < hands:
-                by_hands += work
-            else:
-                by_assist += work
+            force, way = 0.5 * (pulled[h, j] + elastic[h, j]), led[h, j] - before[h, j]
+            if h >= hands:
+                by_assist += force * way / strides
+            elif j < UP or pushes:
+                by_hands += force * way / strides
+            else:  # what a hook that only pulls goes below rest is no work
+                was = before[h, j] + (stride - 1) / strides * way
+                now = before[h, j] + stride / strides * way
+                by_hands += force * (max(now, 0.0) - max(was, 0.0))
     return by_hands, by_assist
 
 
@@ -197,8 +202,9 @@ class ServoLoop:
             _go(before, led, stride / strides, now)
             model.step(now, self._held)
             by_hands, by_assist = _work(
-                self._pulled, model.elastic_forces, before, led, strides, self.hands
-            )
+                self._pulled, model.elastic_forces, before, led, stride, strides,
+                self.hands, model.pushes,
+            )  # fmt: skip
             work += by_hands
             self.assist_work += by_assist
         before[:] = led
