@@ -1,6 +1,7 @@
 """The servo: what a scripted hand feels, its energy, its limits, and that it is made again."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,8 @@ class Felt:
 
 
 def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
-         seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0) -> Felt:  # fmt: skip
+         seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0,
+         stalled: Callable[[int], bool] = lambda _: False) -> Felt:  # fmt: skip
     settings = LoopSettings(rate, scale)
     device = VirtualDevice(DeviceOptions("", settings.period, script))
     loop = ServoLoop((chosen or choice()).felt(coupling), settings, device.limits)
@@ -69,7 +71,8 @@ def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 10
     for row in range(rows):
         device.exchange(loop.given[0], state)
         units = np.rint(state.position[None, :] / PLACE_UNIT).astype(np.int64)
-        loop.step(units, [FRESH | LIVE])
+        if not stalled(row):  # otherwise the device goes on under the last force
+            loop.step(units, [FRESH | LIVE])
         hooks[row], forces[row] = loop.model.hooks[0, 2], loop.model.forces[0, 2]
         given[row], books[row] = loop.given[0], loop.regulator.books
     return Felt(loop, device, hooks, forces, given, books)
@@ -126,6 +129,31 @@ def test_a_stiff_hand_with_a_delay_is_steady(reaction: float, latency: float) ->
     assert np.abs(np.diff(run.given[:, 2])).max() < 0.1
     assert run.books[:, MADE].max() < 0.02  # uJ twenty: the bound that is stated
     assert run.books[:, LEAST].min() > -0.02
+
+
+@pytest.mark.parametrize("stall", [3, 15])
+@pytest.mark.parametrize("reaction", [1.0, 5.0])
+def test_a_process_that_stalls_gives_the_hand_nothing(reaction: float, stall: int) -> None:
+    script = hand(
+        reaction_delay_ms=reaction, stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
+        tremor_mm=0.1,
+    )  # fmt: skip
+    run = felt(script, stalled=lambda row: row % 50 < stall)
+    assert run.forces.max() > 1.0
+    assert run.books[:, LEAST].min() > -0.02
+    assert 1e3 * run.device.simulated.work[1] < 0.02  # by the motors, in all
+    assert np.linalg.norm(np.diff(run.given, axis=0), axis=1).max() < 0.2
+
+
+def test_a_hand_is_where_its_first_state_says_however_late_that_comes() -> None:
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(), DeviceLimits(8.0, 200.0, 0.5))
+    for _ in range(5):
+        loop.step(np.zeros((1, 3), np.int64), [LIVE])
+    far = np.array([[0, -1_200_000, 1_500_000]])
+    for _ in range(50):
+        loop.step(far, [FRESH | LIVE])
+    assert not loop.model.torn
+    assert not loop.given.any()
 
 
 def test_the_controller_takes_out_what_sampling_makes() -> None:

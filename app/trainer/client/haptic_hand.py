@@ -9,6 +9,8 @@ of an older one is ignored. In a bed the servo is also told, at each tick, what 
 and keys does to the duct.
 """
 
+import pickle
+
 import numpy as np
 
 from app.haptics.servo_process import BedSetting, DuctSetting, FeltSetting, ServoProcess, Snapshot
@@ -50,7 +52,7 @@ class HapticHand:
         self._holds = [False] * self._hands
         self._torn = False
         self._told: str | None = None
-        self._led: object = None  # what was said last of the other hand
+        self._led: bytes | None = None  # what was said last of the other hand
 
     def attend(self, state: PullState | DissectState | None) -> None:
         """Advance by one tick, for the page that has the device, or for none."""
@@ -167,7 +169,7 @@ class HapticHand:
     def _lead_other(self, state: DissectState) -> None:
         """Tell the servo what the hand of mouse and keys does, and what the keys hold."""
         other = None if self._hands == HANDS else state.session.touch(HANDS - 1)
-        said = repr((other, state.device_holds))
+        said = pickle.dumps((other, state.device_holds))
         if said != self._led:
             self._led = said
             self._servo.lead(other, state.device_holds[: self._hands])
