@@ -53,7 +53,7 @@
 
   class Strands {
     constructor(source, bed) {
-      Object.assign(this, { source, bed });
+      Object.assign(this, { source, bed, worn: source.geometry });
       const { count, fibres, pairs } = bed;
       const ribbons = count * fibres, films = pairs.length / 2;
       let at = 0;
@@ -449,8 +449,11 @@
       for (const [name, bed] of beds) {
         const node = viewer.node(name), source = node && meshIn(node);
         if (!source) continue;
+        // Strands that replace others of their name may not be the node's yet.
+        const worn = source.geometry, size = worn.attributes.position.array.length;
+        if (size !== 3 * Math.ceil((bed.header + 5 * bed.count) / 3)) continue;
         let strands = drawn.get(name);
-        if (strands?.source !== source || strands.bed !== bed) {
+        if (strands?.source !== source || strands.worn !== worn || strands.bed !== bed) {
           strands?.remove();
           drawn.set(name, strands = new Strands(source, bed));
         }
