@@ -204,6 +204,14 @@ class TrainerPage:
         row = self.row(label)
         return float(row.locator("input:not([type=hidden])").input_value())
 
+    def charts(self) -> list[list[list[float | None]]]:
+        """The data of the charts that are drawn."""
+        return self.page.evaluate(
+            "() => Object.values(window.__viserTestpoints.uplots).filter(plot => plot.chart)"
+            ".map(plot => plot.chart.data.map(row => Array.from(row,"
+            " value => Number.isFinite(value) ? value : null)))"
+        )
+
     def press(self, button: str) -> None:
         """Press a button by its whole name."""
         self.page.get_by_role("button", name=button, exact=True).click()

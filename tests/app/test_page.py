@@ -41,15 +41,6 @@ from physics import Beam, Cubic, Exact
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264, poisson_ratio=0.3)
 
 
-def charts(tab: TrainerPage) -> list[list[list[float | None]]]:
-    """The data of the charts that are drawn."""
-    return tab.page.evaluate(
-        "() => Object.values(window.__viserTestpoints.uplots).filter(plot => plot.chart)"
-        ".map(plot => plot.chart.data.map(row => Array.from(row,"
-        " value => Number.isFinite(value) ? value : null)))"
-    )
-
-
 def seen(tab: TrainerPage, name: str) -> bool:
     """Whether a part of the organ is drawn."""
     return tab.page.evaluate(
@@ -239,8 +230,8 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         )
         assert aligned == [0.0] * 5
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
-        tab.wait_until(lambda: any(charts(tab)[0][6]))
-        x, _, _, _, cubic, exact, ansys, goal = charts(tab)[0]
+        tab.wait_until(lambda: any(tab.charts()[0][6]))
+        x, _, _, _, cubic, exact, ansys, goal = tab.charts()[0]
         assert not any(goal)
         shown = {a: b for a, b in zip(x, ansys, strict=True) if b is not None}
         assert shown == pytest.approx(
@@ -381,7 +372,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
 
 def over_time(tab: TrainerPage) -> list[list[list[float | None]]]:
     """The charts of a result: rows of time, values, the goal's two ends and the limit."""
-    return [rows for rows in charts(tab) if len(rows) == 5]
+    return [rows for rows in tab.charts() if len(rows) == 5]
 
 
 def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
@@ -419,8 +410,8 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         height = band[:, 2].max() - rest[near, 2].max()
         assert height == pytest.approx(gentle.high_mm, abs=0.5)
         assert np.ptp(band[:, 2]) == pytest.approx(gentle.high_mm - gentle.low_mm, abs=1e-3)
-        tab.wait_until(lambda: any(charts(tab)[0][7]))
-        x, *_, goal = charts(tab)[0]
+        tab.wait_until(lambda: any(tab.charts()[0][7]))
+        x, *_, goal = tab.charts()[0]
         there = [at for at, value in zip(x, goal, strict=True) if value]
         assert (there[0], there[-1]) == pytest.approx((gentle.low_mm, gentle.high_mm), rel=1e-6)
 
