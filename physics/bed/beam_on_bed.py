@@ -411,7 +411,7 @@ class BeamOnBed:
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
         far = 1e3 * self.beam.span + float(np.abs(self._rest_x).max())
         # Forces are known only to the tolerance of the equilibrium.
-        noise = 2.0 * self._rounding()
+        noise = 2.0 * self.rounding
         before = self._balance()
         done, size, largest = 0.0, 1.0, 1.0
         # A rod goes no farther at once than half its radius, lest it should jump over a strand.
@@ -519,7 +519,7 @@ class BeamOnBed:
         """Find equilibrium and damage with strands on rods as they are; the energy dissipated."""
         s = self.state
         # The tangent of a beam pressed against a rod is not exact: the last digits come slowly.
-        floor = self._rounding() + (1e-9 if s.rods[:, kernels.IN_USE].any() else 0.0)
+        floor = self.rounding + (1e-9 if s.rods[:, kernels.IN_USE].any() else 0.0)
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
             return kernels.yielded(s)
         # Slower and more robust: equilibrium under fixed damage, then damage by its law, in turn.
@@ -550,8 +550,9 @@ class BeamOnBed:
             float(stored),
         )
 
-    def _rounding(self) -> float:
-        """Return the error of forces from places rounded to their last digit, N."""
+    @property
+    def rounding(self) -> float:
+        """Error of forces from places rounded to their last digit, N."""
         s = self.state
         beam = float(s.stiff[:, :3].max()) / float(s.h.min())
         return 1e-15 * max(beam, self._tightest) * self.beam.span

@@ -133,6 +133,7 @@ class History:
     stress: Floats | None
     shape: Floats  # (N, 3) the nodes after the last step, mm
     damage: Floats  # (S,) of the strands after the last step, 0 to 1
+    rounding: float  # energy below which the balance is rounding, mJ
 
     @property
     def steps(self) -> int:
@@ -143,8 +144,8 @@ class History:
     def open_share(self) -> float:
         """Part of all work that the energy balance does not explain, in absolute value."""
         missing = self.work - self.stored - self.dissipated - self.snap
-        most = float(np.abs(self.work).max(initial=0.0))
-        return float(np.abs(missing).max(initial=0.0)) / most if most > 0.0 else 0.0
+        most, left = (float(np.abs(each).max(initial=0.0)) for each in (self.work, missing))
+        return left / most if left > self.rounding else 0.0
 
     def rows(self, threshold: float | None = None) -> list[dict[str, object]]:
         """Return a row for each step, as `bluntdissect peel --json` writes it."""
@@ -336,6 +337,7 @@ def pull(
         None if stress is None else stress[:total],
         held.places.copy(),
         held.damage,
+        held.rounding * beam.span,
     )
 
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.random_pulls import pulled_in_real_time
+from benchmarks.random_pulls import OPEN, pulled_in_real_time, pulled_through_equilibria
+from kernel_cache import njit
 from physics import Beam
 from physics.bed import (
     BeamOnBed,
@@ -19,6 +20,7 @@ from physics.bed import (
     Rod,
     SpaceBeam,
     Strands,
+    kernels,
     pull,
 )
 from physics.bed.peel_theory import (
@@ -489,6 +491,48 @@ def test_no_pull_is_lost(seed: int, at: float, way: tuple[float, float, float]) 
         beam, replace(LAYER, seed=seed, strands=120), [Hand(at=at, path=(way,), steps=4)]
     )
     balanced(history)
+
+
+@pytest.mark.parametrize("seed", [26, 56, 327, 569, 814])
+def test_rods_among_strands_lose_no_pull(seed: int) -> None:
+    """Ends inside rods, a slow way off a saddle, a leap to another shape; one that hangs free."""
+    assert pulled_through_equilibria(seed) < OPEN
+
+
+@njit
+def way_round(
+    end: tuple[float, float, float], foot: tuple[float, float, float], rod: np.ndarray, side: int
+) -> tuple[int, float, tuple[float, float, float]]:
+    found = kernels.way_round(end, foot, rod, side, False)
+    return found[0], found[1], found[2]
+
+
+def test_a_strand_s_length_round_a_rod_never_jumps() -> None:
+    """An end moved through a rod: the length changes by no more than the end has moved."""
+    random = np.random.default_rng(2)
+    rod = np.array([0.0, 0, 0, 0, 1, 0, 1, 1])
+    touched = 0
+    for _ in range(60):
+        start, way = random.normal(size=3) * 1.5 + [0, 6, 0], random.normal(size=3)
+        foot = tuple(random.normal(size=3) * 2.0 + [0, 6, 0])
+        before = None
+        for part in np.linspace(-3.0, 3.0, 300):
+            end = start + part * way
+            side, length, by_end = way_round(tuple(end), foot, rod, 0)
+            if not side & 1:
+                length = float(np.sqrt(((end - foot) ** 2).sum()))
+            if before is not None:
+                # Beyond 1 where an end inside makes the rod thicker as it goes out.
+                most = 3.4 * 6.0 / 299 * float(np.sqrt(way @ way))
+                assert abs(length - before) <= most
+            touched += side & 1
+            before = length
+            if side & 1 and part > 0.0:
+                ahead = way_round(tuple(end + 1e-6 * way), foot, rod, side)[1]
+                behind = way_round(tuple(end - 1e-6 * way), foot, rod, side)[1]
+                slope = (ahead - behind) / 2e-6
+                assert slope == pytest.approx(float(np.dot(by_end, way)), abs=1e-4)
+    assert touched > 1000
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,0 +1,92 @@
+"""The compiled part of a beam in space on a bed of strands: energy, gradient, tangent, Newton.
+
+Units mm, N, MPa, rad. Only + - * / and square roots, in a fixed order and without fast-math: a
+run gives the same bits on every machine that computes by IEEE 754. Indices: e elements; n, i and j
+nodes; r and c (or `col`) the freedoms of a node (x, y, z, then the spin about them); m rods.
+
+Read in this order: `vectors`, `state`, `beam`, `rods`, `strands`, `assembly`, `tangent`, `step`,
+`newton`, `balance`, `tick`.
+"""
+
+from physics.bed.kernels.assembly import assemble
+from physics.bed.kernels.balance import account
+from physics.bed.kernels.beam import set_rest
+from physics.bed.kernels.newton import equilibrium
+from physics.bed.kernels.rods import UNMET, way_round
+from physics.bed.kernels.state import (
+    ARM_X,
+    ARM_Z,
+    BEAM,
+    CONTACT,
+    DISSIPATED,
+    DRAG,
+    FOOT_X,
+    FOOT_Z,
+    IN_USE,
+    LENGTH,
+    PART,
+    POTENTIAL,
+    PUSHES,
+    RADIUS,
+    ROD_DISSIPATED,
+    ROD_PARTED,
+    ROD_ROWS,
+    ROD_WORK,
+    SHAFT,
+    SNAP,
+    STANDING,
+    STIFF,
+    STORED,
+    STRAND_ROWS,
+    STRANDS,
+    SUM_ROWS,
+    TIP,
+    WORK,
+    YIELD,
+    State,
+)
+from physics.bed.kernels.strands import meet_rods, strand_ends, yielded
+from physics.bed.kernels.tick import tick
+
+__all__ = [
+    "ARM_X",
+    "ARM_Z",
+    "BEAM",
+    "CONTACT",
+    "DISSIPATED",
+    "DRAG",
+    "FOOT_X",
+    "FOOT_Z",
+    "IN_USE",
+    "LENGTH",
+    "PART",
+    "POTENTIAL",
+    "PUSHES",
+    "RADIUS",
+    "ROD_DISSIPATED",
+    "ROD_PARTED",
+    "ROD_ROWS",
+    "ROD_WORK",
+    "SHAFT",
+    "SNAP",
+    "STANDING",
+    "STIFF",
+    "STORED",
+    "STRANDS",
+    "STRAND_ROWS",
+    "SUM_ROWS",
+    "TIP",
+    "UNMET",
+    "WORK",
+    "YIELD",
+    "State",
+    "account",
+    "assemble",
+    "equilibrium",
+    "meet_rods",
+    "set_rest",
+    "strand_ends",
+    "tick",
+    "way_round",
+    "yielded",
+]

@@ -1,0 +1,47 @@
+"""Energy, gradient and tangent of all: the beam, its strands, the floor, forces and springs."""
+
+from kernel_cache import njit
+from physics.bed.kernels.beam import beam_pass
+from physics.bed.kernels.state import BEAM, BENT_NOW, CONTACT, LOADS, SLIPPED_NOW, STRANDS, State
+from physics.bed.kernels.strands import strand_pass
+from physics.bed.kernels.vectors import inner
+
+
+@inner
+def node_pass(s: State) -> None:
+    """Add the floor under the nodes, dead forces and springs to their goals."""
+    contact = loads = 0.0
+    for n in range(s.x.shape[0]):
+        deep = s.floor[n, 1] - s.x[n, 2]
+        if deep > 0.0 and s.floor[n, 0] > 0.0:
+            s.g[n, 2] -= s.floor[n, 0] * deep
+            s.diagonal[n, 2, 2] += s.floor[n, 0]
+            contact += 0.5 * s.floor[n, 0] * deep * deep
+        for r in range(3):
+            if s.load[n, r] != 0.0:
+                s.g[n, r] -= s.load[n, r]
+                loads -= s.load[n, r] * s.x[n, r]
+            if s.spring[n, r] != 0.0:
+                d = s.x[n, r] - s.goal[n, r]
+                s.g[n, r] += s.spring[n, r] * d
+                s.diagonal[n, r, r] += s.spring[n, r]
+                contact += 0.5 * s.spring[n, r] * d * d
+    s.sums[CONTACT] += contact
+    s.sums[LOADS] = loads
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def assemble(s: State, kind: int, mix: float) -> float:
+    """Write all energies, the gradient and the tangent; return the energy to minimise."""
+    s.g[:] = 0.0
+    s.diagonal[:] = 0.0
+    s.upper[:] = 0.0
+    s.pull[:] = 0.0
+    s.press[:] = 0.0
+    s.shed[:] = 0.0
+    s.rods_shed[:] = 0.0
+    s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
+    beam_pass(s)
+    strand_pass(s, kind, mix)
+    node_pass(s)
+    return s.sums[BEAM] + s.sums[STRANDS] + s.sums[CONTACT] + s.sums[LOADS]

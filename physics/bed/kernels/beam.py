@@ -1,0 +1,283 @@
+"""Energy, gradient and tangent of a geometrically exact beam [Simo 1985, Reissner 1981].
+
+Nodes have a place x and a unit quaternion q; their
+rotations change by a spin w through Cayley's map, q <- (1, w/2) q / |.|, so that no trigonometry is
+needed. An element of length h at rest has the mid rotation R = R(q_i + q_j) with columns t_a, the
+half Gibbs vector c = vec(q_j q_i*) / scal = tan(phi/2) e of its nodes' relative rotation, t =
+tan(phi/4) e and d = (x_j - x_i)/h.
+Strains Gamma = R^T d - Gamma_0 and kappa = (2/h) R^T c - kappa_0, energy
+U = h/2 (Gamma.C.Gamma + kappa.C_m.kappa), forces n = R C Gamma and m = R C_m kappa.
+
+With sigma = (w_i + w_j)/2 + D x t and D = (w_j - w_i)/2 a change of the nodes changes the strains
+(turned back with the element) by u' - sigma x d and (2/h) B D, B = (1 + t.c) I + (c - t) c^T, u' =
+(u_j - u_i)/h. So the gradient is h n for u', h n x d for sigma and 2 y for D, y = B m; and the
+second derivative in these coordinates is exactly, [v] the matrix of v x,
+
+    u' u'        h C                          sigma sigma  h ([d]^T C [d] + sym(n d^T) - (n.d) I)
+    u' sigma     h (C [d] - [n])              sigma D      h/2 (n.(t x d) I - (d x n) t^T) + [y]
+    D D          4/h B C_m B + (2c - t) y^T + y (2c - t)^T + 2 (y.t) I
+
+with C and C_m turned by R. It is symmetric everywhere, at rest or not: Newton converges
+quadratically and Cholesky's factors tell a stable equilibrium from one that would not stay.
+"""
+
+import math
+
+from kernel_cache import njit
+from physics.bed.kernels.state import BEAM, State
+from physics.bed.kernels.vectors import (
+    Floats,
+    Nine,
+    Three,
+    added,
+    columns,
+    cross,
+    cross_times,
+    dot,
+    inner,
+    scaled,
+    times_cross,
+)
+
+
+@inner
+def turned(stiff: Floats, e: int, at: int, t1: Three, t2: Three, t3: Three) -> Nine:
+    """Return the diagonal stiffnesses from column `at` on, turned by the columns t1, t2, t3."""
+    a, b, c = stiff[e, at], stiff[e, at + 1], stiff[e, at + 2]
+    # Less the last one, which multiplies the identity: two dyads instead of three.
+    a -= c
+    b -= c
+    m01 = a * t1[0] * t1[1] + b * t2[0] * t2[1]
+    m02 = a * t1[0] * t1[2] + b * t2[0] * t2[2]
+    m12 = a * t1[1] * t1[2] + b * t2[1] * t2[2]
+    return (
+        c + a * t1[0] * t1[0] + b * t2[0] * t2[0],
+        m01,
+        m02,
+        m01,
+        c + a * t1[1] * t1[1] + b * t2[1] * t2[1],
+        m12,
+        m02,
+        m12,
+        c + a * t1[2] * t1[2] + b * t2[2] * t2[2],
+    )
+
+
+@inner
+def element_frame(q: Floats, e: int) -> tuple[Three, Three, Three, Three]:
+    """Return the columns of an element's mid rotation and its half Gibbs vector c."""
+    w0, x0, y0, z0 = q[e, 0], q[e, 1], q[e, 2], q[e, 3]
+    w1, x1, y1, z1 = q[e + 1, 0], q[e + 1, 1], q[e + 1, 2], q[e + 1, 3]
+    scal = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1
+    if scal < 0.0:  # q and -q are one rotation
+        w1, x1, y1, z1, scal = -w1, -x1, -y1, -z1, -scal
+    f = 1.0 / scal
+    c = (
+        f * (w0 * x1 - w1 * x0 - (y1 * z0 - z1 * y0)),
+        f * (w0 * y1 - w1 * y0 - (z1 * x0 - x1 * z0)),
+        f * (w0 * z1 - w1 * z0 - (x1 * y0 - y1 * x0)),
+    )
+    w, x, y, z = w0 + w1, x0 + x1, y0 + y1, z0 + z1
+    f = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    t1, t2, t3 = columns(f * w, f * x, f * y, f * z)
+    return t1, t2, t3, c
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def set_rest(x: Floats, q: Floats, h: Floats, strain: Floats) -> None:
+    """Write the strains of this shape into `strain`: it is then the beam's shape at rest."""
+    for e in range(h.size):
+        t1, t2, t3, c = element_frame(q, e)
+        d = (
+            (x[e + 1, 0] - x[e, 0]) / h[e],
+            (x[e + 1, 1] - x[e, 1]) / h[e],
+            (x[e + 1, 2] - x[e, 2]) / h[e],
+        )
+        f = 2.0 / h[e]
+        strain[e, 0], strain[e, 1], strain[e, 2] = dot(t1, d), dot(t2, d), dot(t3, d)
+        strain[e, 3], strain[e, 4], strain[e, 5] = f * dot(t1, c), f * dot(t2, c), f * dot(t3, c)
+
+
+@inner
+def beam_pass(s: State) -> None:
+    """Add the beam's energy, gradient and tangent; write its section forces."""
+    x, h, stiff, strain, g = s.x, s.h, s.stiff, s.strain, s.g
+    energy = 0.0
+    for e in range(h.size):
+        i, j = e, e + 1
+        t1, t2, t3, c = element_frame(s.q, e)
+        f = 1.0 / h[e]
+        d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
+        g1, g2, g3 = (
+            dot(t1, d) - strain[e, 0],
+            dot(t2, d) - strain[e, 1],
+            dot(t3, d) - strain[e, 2],
+        )
+        f += f
+        k1 = f * dot(t1, c) - strain[e, 3]
+        k2 = f * dot(t2, c) - strain[e, 4]
+        k3 = f * dot(t3, c) - strain[e, 5]
+        n1, n2, n3 = stiff[e, 0] * g1, stiff[e, 1] * g2, stiff[e, 2] * g3
+        m1, m2, m3 = stiff[e, 3] * k1, stiff[e, 4] * k2, stiff[e, 5] * k3
+        # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
+        # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
+        energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
+        n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
+        m = added(added(scaled(t1, m1), scaled(t2, m2)), scaled(t3, m3))
+        tau = 1.0 / (1.0 + math.sqrt(1.0 + dot(c, c)))
+        t = scaled(c, tau)
+        b1 = 1.0 + dot(t, c)
+        y = added(scaled(m, b1), scaled(c, (1.0 - tau) * dot(c, m)))
+        dn = cross(d, n)
+        gs = scaled(dn, -h[e])
+        tg = cross(t, gs)
+        s.section[e, 0], s.section[e, 1], s.section[e, 2] = n1, n2, n3
+        # Moments on the two nodes: (I - [t])/2 and (I + [t])/2 times the gradient by sigma, -+ y.
+        ei = (
+            0.5 * (gs[0] - tg[0]) - y[0],
+            0.5 * (gs[1] - tg[1]) - y[1],
+            0.5 * (gs[2] - tg[2]) - y[2],
+        )
+        ej = (
+            0.5 * (gs[0] + tg[0]) + y[0],
+            0.5 * (gs[1] + tg[1]) + y[1],
+            0.5 * (gs[2] + tg[2]) + y[2],
+        )
+        # At the ends by the nodes' own frames: the force is constant along the element.
+        for node in range(2):
+            p1, p2, p3 = columns(
+                s.q[i + node, 0], s.q[i + node, 1], s.q[i + node, 2], s.q[i + node, 3]
+            )
+            end = ej if node else (-ei[0], -ei[1], -ei[2])
+            s.section[e, 3 + 3 * node] = dot(end, p1)
+            s.section[e, 4 + 3 * node] = dot(end, p2)
+            s.section[e, 5 + 3 * node] = dot(end, p3)
+            s.section[e, 9 + node] = dot(n, p1)
+        for r in range(3):
+            g[i, r] -= n[r]
+            g[j, r] += n[r]
+            g[i, 3 + r] += ei[r]
+            g[j, 3 + r] += ej[r]
+
+        # The tangent in (u', sigma, D), 3 x 3 blocks by rows: p for u' sigma (over h), w for
+        # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
+        big_c = turned(stiff, e, 0, t1, t2, t3)
+        big_m = turned(stiff, e, 3, t1, t2, t3)
+        cd = times_cross(big_c, d)  # C [d]
+        p = (
+            cd[0],
+            cd[1] + n[2],
+            cd[2] - n[1],
+            cd[3] - n[2],
+            cd[4],
+            cd[5] + n[0],
+            cd[6] + n[1],
+            cd[7] - n[0],
+            cd[8],
+        )
+        dcd = cross_times(d, cd)  # [d] C [d] = -[d]^T C [d]
+        nd = dot(n, d)
+        hh = h[e]
+        w00 = hh * (n[0] * d[0] - nd - dcd[0])
+        w11 = hh * (n[1] * d[1] - nd - dcd[4])
+        w22 = hh * (n[2] * d[2] - nd - dcd[8])
+        w01 = hh * (0.5 * (n[0] * d[1] + n[1] * d[0]) - dcd[1])
+        w02 = hh * (0.5 * (n[0] * d[2] + n[2] * d[0]) - dcd[2])
+        w12 = hh * (0.5 * (n[1] * d[2] + n[2] * d[1]) - dcd[5])
+        w = (w00, w01, w02, w01, w11, w12, w02, w12, w22)
+        # n.(t x d) = t.(d x n)
+        diag = 0.5 * hh * dot(t, dn)
+        u = scaled(dn, -0.5 * hh)
+        v = (
+            diag + u[0] * t[0],
+            u[0] * t[1] - y[2],
+            u[0] * t[2] + y[1],
+            u[1] * t[0] + y[2],
+            diag + u[1] * t[1],
+            u[1] * t[2] - y[0],
+            u[2] * t[0] - y[1],
+            u[2] * t[1] + y[0],
+            diag + u[2] * t[2],
+        )
+        # B C_m B with B = b1 I + b2 c c^T: C_m c once, then dyads.
+        b2 = 1.0 - tau
+        mc = (
+            big_m[0] * c[0] + big_m[1] * c[1] + big_m[2] * c[2],
+            big_m[3] * c[0] + big_m[4] * c[1] + big_m[5] * c[2],
+            big_m[6] * c[0] + big_m[7] * c[1] + big_m[8] * c[2],
+        )
+        f = 4.0 / hh
+        b11 = f * b1 * b1
+        # sym part: f b1 b2 (c mc^T + mc c^T) + f b2^2 (c.mc) c c^T  =  c a^T + a c^T
+        half = 0.5 * f * b2 * b2 * dot(c, mc)
+        a = added(scaled(mc, f * b1 * b2), scaled(c, half))
+        k = (2.0 - tau) * c[0], (2.0 - tau) * c[1], (2.0 - tau) * c[2]
+        yt = 2.0 * dot(y, t)
+        z00 = b11 * big_m[0] + 2.0 * (c[0] * a[0] + k[0] * y[0]) + yt
+        z11 = b11 * big_m[4] + 2.0 * (c[1] * a[1] + k[1] * y[1]) + yt
+        z22 = b11 * big_m[8] + 2.0 * (c[2] * a[2] + k[2] * y[2]) + yt
+        z01 = b11 * big_m[1] + c[0] * a[1] + a[0] * c[1] + k[0] * y[1] + y[0] * k[1]
+        z02 = b11 * big_m[2] + c[0] * a[2] + a[0] * c[2] + k[0] * y[2] + y[0] * k[2]
+        z12 = b11 * big_m[5] + c[1] * a[2] + a[1] * c[2] + k[1] * y[2] + y[1] * k[2]
+
+        # From (u', sigma, D) to the nodes: u' = (u_j - u_i)/h, D = (w_j - w_i)/2, and sigma has w_i
+        # by (I + [t])/2 and w_j by (I - [t])/2. So the blocks of w are, with Y = [t] v + ([t] v)^T,
+        #   w_j w_j, w_i w_i   (w -+ (w [t] + (w [t])^T) - [t] w [t] +- (v + v^T) + Y + z) / 4
+        #   w_i w_j            (w + [t] w [t] - Y - z - (w [t] + [t] w) + (v - v^T)) / 4
+        pt = times_cross(p, t)
+        wt = times_cross(w, t)  # its transpose is -[t] w
+        twt = cross_times(t, wt)
+        tv = cross_times(t, v)
+        sy00, sy11, sy22 = 2.0 * wt[0], 2.0 * wt[4], 2.0 * wt[8]
+        sy01, sy02, sy12 = wt[1] + wt[3], wt[2] + wt[6], wt[5] + wt[7]
+        # The transpose of v [t] is -[t] v^T, so tv - v^T t = tv + (tv)^T.
+        y00, y11, y22 = 2.0 * tv[0], 2.0 * tv[4], 2.0 * tv[8]
+        y01, y02, y12 = tv[1] + tv[3], tv[2] + tv[6], tv[5] + tv[7]
+        v00, v11, v22 = 2.0 * v[0], 2.0 * v[4], 2.0 * v[8]
+        v01, v02, v12 = v[1] + v[3], v[2] + v[6], v[5] + v[7]
+        f = 1.0 / hh
+        for node in range(2):
+            b = s.diagonal[i + node]
+            sign = 1.0 if node else -1.0
+            b[0, 0] += f * big_c[0]
+            b[1, 0] += f * big_c[3]
+            b[1, 1] += f * big_c[4]
+            b[2, 0] += f * big_c[6]
+            b[2, 1] += f * big_c[7]
+            b[2, 2] += f * big_c[8]
+            for r in range(3):
+                for col in range(3):
+                    # (sign p (I - sign [t])/2)^T
+                    b[3 + col, r] += 0.5 * (sign * p[3 * r + col] - pt[3 * r + col])
+            b[3, 3] += 0.25 * (w00 - sign * sy00 - twt[0] + sign * v00 + y00 + z00)
+            b[4, 4] += 0.25 * (w11 - sign * sy11 - twt[4] + sign * v11 + y11 + z11)
+            b[5, 5] += 0.25 * (w22 - sign * sy22 - twt[8] + sign * v22 + y22 + z22)
+            b[4, 3] += 0.25 * (w01 - sign * sy01 - twt[1] + sign * v01 + y01 + z01)
+            b[5, 3] += 0.25 * (w02 - sign * sy02 - twt[2] + sign * v02 + y02 + z02)
+            b[5, 4] += 0.25 * (w12 - sign * sy12 - twt[5] + sign * v12 + y12 + z12)
+        b = s.upper[e]
+        for r in range(3):
+            for col in range(3):
+                b[r, col] -= f * big_c[3 * r + col]
+                b[r, 3 + col] -= 0.5 * (p[3 * r + col] - pt[3 * r + col])
+                b[3 + col, r] += 0.5 * (p[3 * r + col] + pt[3 * r + col])
+        # Skew parts: w [t] + [t] w = wt - wt^T, and v - v^T.
+        q00 = w00 + twt[0] - y00 - z00
+        q11 = w11 + twt[4] - y11 - z11
+        q22 = w22 + twt[8] - y22 - z22
+        q01 = w01 + twt[1] - y01 - z01
+        q02 = w02 + twt[2] - y02 - z02
+        q12 = w12 + twt[5] - y12 - z12
+        a01 = (v[1] - v[3]) - (wt[1] - wt[3])
+        a02 = (v[2] - v[6]) - (wt[2] - wt[6])
+        a12 = (v[5] - v[7]) - (wt[5] - wt[7])
+        b[3, 3] += 0.25 * q00
+        b[4, 4] += 0.25 * q11
+        b[5, 5] += 0.25 * q22
+        b[3, 4] += 0.25 * (q01 + a01)
+        b[4, 3] += 0.25 * (q01 - a01)
+        b[3, 5] += 0.25 * (q02 + a02)
+        b[5, 3] += 0.25 * (q02 - a02)
+        b[4, 5] += 0.25 * (q12 + a12)
+        b[5, 4] += 0.25 * (q12 - a12)
+    s.sums[BEAM] = energy

@@ -1,0 +1,160 @@
+"""Blunt rods among the strands: the way of a strand round one, and their contact with the beam.
+
+A rod is a half-line from its tip, with direction u and radius r. A strand that meets it takes the
+shortest path round it, straight on the unrolled cylinder, on the side where it was first touched:
+length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_b/r)), with
+l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
+There is no friction. A strand is met when the tip has gone past it, and slips off past 3 rad or
+past the tip: these two jump, so that in a search for equilibrium they stand as they are
+(`meet_rods`). The duct, a round bar about the axis, is kept off by a penalty contact.
+"""
+
+import math
+
+from physics.bed.kernels.state import CONTACT, IN_USE, RADIUS, SHAFT, TIP, State
+from physics.bed.kernels.vectors import Floats, Three, added, cross, dot, inner, scaled
+
+SLIPS, MOST_WRAP = 3.0, 3.2
+"""Angles, rad: wrapped by more a strand slips off a rod; and none is wrapped by more."""
+UNMET = 2
+"""In `side`: a strand that is out of a rod's reach, or past its tip. Odd ones touch it."""
+
+
+@inner
+def angle(across: float, along: float) -> float:
+    """Return the angle of a direction in a plane, from -pi to pi (Cephes' rational function)."""
+    size = abs(across)
+    x = size / along if along != 0.0 else math.inf
+    flip = x < 0.0
+    x = abs(x)
+    base = 0.0
+    if x > 2.414213562373095:
+        base, x = 0.5 * math.pi, -1.0 / x
+    elif x > 0.66:
+        base, x = 0.25 * math.pi, (x - 1.0) / (x + 1.0)
+    z = x * x
+    top = -8.750608600031904122785e-1
+    top = top * z - 1.615753718733365076637e1
+    top = top * z - 7.500855792314704667340e1
+    top = top * z - 1.228866684490136173410e2
+    top = top * z - 6.485021904942025371773e1
+    low = z + 2.485846490142306297962e1
+    low = low * z + 1.650270098316988542046e2
+    low = low * z + 4.328810604912902668951e2
+    low = low * z + 4.853903996359136964868e2
+    low = low * z + 1.945506571482613964425e2
+    turn = base + (x * (z * top / low) + x)
+    if flip:
+        turn = math.pi - turn
+    return turn if across >= 0.0 else -turn
+
+
+@inner
+def way_round(
+    a: Three, b: Three, rod: Floats, side: int, live: bool
+) -> tuple[int, float, Three, Three, float]:
+    """Return side, length, its derivatives by a and b, and its curvature across the rod."""
+    # `live`: strands may be met and may slip off. The length is that round the rod also where a
+    # strand has just slipped off it, else 0. To a strand with an end inside it the rod is only as
+    # thick as leaves that end on its surface: so lengths never jump.
+    none = (0.0, 0.0, 0.0)
+    if side == UNMET and not live:
+        return UNMET, 0.0, none, none, 0.0
+    bent = side == 1 or side == -1
+    u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
+    r = rod[RADIUS]
+    a = (a[0] - rod[TIP], a[1] - rod[TIP + 1], a[2] - rod[TIP + 2])
+    b = (b[0] - rod[TIP], b[1] - rod[TIP + 1], b[2] - rod[TIP + 2])
+    a0, b0 = dot(a, u), dot(b, u)
+    a = added(a, scaled(u, -a0))
+    b = added(b, scaled(u, -b0))
+    ra, rb = math.sqrt(dot(a, a)), math.sqrt(dot(b, b))
+    inside_a, inside_b = ra < r and ra <= rb, rb < r and rb < ra
+    r = min(r, ra, rb)
+    way = added(b, scaled(a, -1.0))
+    square = dot(way, way)
+    nearest = -dot(a, way) / square if square > 0.0 else 0.0
+    nearest = min(1.0, max(0.0, nearest))
+    slipped = live and a0 + nearest * (b0 - a0) < 0.0  # past the tip
+    if slipped and not bent:
+        return UNMET, 0.0, none, none, 0.0
+    turn = dot(u, cross(a, b))
+    axial = b0 - a0
+    if not bent:
+        side = 1 if turn > 0.0 else -1
+        foot = added(a, scaled(way, nearest))
+        bent = dot(foot, foot) < r * r
+    la, lb = math.sqrt(ra * ra - r * r), math.sqrt(rb * rb - r * r)
+    arc = -1.0
+    if bent:
+        arc = angle(side * turn, dot(a, b)) - angle(la, r) - angle(lb, r)
+        if arc < MOST_WRAP - 2.0 * math.pi:
+            arc += 2.0 * math.pi
+    if arc <= 0.0:
+        return 0, 0.0, none, none, 0.0  # straight
+    # `arc` is the angle wrapped: phi less the angles from both ends to their points of tangency.
+    plane = la + lb + r * arc
+    length = math.sqrt(plane * plane + axial * axial)
+    if slipped:
+        return UNMET, length, none, none, 0.0
+    if live and arc > SLIPS:
+        return 0, length, none, none, 0.0
+    f = plane / length
+    shift = scaled(u, axial / length)
+    da, db = max(ra * ra, 1e-24), max(rb * rb, 1e-24)
+    # The end turns about the point of tangency: the second derivative by a, of direction t, is
+    # (I - t t^T)/length + bow n n^T, n across the rod and t. Within r/10 of its surface as there.
+    # An end inside it makes the rod thicker as it goes out: plane grows by the angle for each mm.
+    bow = 0.0 if inside_a else (plane / max(la, 0.1 * rod[RADIUS]) - 1.0) / length
+    out_a = arc / math.sqrt(da) if inside_a else la / da
+    out_b = arc / math.sqrt(db) if inside_b else lb / db
+    by_a = added(scaled(a, f * out_a), scaled(cross(u, a), -f * side * r / da))
+    by_b = added(scaled(b, f * out_b), scaled(cross(u, b), f * side * r / db))
+    return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
+
+
+@inner
+def any_rod(s: State) -> bool:
+    """Return whether any rod is in use."""
+    found = False
+    for m in range(s.rods.shape[0]):
+        found = found or s.rods[m, IN_USE] != 0.0
+    return found
+
+
+@inner
+def reached(s: State, n: int, m: int) -> tuple[bool, float, Three]:
+    """Return whether node n's strands may touch rod m, how far it is away, and the way to it."""
+    u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
+    d = (s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2])
+    d = added(d, scaled(u, -max(0.0, dot(d, u))))
+    away = math.sqrt(dot(d, d))
+    return away < s.thick[n, 0] + s.rods[m, RADIUS] + s.thick[n, 2], away, d
+
+
+@inner
+def rods_near(s: State, n: int, live: bool) -> bool:
+    """Add the contact of node n with the rods; return whether its strands may touch one."""
+    any_near = False
+    for m in range(s.rods.shape[0]):
+        if s.rods[m, IN_USE] == 0.0:
+            continue
+        near, away, d = reached(s, n, m)
+        deep = s.thick[n, 0] + s.rods[m, RADIUS] - away
+        if deep > 0.0 and away > 1e-9:
+            d = scaled(d, 1.0 / away)
+            push = s.thick[n, 1]
+            b = s.diagonal[n]
+            for r in range(3):
+                s.g[n, r] -= push * deep * d[r]
+                s.pull[m, r] += push * deep * d[r]
+                s.press[m, r] += push * deep * d[r]
+                for col in range(r + 1):
+                    b[r, col] += push * d[r] * d[col]
+            s.sums[CONTACT] += 0.5 * push * deep * deep
+        if near or not live:
+            any_near = True
+        else:  # out of reach: strands forget on which side they touched it
+            for i in range(s.first[n], s.first[n + 1]):
+                s.side[m, i] = UNMET
+    return any_near

@@ -1,0 +1,94 @@
+"""The state that all kernels share: a beam on its bed and room to work in."""
+
+from typing import NamedTuple
+
+from physics.bed.kernels.vectors import Floats, Ints
+
+# Rows of `strand`.
+ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, PART, PUSHES = range(11)
+
+
+STRAND_ROWS = 11
+
+
+# Entries of `sums`. Of the last assembly: energies of beam, strands, contacts and dead loads, mJ;
+# energy dissipated now, mJ; strands not parted; largest strand force and force scale, N. Since the
+# beginning: the energy balance of `Books`, mJ; and how many strands parted that lay on a
+# rod. Since the last assembly: the drag's share, and the
+# energy of strands that a rod's tip has come upon, or that have slipped off one, mJ.
+BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
+
+
+WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_PARTED, DRAG_NOW = range(8, 17)
+
+
+BENT_NOW, SLIPPED_NOW = range(17, 19)
+
+
+SUM_ROWS = 19
+
+
+# Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
+TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
+
+
+ROD_ROWS = 8
+
+
+# What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
+STANDING, POTENTIAL, DELAYED = 0, 1, 2
+
+
+class State(NamedTuple):
+    """A beam on its bed, and room to work in; N nodes, S strands, M rods.
+
+    `held` are bits of what is held at a node (1 2 4 along x y z, 8 16 32 turning about them),
+    `goal` where, `load` dead forces, `spring` what draws a node to its goal. `stiff` and
+    `strain` are rows of normal, two shear, torsion and two bending terms. `first[n]` is node n's
+    first strand. `section` has an element's normal and shear forces, its moments at both ends
+    (torsion, bending up, bending across) and the normal forces there.
+    """
+
+    x: Floats  # (N, 3) mm
+    q: Floats  # (N, 4) unit quaternions, scalar first
+    goal: Floats  # (N, 3) mm
+    held: Ints  # (N,)
+    load: Floats  # (N, 3) N
+    spring: Floats  # (N, 3) N/mm
+    h: Floats  # (N - 1,) lengths at rest, mm
+    stiff: Floats  # (N - 1, 6) N, N mm^2
+    strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
+    first: Ints  # (N + 1,)
+    strand: Floats  # (STRAND_ROWS, S)
+    damage: Floats  # (S,) 0 whole to 1 parted
+    floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
+    thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
+    rods: Floats  # (M, ROD_ROWS) mm
+    # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `UNMET`
+    side: Ints
+    pull: Floats  # (M, 3) forces of hands on rods, N
+    press: Floats  # (M, 3) their part against the beam itself, N
+    section: Floats  # (N - 1, 11)
+    g: Floats  # (N, 6) gradient, N and N mm
+    step: Floats  # (N, 6) mm and rad
+    diagonal: Floats  # (N, 6, 6) the tangent's diagonal blocks, lower triangles
+    upper: Floats  # (N - 1, 6, 6) its blocks of one node and the next
+    diagonal_kept: Floats
+    upper_kept: Floats
+    x_kept: Floats
+    q_kept: Floats
+    goal_from: Floats
+    goal_to: Floats
+    load_from: Floats
+    load_to: Floats
+    rods_from: Floats
+    rods_to: Floats
+    hold: Floats
+    react: Floats  # (N, 3) forces of hands that hold, N
+    shed: Floats  # (N, 6) what damage has taken off the gradient in the last assembly
+    rods_shed: Floats  # (M, 3) and off the hands' forces on rods, N
+    moved: Floats  # (N, 6) displacements since the assembly before, mm and rad
+    g_before: Floats  # (N, 6) its gradient
+    load_before: Floats  # (N, 3) its dead forces, N
+    pull_before: Floats  # (M, 3) its forces on rods, N
+    sums: Floats

@@ -1,0 +1,74 @@
+"""A Newton step: from where it begins, how far it goes, and how steeply the energy falls."""
+
+import math
+
+from physics.bed.kernels.state import State
+from physics.bed.kernels.vectors import Floats, inner
+
+TURN_LIMIT = 0.5
+"""Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
+is far off, and Gibbs vectors grow without bound as neighbours come to be half a turn apart."""
+
+
+@inner
+def copy_rows(to: Floats, of: Floats) -> None:
+    """Copy a table. Numba compiles loops far sooner than an assignment of arrays."""
+    for n in range(of.shape[0]):
+        for r in range(of.shape[1]):
+            to[n, r] = of[n, r]
+
+
+@inner
+def keep_shape(s: State) -> None:
+    """Save places and rotations for `move`."""
+    copy_rows(s.x_kept, s.x)
+    copy_rows(s.q_kept, s.q)
+
+
+@inner
+def move(s: State, part: float) -> None:
+    """Move from the saved places and rotations by a part of the step."""
+    for n in range(s.x.shape[0]):
+        for r in range(3):
+            s.x[n, r] = s.x_kept[n, r] + part * s.step[n, r]
+        a = 0.5 * part * s.step[n, 3]
+        b = 0.5 * part * s.step[n, 4]
+        c = 0.5 * part * s.step[n, 5]
+        w, x, y, z = s.q_kept[n, 0], s.q_kept[n, 1], s.q_kept[n, 2], s.q_kept[n, 3]
+        q0 = w - a * x - b * y - c * z
+        q1 = x + a * w + b * z - c * y
+        q2 = y + b * w + c * x - a * z
+        q3 = z + c * w + a * y - b * x
+        f = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+        s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3] = f * q0, f * q1, f * q2, f * q3
+
+
+@inner
+def largest_turn(s: State) -> float:
+    """Return the largest rotation of a node in the step, rad."""
+    most = 0.0
+    for n in range(s.x.shape[0]):
+        v = s.step[n, 3] ** 2 + s.step[n, 4] ** 2 + s.step[n, 5] ** 2
+        most = max(most, v)
+    return math.sqrt(most)
+
+
+@inner
+def largest_way(s: State) -> float:
+    """Return the largest displacement of a node in the step, mm."""
+    most = 0.0
+    for n in range(s.x.shape[0]):
+        v = s.step[n, 0] ** 2 + s.step[n, 1] ** 2 + s.step[n, 2] ** 2
+        most = max(most, v)
+    return math.sqrt(most)
+
+
+@inner
+def slope_along(s: State) -> float:
+    """Return the change of the energy along the step, mJ."""
+    slope = 0.0
+    for n in range(s.x.shape[0]):
+        for r in range(6):
+            if not (s.held[n] >> r) & 1:
+                slope += s.g[n, r] * s.step[n, r]
+    return slope

@@ -1,0 +1,348 @@
+"""Strands: their law, energy, gradient and tangent, and their damage.
+
+A strand is a central spring from r = R_n rho of the nearest node n to a foot b: l = x_n + r - b,
+elongation u = |l| - L, force f(u) along l: zero while slack, (1 - d) k u, and past the yield
+elongation u_0 down a straight line to zero at u_f, where it has parted: a bilinear cohesive law
+with the damage d = u_f (u - u_0) / (u (u_f - u_0)), which never heals. Dissipated is
+G (u - u_0)/(u_f - u_0) for the largest u so far, with G = k u_0 u_f / 2. With t = l/|l|, b = f/|l|,
+a = f'(u) - b, v = r x t and e = l - r the second derivatives are
+
+    x x   a t t^T + b I     x w   a t v^T - b [r]     w w   a v v^T + b (sym(e r^T) - (e.r) I)
+
+They touch the block of the strand's node only, so the tangent stays block-tridiagonal (6 x 6).
+"""
+
+import math
+
+from kernel_cache import njit
+from physics.bed.kernels.rods import UNMET, any_rod, reached, rods_near, way_round
+from physics.bed.kernels.state import (
+    ARM_X,
+    ARM_Y,
+    ARM_Z,
+    BENT_NOW,
+    DELAYED,
+    FOOT_X,
+    FOOT_Y,
+    FOOT_Z,
+    IN_USE,
+    LENGTH,
+    LOST_NOW,
+    MOST,
+    PART,
+    PUSHES,
+    ROD_DISSIPATED,
+    ROD_PARTED,
+    SHAFT,
+    SLIPPED_NOW,
+    STANDING,
+    STIFF,
+    STRANDS,
+    WHOLE,
+    YIELD,
+    State,
+)
+from physics.bed.kernels.vectors import Three, added, columns, cross, dot, inner, scaled
+
+
+@inner
+def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
+    """Return where strand i of node n holds the beam, and its foot."""
+    t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
+    a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
+    end = (
+        s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
+        s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
+        s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
+    )
+    return end, (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
+
+
+@inner
+def strand_pass(s: State, kind: int, mix: float) -> None:
+    """Add the strands' energy, gradient and tangent; damage goes by `mix` where it is DELAYED."""
+    strand, damage, side = s.strand, s.damage, s.side
+    energy = lost = most = 0.0
+    whole = 0
+    rods = any_rod(s)
+    for n in range(s.x.shape[0]):
+        near = rods and rods_near(s, n, kind == DELAYED)
+        if s.first[n] == s.first[n + 1]:
+            continue
+        t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
+        x0, x1, x2 = s.x[n, 0], s.x[n, 1], s.x[n, 2]
+        shed = s.shed[n]
+        fx = fy = fz = gx = gy = gz = 0.0
+        h00 = h11 = h22 = h01 = h02 = h12 = 0.0
+        p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
+        w00 = w11 = w22 = w01 = w02 = w12 = bs = bx = by = bz = 0.0
+        for i in range(s.first[n], s.first[n + 1]):
+            if damage[i] >= 1.0:
+                continue
+            whole += 1
+            a0, a1, a2 = strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i]
+            rx = t1[0] * a0 + t2[0] * a1 + t3[0] * a2
+            ry = t1[1] * a0 + t2[1] * a1 + t3[1] * a2
+            rz = t1[2] * a0 + t2[2] * a1 + t3[2] * a2
+            lx = x0 + rx - strand[FOOT_X, i]
+            ly = x1 + ry - strand[FOOT_Y, i]
+            lz = x2 + rz - strand[FOOT_Z, i]
+            rod = -1
+            pull = by_a = (0.0, 0.0, 0.0)
+            way = bow = 0.0
+            if near:
+                foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
+                for m in range(s.rods.shape[0]):
+                    if s.rods[m, IN_USE] == 0.0:
+                        continue
+                    was = side[m, i]
+                    touch, way, by_a, by_b, bow = way_round(
+                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == DELAYED
+                    )
+                    bent = touch & 1 == 1
+                    if kind == DELAYED and way > 0.0 and (was == UNMET or not bent):
+                        # Nothing along the shaft resists a tip that comes upon a strand, or that a
+                        # strand slips off: the energy by which it jumps is booked.
+                        straight_u = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
+                        stiff = 0.5 * (1.0 - damage[i]) * strand[STIFF, i]
+                        bent_u = way - strand[LENGTH, i]
+                        if strand[PUSHES, i] == 0.0:
+                            straight_u, bent_u = max(straight_u, 0.0), max(bent_u, 0.0)
+                        jump = stiff * (bent_u * bent_u - straight_u * straight_u)
+                        s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
+                    if kind == DELAYED:
+                        side[m, i] = touch
+                    if bent:
+                        rod = m
+                        pull = added(by_a, by_b)
+                        break
+            if rod >= 0:
+                length = way
+                il = 1.0 / length
+                tx, ty, tz = by_a
+                il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
+                ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
+            else:
+                length = math.sqrt(lx * lx + ly * ly + lz * lz)
+                il = 1.0 / length
+                tx, ty, tz = lx * il, ly * il, lz * il
+                ux, uy, uz = lx - rx, ly - ry, lz - rz
+            u = length - strand[LENGTH, i]
+            if u <= 0.0 and strand[PUSHES, i] == 0.0:
+                continue
+            k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[PART, i]
+            d = damage[i]
+            f = (1.0 - d) * k * u
+            slope = (1.0 - d) * k
+            stored = 0.5 * f * u
+            if u > u0 and kind != STANDING:
+                goal = 1.0 if u >= uf else uf * (u - u0) / (u * (uf - u0))
+                if goal > d:
+                    if kind == DELAYED:
+                        new = d + mix * (goal - d)
+                        if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
+                            new = 1.0
+                        gone = 0.5 * k * u * u * (new - d)
+                        lost += gone
+                        damage[i] = new
+                        fall = k * u * (new - d)
+                        shed[0] += fall * tx
+                        shed[1] += fall * ty
+                        shed[2] += fall * tz
+                        shed[3] += fall * (ry * tz - rz * ty)
+                        shed[4] += fall * (rz * tx - rx * tz)
+                        shed[5] += fall * (rx * ty - ry * tx)
+                        if rod >= 0:
+                            s.sums[ROD_DISSIPATED] += gone
+                            s.rods_shed[rod, 0] -= fall * pull[0]
+                            s.rods_shed[rod, 1] -= fall * pull[1]
+                            s.rods_shed[rod, 2] -= fall * pull[2]
+                        if new >= 1.0:
+                            whole -= 1
+                            if rod >= 0:
+                                s.sums[ROD_PARTED] += 1.0
+                            continue
+                        slope = (1.0 - new) * k
+                        f = slope * u
+                        stored = 0.5 * f * u
+                    else:
+                        full = 0.5 * k * u0 * uf / (uf - u0)  # dissipated for each mm beyond u0
+                        # The largest elongation so far, less u0: the law solved for u at d.
+                        before = u0 * uf / (uf - d * (uf - u0)) - u0
+                        if u >= uf:
+                            energy += full * (uf - u0 - before)
+                            continue
+                        energy += full * (u - u0 - before)
+                        slope = -k * u0 / (uf - u0)
+                        f = slope * (u - uf)
+                        stored = 0.5 * f * u
+            energy += stored
+            most = max(most, abs(f))
+            if rod >= 0:
+                s.pull[rod, 0] -= f * pull[0]
+                s.pull[rod, 1] -= f * pull[1]
+                s.pull[rod, 2] -= f * pull[2]
+            b = f * il
+            # A pushing strand's geometric stiffness is negative: left out in a tick, so that the
+            # tangent stays definite. The gradient stays exact.
+            if kind == DELAYED and b < 0.0:
+                b = 0.0
+            a = slope - b
+            # The second derivative by the end of the strand is a t t^T + b I; with v = r x t and
+            # e = l - r its blocks are a t v^T - b [r] and a v v^T + b (sym(e r^T) - (e.r) I).
+            vx, vy, vz = ry * tz - rz * ty, rz * tx - rx * tz, rx * ty - ry * tx
+            fx += f * tx
+            fy += f * ty
+            fz += f * tz
+            gx += f * vx
+            gy += f * vy
+            gz += f * vz
+            ax, ay, az = a * tx, a * ty, a * tz
+            h00 += ax * tx
+            h11 += ay * ty
+            h22 += az * tz
+            h01 += ax * ty
+            h02 += ax * tz
+            h12 += ay * tz
+            p00 += ax * vx
+            p01 += ax * vy
+            p02 += ax * vz
+            p10 += ay * vx
+            p11 += ay * vy
+            p12 += ay * vz
+            p20 += az * vx
+            p21 += az * vy
+            p22 += az * vz
+            bs += b
+            bx += b * rx
+            by += b * ry
+            bz += b * rz
+            ux, uy, uz = b * ux, b * uy, b * uz
+            ex, ey, ez = ux * rx, uy * ry, uz * rz
+            w00 += a * vx * vx - ey - ez
+            w11 += a * vy * vy - ex - ez
+            w22 += a * vz * vz - ex - ey
+            w01 += a * vx * vy + 0.5 * (ux * ry + uy * rx)
+            w02 += a * vx * vz + 0.5 * (ux * rz + uz * rx)
+            w12 += a * vy * vz + 0.5 * (uy * rz + uz * ry)
+            if rod >= 0 and bow > 0.0 and f > 0.0:
+                shaft = (s.rods[rod, SHAFT], s.rods[rod, SHAFT + 1], s.rods[rod, SHAFT + 2])
+                t = cross(shaft, by_a)
+                a = f * bow / dot(t, t)
+                v = cross((rx, ry, rz), t)
+                ax, ay, az = a * t[0], a * t[1], a * t[2]
+                h00 += ax * t[0]
+                h11 += ay * t[1]
+                h22 += az * t[2]
+                h01 += ax * t[1]
+                h02 += ax * t[2]
+                h12 += ay * t[2]
+                p00 += ax * v[0]
+                p01 += ax * v[1]
+                p02 += ax * v[2]
+                p10 += ay * v[0]
+                p11 += ay * v[1]
+                p12 += ay * v[2]
+                p20 += az * v[0]
+                p21 += az * v[1]
+                p22 += az * v[2]
+                w00 += a * v[0] * v[0]
+                w11 += a * v[1] * v[1]
+                w22 += a * v[2] * v[2]
+                w01 += a * v[0] * v[1]
+                w02 += a * v[0] * v[2]
+                w12 += a * v[1] * v[2]
+        c = s.diagonal[n]
+        g = s.g[n]
+        g[0] += fx
+        g[1] += fy
+        g[2] += fz
+        g[3] += gx
+        g[4] += gy
+        g[5] += gz
+        c[0, 0] += h00 + bs
+        c[1, 0] += h01
+        c[1, 1] += h11 + bs
+        c[2, 0] += h02
+        c[2, 1] += h12
+        c[2, 2] += h22 + bs
+        c[3, 0] += p00
+        c[3, 1] += p10 - bz
+        c[3, 2] += p20 + by
+        c[4, 0] += p01 + bz
+        c[4, 1] += p11
+        c[4, 2] += p21 - bx
+        c[5, 0] += p02 - by
+        c[5, 1] += p12 + bx
+        c[5, 2] += p22
+        c[3, 3] += w00
+        c[4, 3] += w01
+        c[4, 4] += w11
+        c[5, 3] += w02
+        c[5, 4] += w12
+        c[5, 5] += w22
+    s.sums[STRANDS] = energy
+    s.sums[LOST_NOW] = lost
+    s.sums[WHOLE] = whole
+    s.sums[MOST] = most
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def meet_rods(s: State, meet: bool) -> int:
+    """Let strands slip off rods, and be met by them if `meet`; return how many have jumped."""
+    jumps = 0
+    for n in range(s.x.shape[0]):
+        for m in range(s.rods.shape[0]):
+            if s.rods[m, IN_USE] == 0.0:
+                continue
+            near = reached(s, n, m)[0]
+            for i in range(s.first[n], s.first[n + 1]):
+                was = s.side[m, i]
+                if not near or (was == UNMET and not meet):
+                    s.side[m, i] = UNMET
+                    continue
+                end, foot = strand_ends(s, n, i)
+                before = way_round(end, foot, s.rods[m], was, False)[0]
+                now = way_round(end, foot, s.rods[m], was, True)[0]
+                s.side[m, i] = now
+                if (before ^ now) & 1 and s.damage[i] < 1.0:
+                    jumps += 1
+    return jumps
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def yielded(s: State) -> float:
+    """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
+    lost = 0.0
+    rods = any_rod(s)
+    for n in range(s.x.shape[0]):
+        for i in range(s.first[n], s.first[n + 1]):
+            d = s.damage[i]
+            if d >= 1.0:
+                continue
+            end, foot = strand_ends(s, n, i)
+            way = added(end, scaled(foot, -1.0))
+            length = math.sqrt(dot(way, way))
+            on_rod = False
+            if rods:
+                for m in range(s.rods.shape[0]):
+                    if s.rods[m, IN_USE] != 0.0:
+                        touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i], False)
+                        if touch & 1 == 1:
+                            length, on_rod = bent, True
+                            break
+            u = length - s.strand[LENGTH, i]
+            u0, uf = s.strand[YIELD, i], s.strand[PART, i]
+            if u <= u0:
+                continue
+            goal = 1.0 if u >= uf else uf * (u - u0) / (u * (uf - u0))
+            if goal > d:
+                full = 0.5 * s.strand[STIFF, i] * u0 * uf / (uf - u0)
+                before = u0 * uf / (uf - d * (uf - u0))
+                gone = full * (min(u, uf) - before)
+                lost += gone
+                s.damage[i] = goal
+                if on_rod:
+                    s.sums[ROD_DISSIPATED] += gone
+                    s.sums[ROD_PARTED] += goal >= 1.0
+    return lost

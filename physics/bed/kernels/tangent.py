@@ -1,0 +1,145 @@
+"""The tangent as a matrix: its held freedoms, shifts of its diagonal, and block Cholesky."""
+
+import math
+
+from physics.bed.kernels.state import State
+from physics.bed.kernels.vectors import Floats, inner
+
+
+@inner
+def copy_blocks(to: Floats, of: Floats) -> None:
+    """Copy blocks of a matrix."""
+    for n in range(of.shape[0]):
+        for r in range(6):
+            for c in range(6):
+                to[n, r, c] = of[n, r, c]
+
+
+@inner
+def hold_nodes(s: State, part: float) -> None:
+    """Constrain held freedoms: `step` gets minus their distance to the goal, times `part`."""
+    n = s.x.shape[0]
+    for i in range(n):
+        mask = s.held[i]
+        if mask == 0:
+            continue
+        b = s.diagonal[i]
+        for r in range(6):
+            if not (mask >> r) & 1:
+                continue
+            way = part * (s.goal[i, r] - s.x[i, r]) if r < 3 else 0.0
+            if way != 0.0:
+                for c in range(6):
+                    s.step[i, c] += way * (b[r, c] if c <= r else b[c, r])
+                if i + 1 < n:
+                    for c in range(6):
+                        s.step[i + 1, c] += way * s.upper[i, r, c]
+                if i > 0:
+                    for c in range(6):
+                        s.step[i - 1, c] += way * s.upper[i - 1, c, r]
+            for c in range(6):
+                if c < r:
+                    b[r, c] = 0.0
+                elif c > r:
+                    b[c, r] = 0.0
+                if i + 1 < n:
+                    s.upper[i, r, c] = 0.0
+                if i > 0:
+                    s.upper[i - 1, c, r] = 0.0
+            b[r, r] = 1.0
+            s.hold[i, r] = -way
+    for i in range(n):
+        mask = s.held[i]
+        for r in range(6):
+            if (mask >> r) & 1:
+                s.step[i, r] = s.hold[i, r]
+
+
+@inner
+def solve(s: State) -> bool:
+    """Replace `step` by -K^-1 step, by block Cholesky; False if K is not positive definite."""
+    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_i,i+1 in the full blocks of
+    # `upper`, both overwritten: L_ii L_ii^T = K_ii - Y^T Y with Y = L_i-1,i-1^-1 K_i-1,i. The
+    # diagonal of L_ii keeps the inverse, so that there is one division for each freedom.
+    # A pivot that falls below 1e-14 of its entry is rounding: K is singular or worse.
+    n = s.x.shape[0]
+    for i in range(n):
+        low = s.diagonal[i]
+        b = s.step[i]
+        for c in range(6):
+            v = low[c, c]
+            was = v
+            for k in range(c):
+                v -= low[c, k] * low[c, k]
+            if not v > 1e-14 * was:
+                return False
+            v = math.sqrt(v)
+            inverse = 1.0 / v
+            low[c, c] = inverse
+            for r in range(c + 1, 6):
+                v = low[r, c]
+                for k in range(c):
+                    v -= low[r, k] * low[c, k]
+                low[r, c] = v * inverse
+        for r in range(6):
+            v = b[r]
+            for k in range(r):
+                v -= low[r, k] * b[k]
+            b[r] = v * low[r, r]
+        if i + 1 < n:
+            y = s.upper[i]
+            for r in range(6):
+                for k in range(r):
+                    v = low[r, k]
+                    for c in range(6):
+                        y[r, c] -= v * y[k, c]
+                v = low[r, r]
+                for c in range(6):
+                    y[r, c] *= v
+            after = s.diagonal[i + 1]
+            b2 = s.step[i + 1]
+            for k in range(6):
+                for r in range(6):
+                    v = y[k, r]
+                    for c in range(r + 1):
+                        after[r, c] -= v * y[k, c]
+                    b2[r] -= v * b[k]
+    for i in range(n - 1, -1, -1):
+        low = s.diagonal[i]
+        b = s.step[i]
+        if i + 1 < n:
+            b2 = s.step[i + 1]
+            for r in range(6):
+                v = 0.0
+                for c in range(6):
+                    v += s.upper[i, r, c] * b2[c]
+                b[r] -= v
+        for r in range(5, -1, -1):
+            v = b[r]
+            for k in range(r + 1, 6):
+                v -= low[k, r] * b[k]
+            b[r] = v * low[r, r]
+    for i in range(n):
+        for r in range(6):
+            s.step[i, r] = -s.step[i, r]
+    return True
+
+
+@inner
+def shift_tangent(s: State, shift: float, length: float) -> None:
+    """Add `shift` to the tangent's displacements and length^2 as much to its rotations."""
+    turning = shift * length * length
+    for n in range(s.x.shape[0]):
+        for r in range(3):
+            s.diagonal[n, r, r] += shift
+            s.diagonal[n, 3 + r, 3 + r] += turning
+
+
+@inner
+def add_drag(s: State, drag: float) -> None:
+    """Add a drag, N/mm of a node's displacement, as of a bar that turns as well."""
+    for n in range(s.x.shape[0]):
+        turning = drag * s.thick[n, 0] * s.thick[n, 0]
+        for r in range(3):
+            s.diagonal[n, r, r] += drag
+            s.diagonal[n, 3 + r, 3 + r] += turning
