@@ -111,7 +111,7 @@ class Trainee:
         expect(self.page.get_by_test_id("class-name")).to_have_text(name)
 
     def told(self, what: str) -> None:
-        expect(self.page.get_by_test_id("class-last")).to_contain_text(what, timeout=PATIENCE)
+        expect(self.page.get_by_test_id("class-last")).to_contain_text(what)
 
     def lift(self, steps: int) -> None:
         """Take the duct in the middle and lift it by keys, half a millimetre each."""
@@ -125,7 +125,7 @@ def teacher_page(browser: Browser, trainer: Trainer) -> Page:
     page.set_default_timeout(PATIENCE)
     assert trainer.teacher_link is not None
     page.goto(trainer.teacher_link)
-    expect(page.locator("#connection")).to_have_text("Live", timeout=PATIENCE)
+    expect(page.locator("#connection")).to_have_text("Live")
     assert page.url.endswith("/class/")  # no token in the address
     return page
 
@@ -135,7 +135,6 @@ def test_a_lesson_from_the_first_name_to_the_restart(
 ) -> None:
     token = running.link.partition("token=")[2]
     lesson, port = lesson_of(running), running.port
-    wait = {"timeout": PATIENCE}
     teacher = teacher_page(browser, running)
     errors: list[str] = []
     teacher.on("pageerror", lambda error: errors.append(str(error)))
@@ -144,36 +143,36 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         trainer_page(browser, running.address, query=f"&token={token}") as second,
     ):
         ann, ben = Trainee(first), Trainee(second)
-        expect(teacher.locator("#count")).to_contain_text("2 without a name", **wait)
+        expect(teacher.locator("#count")).to_contain_text("2 without a name")
         ann.join("Ann")
         ben.join("<b>Ben</b>")
         rows = teacher.locator("#people tbody tr")
-        expect(rows).to_have_count(2, **wait)
+        expect(rows).to_have_count(2)
         expect(rows.nth(1).locator("td").first).to_have_text("<b>Ben</b>")
         expect(rows.first.locator(".bar b")).to_have_text("100 %")
 
         teacher.locator("#text").fill(template("window").replace("Open a window", "One <i>"))
         teacher.locator("#assign").click()
-        expect(teacher.locator("#now h3")).to_contain_text("One <i>", **wait)
+        expect(teacher.locator("#now h3")).to_contain_text("One <i>")
         assert not ann.page.get_by_test_id("class-exercise").is_visible()
         teacher.locator("#start").click()
         for each in (ann, ben):
             exercise = each.page.get_by_test_id("class-exercise")
-            expect(exercise).to_contain_text("One <i>", **wait)
-            expect(each.page.get_by_test_id("exercise-state")).to_contain_text("Ready", **wait)
+            expect(exercise).to_contain_text("One <i>")
+            expect(each.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
 
         # Ann lifts the duct, which this exercise forbids; what she did is saved, then said.
         ann.lift(14)
         ann.told("Failed. The wall reached")
-        expect(ann.page.get_by_test_id("class-saved")).to_contain_text("Saved", **wait)
+        expect(ann.page.get_by_test_id("class-saved")).to_contain_text("Saved")
         (kept,) = [each for each in lesson.store.runs() if each.finished]
         assert (kept.passed, kept.title) == (False, "One <i>")
-        expect(teacher.locator("#found tbody tr")).to_have_count(1, **wait)
+        expect(teacher.locator("#found tbody tr")).to_have_count(1)
         expect(teacher.locator("#found")).to_contain_text("0 of 1 passed")
         assert teacher.locator("#found i").count() == 0
         assert not ann.page.get_by_test_id("class-standing").is_visible()
         teacher.locator("#standing").check()
-        expect(ann.page.get_by_test_id("class-standing")).to_contain_text("0 of 1", **wait)
+        expect(ann.page.get_by_test_id("class-standing")).to_contain_text("0 of 1")
         assert not ben.page.get_by_test_id("class-standing").is_visible()  # no try yet
 
         # The run again, and Ben's duct live; a trainee who asks for them gets neither.
@@ -183,38 +182,38 @@ def test_a_lesson_from_the_first_name_to_the_restart(
             address = f"{running.address}/{asked_for.removeprefix('../')}"
             looking = teacher.context.new_page()
             looking.goto(address)
-            expect(looking.get_by_test_id("readout")).to_contain_text(word, **wait)
+            expect(looking.get_by_test_id("readout")).to_contain_text(word)
             looking.close()
             looking = ann.page.context.new_page()
             looking.goto(address)
             readout = looking.get_by_test_id("readout")
-            expect(readout).to_contain_text("100", **wait)
+            expect(readout).to_contain_text("100")
             assert word not in (readout.text_content() or "")
             looking.close()
 
         # Ben has begun when the trainer stops.
         ben.lift(2)
-        expect(rows.nth(1)).to_contain_text("of 120 s", **wait)
+        expect(rows.nth(1)).to_contain_text("of 120 s")
         running.stop()
         (cut,) = [each for each in ClassStore(path).runs() if not each.finished]
         assert json.loads(cut.measures)["time_s"] > 0.0
         again = opened(path, port)
         try:
-            expect(teacher.locator("#connection")).to_have_text("Live", **wait)
+            expect(teacher.locator("#connection")).to_have_text("Live")
             ben.told("One <i> was cut short")
             ann.told("Your last run, One <i>, failed at")
             expect(ann.page.get_by_test_id("class-name")).to_have_text("Ann")
             # Ben has not finished it: it is on his duct again. Ann has.
-            expect(ben.page.get_by_test_id("exercise-state")).to_contain_text("Ready", **wait)
+            expect(ben.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
             assert not ann.page.get_by_test_id("exercise-state").is_visible()
 
             rows.first.get_by_role("button", name="Delete").click()
             teacher.get_by_role("dialog").get_by_role("button", name="Delete").click()
-            expect(rows).to_have_count(1, **wait)
-            expect(ann.trainer.row("Your name")).to_be_visible(**wait)
+            expect(rows).to_have_count(1)
+            expect(ann.trainer.row("Your name")).to_be_visible()
             assert {each.person_id for each in lesson_of(again).store.runs()} == {cut.person_id}
             teacher.locator("#stop").click()
-            expect(ben.page.get_by_test_id("exercise-state")).to_be_hidden(**wait)
+            expect(ben.page.get_by_test_id("exercise-state")).to_be_hidden()
             started = time.monotonic()
             again.stop()
             assert time.monotonic() - started < 10.0

@@ -5,6 +5,7 @@ import io
 import json
 import random
 import re
+import socket
 import sqlite3
 import stat
 import threading
@@ -301,4 +302,7 @@ def test_the_commands_keep_a_class(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert tokens[0] != tokens[1]
     for wrong in (["--port", "-1"], ["--look", "x"], ["--trust-proxy", "127.0.0.1"]):
         refused(["class", "new", "Other", *wrong])
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert f"port {port}" in refused(["class", "new", "Other", "--port", port])
     assert not class_path("Other").exists()

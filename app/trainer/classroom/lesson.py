@@ -112,7 +112,7 @@ class Lesson:
         card = ClassCard(
             view.client.gui,
             lambda name: self.join(view, name),
-            lambda: self._put(self._members[view]),
+            lambda: self._put(member),
         )
         with self._lock:
             member = self._members.get(view)
