@@ -17,6 +17,7 @@ from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, LoopSettings, ServoL
 from app.haptics.servo_process import (
     HEAD,
     ROW,
+    BedSetting,
     DuctSetting,
     FeltSetting,
     HookSnapshot,
@@ -351,9 +352,13 @@ def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_
     dissect(hand, servo, state, 0.2)
     assert session.reading().torn_at is None
     assert servo.snapshot().torn is False
-    state.set_paused(True)
-    dissect(hand, servo, state, 0.1)
-    assert servo.loop.ended
+    # P and F take the force away, and the hook off.
+    for switch in (lambda: state.set_paused(not state.paused), state.switch_force):
+        for off in (True, False):
+            switch()
+            dissect(hand, servo, state, 0.1)
+            assert servo.loop.ended is off
+            assert session.reading().held[0] is not off
 
 
 def until(true: Callable[[], Any], seconds: float = 60.0) -> None:
@@ -380,6 +385,15 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
         generation = servo.feel(replace(setting, theory=Exact()))
         until(lambda: servo.snapshot().generation == generation)
         assert servo.snapshot().hooks[0].tip[2] < 1.0
+        # And a duct in its bed, whose hook is free until a button takes it.
+        bed = BedSession(phantom(), vertices=300)
+        beam, touch = bed.beam_touched_by(1)
+        tips = np.array([bed.duct.hands[0].place])
+        generation = servo.feel(BedSetting(beam, tips, bed.duct.threshold, touch))
+        until(lambda: servo.snapshot().generation == generation)
+        assert servo.snapshot().hooks[0].station is None
+        servo.lead(touch, [True])
+        until(lambda: servo.snapshot().hooks[0].station == pytest.approx(tips[0, 0], abs=2.0))
         servo.feel(replace(setting, theory=TautString()))
         until(lambda: servo.ended or servo.unfelt)
         assert servo.unfelt is not None

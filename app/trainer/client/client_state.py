@@ -16,13 +16,14 @@ from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
 
-__all__ = ["FEW", "MODES", "ClientState", "Mode", "Workers", "explained"]
+__all__ = ["FEW", "FORCE_KEY", "MODES", "ClientState", "Mode", "Workers", "explained"]
 
 Mode = Literal["dissect", "pull"]
 """A duct freed from its bed, or one pulled without a bed."""
 MODES: tuple[Mode, ...] = ("dissect", "pull")
 SessionT = TypeVar("SessionT", Session, BedSession)
 FileT = TypeVar("FileT", RunFile, DissectionFile)
+FORCE_KEY = "F takes its force away, and gives it back."
 FEW = 300
 """Vertices of the skin of a duct that is replayed for its numbers only."""
 PATIENCE = 0.4
@@ -67,7 +68,9 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self._home = False
         self._refusal: viser.NotificationHandle | None = None
         self.device: str | None = None  # the haptic device that holds a hook, or None
+        self.force_off = False  # whether the device shall have no force
         self._device_notice: viser.NotificationHandle | None = None
+        self._force_key: viser.CommandHandle | None = None
 
     @property
     def playback(self) -> ReplayPlayback[SessionT] | None:
@@ -95,10 +98,26 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         """Give the hook to a device and say so; two devices have two `hands`."""
         self.release_hand()
         self.device = device
+        if self._force_key is None:
+            self._force_key = self.client.gui.add_command(
+                "Device's force off or on", description="of the haptic device", hotkey="F"
+            )
+            self._force_key.on_trigger(lambda _: self.switch_force())
         self._device_notice = self.client.add_notification(
             *self._device_words(device, hands), color="green"
         )
         self._changed = True
+
+    def switch_force(self) -> None:
+        """Give the device no force, in an exercise too, or give it back."""
+        self.force_off = self.device is not None and not self.force_off
+        if self.device is not None:
+            self.client.add_notification(
+                "The device has no force" if self.force_off else "The device has its force again",
+                "F gives it back." if self.force_off else "F takes it away.",
+                color="yellow" if self.force_off else "green",
+                auto_close_seconds=8.0,
+            )
 
     def take_hook_back(self, why: str | None) -> None:
         """Give the hook back to the mouse."""

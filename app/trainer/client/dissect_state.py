@@ -20,7 +20,7 @@ from app.simulation.bed import (
     dissection_csv,
     read_any_run,
 )
-from app.trainer.client.client_state import FEW, ClientState, Workers
+from app.trainer.client.client_state import FEW, FORCE_KEY, ClientState, Workers
 from app.trainer.scene.bed_scene import Colours
 from app.trainer.scene.drag_proxy import Hold
 
@@ -158,10 +158,10 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def _device_words(self, device: str, hands: int) -> tuple[str, str]:
         if hands > 1:
-            return "The devices hold both hooks", f"{device}: {TAKES}."
+            return "The devices hold both hooks", f"{device}: {TAKES}. {FORCE_KEY}"
         return (
             "The device holds the left hand's hook",
-            f"{device}: {TAKES}. The mouse and the keys have the right hand.",
+            f"{device}: {TAKES}. The mouse and the keys have the right hand. {FORCE_KEY}",
         )
 
     def _refuses(self, hand: int) -> bool:

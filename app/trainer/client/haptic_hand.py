@@ -90,6 +90,11 @@ class HapticHand:
             self._felt, self._setting = felt, setting
             self._generation = self._servo.feel(setting)
 
+    def _end_force(self) -> None:
+        """Feel nothing; the force of what has torn in the servo as well goes off softly there."""
+        if not self._servo.snapshot().torn:
+            self._feel(None, None)
+
     def _snapshot(self) -> Snapshot | None:
         """Return the state of what is felt, if it is the last setting."""
         snapshot = self._servo.snapshot()
@@ -102,10 +107,13 @@ class HapticHand:
         session, whole = state.session, state.session.reading().phase is Phase.INTACT
         if not whole:
             self._holds[0], self._torn = False, True
+            self._end_force()
             return
         if self._torn:  # a new duct, which may be equal to the old one
             self._torn, self._felt = False, "torn"
-        watching = state.playback is not None or state.paused
+        watching = state.playback is not None or state.paused or state.force_off
+        if watching:
+            self._let_go(state)
         setting = None if watching else felt_in(session)
         self._feel(
             setting and (id(setting.beam), setting.theory, setting.grasp, setting.threshold),
@@ -130,12 +138,11 @@ class HapticHand:
     def _dissect(self, state: DissectState) -> None:
         session = state.session
         duct, run = session.duct, session.run
-        if state.playback is not None or state.paused or duct.torn is not None:
+        watching = state.playback is not None or state.paused or state.force_off
+        if watching or duct.torn is not None:
             if self._felt is not None and duct.torn is None:
                 self._let_go(state)
-            # A duct that has torn in the servo as well has no force there: it goes off softly.
-            if duct.torn is None or not self._servo.snapshot().torn:
-                self._feel(None, None)
+            self._end_force()
             self._holds = [False] * self._hands
             return
         if self._felt != (duct, run):

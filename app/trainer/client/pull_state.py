@@ -16,7 +16,7 @@ from app.simulation import (
     series_csv,
 )
 from app.simulation.bed import read_any_run
-from app.trainer.client.client_state import FEW, ClientState, Workers
+from app.trainer.client.client_state import FEW, FORCE_KEY, ClientState, Workers
 from app.trainer.scene.drag_proxy import Hold
 from organ_geometry import Organ
 
@@ -200,7 +200,7 @@ class PullState(ClientState[Session, RunFile]):
 
     def _device_words(self, device: str, hands: int) -> tuple[str, str]:
         more = " It is the first one's; the second one waits." if hands > 1 else ""
-        return "The device holds the hook", f"{device}: pull up to pull the duct.{more}"
+        return "The device holds the hook", f"{device}: pull up to pull the duct.{more} {FORCE_KEY}"
 
     def _refuses_mouse(self) -> bool:
         """Return whether a device has the hook; then tell the client so."""
