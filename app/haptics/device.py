@@ -91,6 +91,11 @@ def open_device(name: str, options: DeviceOptions) -> Device:
     """Return an open device."""
     for entry in importlib.metadata.entry_points(group=GROUP):
         if entry.name == name:
-            opener = cast("Callable[[DeviceOptions], Device]", entry.load())
+            try:
+                opener = cast("Callable[[DeviceOptions], Device]", entry.load())
+            except (ImportError, AttributeError) as error:
+                raise DeviceError(
+                    f"the driver of {name}, {entry.value}, cannot be loaded: {error}"
+                ) from error
             return opener(options)
     raise DeviceError(f"unknown device {name!r}; there are: {', '.join(device_names())}")

@@ -30,6 +30,7 @@ BEHIND = 5
 """Periods behind the clock beyond which it starts afresh instead of catching up."""
 SILENT_SECONDS = 1.0
 """Time without a state after which a device counts as gone."""
+NO_NUMBER = "a place that is no number"
 ORDINARY = "as other processes"
 CHECKS_PER_SECOND = 20
 """How often a force is kept to be compared with the theory's own, up to `MOST_CHECKS` times."""
@@ -83,11 +84,12 @@ class Servo:
         gc.freeze()
         gc.disable()
         try:
-            ended = self._run(seconds, stopped, watched)
+            with contextlib.ExitStack() as closing:  # each of them, whatever another one raises
+                for device in self.devices:
+                    closing.callback(device.close)
+                closing.callback(self.loop.end)
+                ended = self._run(seconds, stopped, watched)
         finally:
-            self.loop.end()
-            for device in self.devices:
-                device.close()
             gc.unfreeze()
             if collected:
                 gc.enable()
@@ -130,11 +132,13 @@ class Servo:
                     self._answer.add(sent - received[hand])
                 try:
                     fresh = device.exchange(loop.given[hand], states[hand])
-                except DeviceError as error:
+                except (DeviceError, OSError) as error:
                     self._seconds = clock() - start
                     return str(error)
                 got = received[hand] = clock()
                 self._exchange.add(got - sent)
+                no_number = fresh and not np.isfinite(states[hand].position).all()
+                fresh = fresh and not no_number
                 bits = states[hand].buttons & (LIVE - 1)
                 if fresh:
                     units[hand] = np.rint(states[hand].position * (1.0 / PLACE_UNIT))
@@ -145,7 +149,7 @@ class Servo:
                 inputs[hand] = bits
                 if not fresh:
                     self._stale += 1
-                    trouble = device.trouble() or "no state"
+                    trouble = NO_NUMBER if no_number else device.trouble() or "no state"
                     self._troubles[trouble] += 1
                     if got - alive[hand] > SILENT_SECONDS:
                         self._seconds = got - start

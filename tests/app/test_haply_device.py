@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import haply_pages as pages
@@ -187,10 +188,15 @@ def test_what_is_no_service_is_said_before_anything_is_felt() -> None:
             opened(address)
 
 
-def test_devices_are_found_by_their_entry_points() -> None:
+def test_devices_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {"haply", "force-dimension", "virtual"} <= set(device_names())
     with pytest.raises(DeviceError, match=r"there are: .*virtual"):
         open_device("spoon", DeviceOptions("", 0.001))
+    broken = EntryPoint("broken", "app.haptics.device:open_nothing", "bluntdissect.haptics")
+    with monkeypatch.context() as patched:
+        patched.setattr("importlib.metadata.entry_points", lambda group: [broken])
+        with pytest.raises(DeviceError, match=r"open_nothing, cannot be loaded: .*open_nothing"):
+            open_device("broken", DeviceOptions("", 0.001))
     device = open_device("virtual", DeviceOptions("", 0.001, HandScript()))
     into = DeviceState()
     assert device.exchange(np.zeros(3), into)

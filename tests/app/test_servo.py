@@ -430,6 +430,37 @@ def test_a_device_that_falls_silent_ends_the_servo(goes: bool) -> None:
         assert report.stale_periods == report.troubles["nothing comes"]
 
 
+class Unsure(VirtualDevice):
+    """A device whose states are no numbers for some periods, and which does not close."""
+
+    periods = 0
+
+    def exchange(self, force: Any, state: DeviceState) -> bool:
+        fresh = super().exchange(force, state)
+        self.periods += 1
+        if 500 <= self.periods < 510:
+            state.position[2] = math.nan
+        return fresh
+
+    def close(self) -> None:
+        raise OSError("it is stuck")
+
+
+def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed() -> None:
+    path = (Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(0.3, (0.0, 0.0, 6.0)))
+    unsure = Unsure(DeviceOptions("", 0.001, hand(path)))
+    other = Silent(hand(path), 10_000)
+    loop = ServoLoop(choice(Exact(), 15.0, 35.0).felt(1.0), LoopSettings(), other.limits, 2)
+    servo = Servo([unsure, other], loop)
+    with pytest.raises(OSError, match="stuck"):
+        servo.run(None, lambda: "enough" if unsure.periods == 700 else None)
+    assert other.closed
+    assert not loop.given.any()
+    report = servo.report("enough")
+    assert not report.torn
+    assert report.troubles["a place that is no number"] == 10
+
+
 def test_what_cannot_be_felt_is_refused() -> None:
     with pytest.raises(ValueError, match="take --theory exact"):
         choice(Cubic(), 20.0, 30.0).felt(1.0)

@@ -30,6 +30,7 @@ HOW: dict[Instrument, str] = {
     "open its jaws by the slider or with O.",
     "swab": "Drag it down beside the duct, then along it.",
 }
+BY_DEVICE = "The hand on the device has it. Its button a takes the duct and lets go; so does G."
 MOST_OPENING = 40.0
 
 
@@ -88,9 +89,8 @@ class HandsTab:
         for number_, (choice, hand) in enumerate(zip(self._hands, hands, strict=True)):
             choice.show(hand.instrument, active=number_ == state.hand)
         holder = hands[state.hand]
-        set_if_changed(
-            self._how, content=note(f"<b>{HANDS[state.hand]}.</b> {HOW[holder.instrument]}", "how")
-        )
+        how = BY_DEVICE if state.hand < state.device_hands else HOW[holder.instrument]
+        set_if_changed(self._how, content=note(f"<b>{HANDS[state.hand]}.</b> {how}", "how"))
         set_if_changed(self._jaws, visible=holder.instrument == "dissector")
         if self._jaws.value != holder.target_opening:
             self._jaws.value = holder.target_opening
