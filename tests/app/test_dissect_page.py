@@ -401,6 +401,9 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         assert distance[-1][0] == pytest.approx(100.0 * (1.0 - exercise.share_limit))
         tab.press("Watch it again")
         tab.wait_until(lambda: view.state.playback is not None)
+        # The page refuses a time past the end that it knows.
+        tab.wait_until(lambda: view._panel._replay._time.max > 1.0)
+        page.wait_for_timeout(500)
         tab.slide("Time (s)", 1e4)
         tab.wait_until(lambda: tab.figure("parted") == kept.measures.strands_parted)
         expect(tab.readout).to_contain_text("Replay")
