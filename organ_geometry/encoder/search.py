@@ -133,7 +133,7 @@ class Search:
                 # Bytes of what keeps the tolerance; more where the last round still misses it.
                 size = len(found[-1].data) * max(1.0, found[-1].worst)
                 tried.append((size, sampling))
-        tried = _best_of_each_depth(tried)
+        axes = [sampling for _, sampling in sorted(tried, key=lambda one: one[0])]
         more_rounds = settings.rounds > settings.choice_rounds
         # Where all first encodings miss their limits by a third, no other step will keep them,
         # unless the finest steps do.
@@ -143,13 +143,14 @@ class Search:
             self._check_within_reach()
         # The best axis is encoded in all section steps, the first left out where it would repeat,
         # round for round, what the axis was chosen by.
-        for _, sampling in tried if every else tried[:1]:
+        for sampling in axes if every else axes[:1]:
             for step in [first_step, *steps] if more_rounds or every else steps:
                 kept += _keeping(candidates.encode(sampling, step, worth, settings.rounds))
+        best_of_depth = {sampling.depth: sampling for sampling in reversed(axes)}
         for step in settings.finer_steps:
             if kept:
                 break
-            for _, sampling in tried[:2]:
+            for sampling in best_of_depth.values():
                 kept += _keeping(candidates.encode(sampling, step, worth, settings.rounds))
         kept.sort(key=lambda one: len(one.data))
         for one in kept[: settings.moved]:
@@ -345,20 +346,6 @@ def _worst_of_runs(excess: NDArray[np.float64]) -> NDArray[np.intp]:
     beyond = np.flatnonzero(excess > 0.97)
     runs = np.split(beyond, np.flatnonzero(np.diff(beyond) > 1) + 1)
     return np.array([run[excess[run].argmax()] for run in runs if len(run)], dtype=np.intp)
-
-
-def _best_of_each_depth(
-    tried: list[tuple[float, AxisSampling]],
-) -> list[tuple[float, AxisSampling]]:
-    """Return samplings by their size, the best of each depth before the second of any."""
-    ranked: list[tuple[int, float, int]] = []
-    of_depth: dict[int, int] = {}
-    for number in sorted(range(len(tried)), key=lambda number: tried[number][0]):
-        size, sampling = tried[number]
-        before = of_depth.setdefault(sampling.depth, 0)
-        of_depth[sampling.depth] += 1
-        ranked.append((before, size, number))
-    return [tried[number] for _, _, number in sorted(ranked)]
 
 
 def _keeping(encodings: list[Encoding]) -> list[Encoding]:
