@@ -1,6 +1,7 @@
 """Options of a duct in its bed, which `solve` and `export` share."""
 
 import json
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer

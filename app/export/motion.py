@@ -127,8 +127,8 @@ class Motion:
         """Return the (D, 3, 4) transforms that strands' ends follow at a key."""
         if self.second is None or self.bed is None or self.bed.tear is None:
             return self.transforms[key]
-        beyond = (driving.stations >= self.bed.tear)[:, np.newaxis, np.newaxis]
-        led: NDArray[np.float64] = np.where(beyond, self.second[key], self.transforms[key])
+        led, beyond = self.transforms[key].copy(), driving.stations >= self.bed.tear
+        led[beyond] = self.second[key][beyond]
         return led
 
     @property

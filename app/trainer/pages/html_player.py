@@ -24,7 +24,7 @@ from app.trainer.stage.contact import Contact, HookPlace, sink
 from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs
-from app.trainer.stage.tissue import Tissue, send_finish
+from app.trainer.stage.tissue import Tissue, lumen_share, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
 from organ_geometry import Organ
@@ -287,7 +287,7 @@ def _body(
         contact,
         look=look,
         radius=radius,
-        lumen=drawn_lumen(dissection),
+        lumen=drawn_lumen(dissection) or (lumen_share(skin) if divided else None),
         torn_end=TORN_ENDS.get(name) or ("last" if divided else None),
     )
     body = _Body(bound, piece, contact, tissue, skin.vertices.copy())

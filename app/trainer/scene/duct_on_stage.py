@@ -20,7 +20,7 @@ from app.trainer.stage.contact import Contact
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.plain_tissue import PlainTissue
 from app.trainer.stage.stage import Stage
-from app.trainer.stage.tissue import Tissue, TornEnd, send_finish
+from app.trainer.stage.tissue import Tissue, TornEnd, lumen_share, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from organ_geometry import Organ
 from organ_geometry.mesh import Surface
@@ -246,7 +246,8 @@ class DuctOnStage(Generic[AnySession]):
                     contact,
                     look=look,
                     radius=radius,
-                    lumen=drawn_lumen(dissection),
+                    lumen=drawn_lumen(dissection)
+                    or (lumen_share(skin) if math.isinf(self._held[1]) else None),
                     torn_end=torn_end,
                 )
             else:

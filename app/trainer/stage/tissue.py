@@ -25,9 +25,9 @@ from app.trainer.stage.dressed_surface import (
     keep_finish,
 )
 from app.trainer.stage.wall_texture import PERIOD, mean_color, wall_texture
-from organ_geometry.mesh import INSIDE, Finish, linear_light
+from organ_geometry.mesh import INSIDE, Finish, Skin, linear_light
 
-__all__ = ["Tissue", "TornEnd", "send_finish"]
+__all__ = ["Tissue", "TornEnd", "lumen_share", "send_finish"]
 
 TornEnd = Literal["first", "last"]
 """The torn end of a piece, along the organ's axis."""
@@ -50,6 +50,16 @@ def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
         normal_jpeg=texture.normals,
     )
     keep_finish(scene, FINISH, finish)
+
+
+def lumen_share(skin: Skin) -> float | None:
+    """Return the radius of the lumen over the wall's at the last ring; None of a solid skin."""
+    # An inner wall that is drawn so follows the dents of the outer one, and never shows through.
+    if not skin.hollow:
+        return None
+    rings = skin.grid(skin.vertices)[-1], skin.grid(skin.vertices, "lumen")[-1]
+    wall, lumen = (np.linalg.norm(ring - ring.mean(axis=0), axis=1).mean() for ring in rings)
+    return float(lumen / wall)
 
 
 class Tissue:
