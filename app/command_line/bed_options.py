@@ -52,7 +52,9 @@ StrandCount = Annotated[
 ]
 
 
-def check_options(bed: str | None, of_bed: dict[str, object], of_pull: dict[str, object]) -> None:
+def check_options(
+    bed: str | None, of_bed: Mapping[str, object], of_pull: Mapping[str, object]
+) -> None:
     """Raise if options of a bed are given without one, or options of a pull with one.
 
     Both are by name, None where they are not given.

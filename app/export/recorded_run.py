@@ -122,5 +122,5 @@ def _bed_reading(duct: BeddedDuct, check: RuptureCheck) -> Reading:
         breaks_at=None,
         deepest=deflection,
         hook=(x, y, z),
-        held=shown.held[hardest],
+        held=shown.held[0],
     )

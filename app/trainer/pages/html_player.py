@@ -221,7 +221,9 @@ def _recorded(
         if is_whole:
             share = 1.0 - motion.readings[key].check.distance_to_break
             center = np.add(center, (0.0, 0.0, sink(share, stage.radius)))
-            place = HookPlace(first + dissection.frame @ center, dissection.frame, stage.radius)
+            if motion.bed is None or motion.readings[key].held:
+                middle = first + dissection.frame @ center
+                place = HookPlace(middle, dissection.frame, stage.radius)
         elif motion.fronts[key] >= 1.0:
             center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
         stage.place_hook(center, (0.0, 0.0, 1.0))
