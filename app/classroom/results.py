@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
+import msgspec
+
 from app.classroom.exercise_file import SetExercise
 from app.classroom.store import ClassStore, Person, RunRecord
 
@@ -97,7 +99,7 @@ def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
         tries[what] += 1
         limit = None if run.assignment_id is None else limits.get(run.assignment_id)
         name = names.get(run.person_id, "")
-        found.append(Result(run, name, tries[what], limit, json.loads(run.measures)))
+        found.append(Result(run, name, tries[what], limit, msgspec.json.decode(run.measures)))
     return found
 
 

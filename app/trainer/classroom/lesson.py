@@ -47,7 +47,7 @@ class Row(msgspec.Struct, frozen=True):
     live: Live | None
     tries: int
     best: str
-    saved: str
+    problem: str  # why a result is not saved, if it is not
 
 
 @dataclass(slots=True, eq=False)
@@ -59,6 +59,7 @@ class _Member:
     person: Person | None
     card: ClassCard
     saved: str = ""
+    problem: str = ""
     last: str = ""
     saved_at: float = 0.0
     save_after: float = SAVE_SECONDS
@@ -294,16 +295,13 @@ class Lesson:
         names, found = shown_names(people), self._results()
         here = {each.person.id: each for each in self._all() if each.person is not None}
         current = self.assignment
+        tries: dict[str, list[Result]] = {}
+        for each in found:
+            if current is not None and each.run.assignment_id == current[0].id:
+                tries.setdefault(each.run.person_id, []).append(each)
         rows: list[Row] = []
         for person in people:
-            member = here.get(person.id)
-            own = [
-                each
-                for each in found
-                if each.run.person_id == person.id
-                and current is not None
-                and each.run.assignment_id == current[0].id
-            ]
+            member, own = here.get(person.id), tries.get(person.id, [])
             top = best(own)
             rows.append(
                 Row(
@@ -312,7 +310,7 @@ class Lesson:
                     live=None if member is None else _live(member.view),
                     tries=len(own),
                     best="" if top is None else f"{top.word}, {100.0 * top.peak:.0f} %",
-                    saved="" if member is None else member.saved,
+                    problem="" if member is None else member.problem,
                 )
             )
         return rows, sum(each.person is None for each in self._all())
@@ -421,8 +419,9 @@ class Lesson:
             return record
 
         def done(problem: str | None) -> None:
+            member.problem = "" if problem is None else problem[:1].upper() + problem[1:]
             if problem is not None:
-                member.saved = problem[:1].upper() + problem[1:]
+                member.saved = member.problem
             elif finished:
                 member.saved = f"{SAVED} {now()[11:19]}"
             self.version += finished

@@ -121,7 +121,9 @@ function fill(row, person) {
     duct.firstChild.style.visibility = live ? "visible" : "hidden";
     distance.firstChild.style.visibility = live ? "visible" : "hidden";
     actions.firstChild.style.visibility = live ? "visible" : "hidden";
-    set(exercise, live ? `${live.mode}: ${live.state}${live.standing ? `, ${live.standing}` : ""}` : "not here");
+    set(exercise, live
+        ? [`${live.mode}: ${live.state}`, live.standing, person.problem].filter(Boolean).join(", ") : "not here");
+    exercise.classList.toggle("refused", Boolean(person.problem));
     set(best, person.best ? `${person.best} (${person.tries} ${person.tries === 1 ? "try" : "tries"})` : "–");
     if (!live) return;
     const share = Math.round(100 * live.distance);
