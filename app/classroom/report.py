@@ -214,4 +214,4 @@ def _mark(x: float, y: float, passed: bool, *, own: bool) -> str:
 
 def _when(text: str) -> str:
     """Return a time for people."""
-    return html.escape(text[:16].replace("T", " "))
+    return f"<time>{html.escape(text[:16].replace('T', ' '))}</time>"

@@ -116,11 +116,10 @@ class Lesson:
             lambda: self._put(member),
         )
         with self._lock:
-            member = self._members.get(view)
-            came = member is None
-            if member is None:
-                person = self.store.person_of(browser)
-                member = self._members[view] = _Member(view, browser, person, card)
+            known = self._members.get(view)
+            came = known is None
+            member = known or _Member(view, browser, self.store.person_of(browser), card)
+            self._members[view] = member
             member.card = card
         view.state.kept = lambda: self._save_kept(member)
         if came and member.person is not None:
@@ -171,7 +170,8 @@ class Lesson:
         person, assignment, asked = member.person, self._assignment, self._asked
         text, where = "", None
         if asked is not None and assignment is not None and assignment.goes_on:
-            text = f"<b>{html.escape(asked.title)}</b><br>{html.escape(asked.text)}"
+            lines = [f"<b>{html.escape(asked.title)}</b>", *html.escape(asked.text).splitlines()]
+            text = "<br>".join(lines)
         if self.store.shows_standing and person is not None and assignment is not None:
             where = standing(self._results(), person.id, assignment.id)
         member.card.show(
@@ -309,7 +309,7 @@ class Lesson:
                     name=names[person.id],
                     live=None if member is None else _live(member.view),
                     tries=len(own),
-                    best="" if top is None else f"{top.word}, {100.0 * top.peak:.0f} %",
+                    best="" if top is None else f"{top.word}, peak {100.0 * top.peak:.0f} %",
                     problem="" if member is None else member.problem,
                 )
             )

@@ -118,9 +118,7 @@ function fill(row, person) {
         name.dataset.name = person.name;
         name.textContent = person.name;
     }
-    duct.firstChild.style.visibility = live ? "visible" : "hidden";
-    distance.firstChild.style.visibility = live ? "visible" : "hidden";
-    actions.firstChild.style.visibility = live ? "visible" : "hidden";
+    for (const cell of [duct, distance, actions]) cell.firstChild.style.display = live ? "" : "none";
     set(exercise, live
         ? [`${live.mode}: ${live.state}`, live.standing, person.problem].filter(Boolean).join(", ") : "not here");
     exercise.classList.toggle("refused", Boolean(person.problem));
