@@ -118,10 +118,9 @@ def run_page(run: RecordedRun, *, edge_length: float) -> str:
         tearing = (each.force for each in motion.readings if each.phase is Phase.TEARING)
         ended = f"; it tore at {max(tearing):.3g} N."
     whole = float(motion.times[motion.whole][-1])
-    notes = [
-        f"A recorded run of {whole:.1f} s on {dissection.beam.span:.1f} mm between the "
-        f"clamps{ended}"
-    ]
+    divided = motion.bed is not None and motion.bed.divided
+    where = "of a duct divided at its end" if divided else "between the clamps"
+    notes = [f"A recorded run of {whole:.1f} s on {dissection.beam.span:.1f} mm {where}{ended}"]
     pieces = run.pieces(edge_length=edge_length)
     return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
