@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tubes
 from gltf_reader import Gltf
 from other_programs import three_viewer, validated
 from program import refused, run
@@ -21,10 +22,11 @@ from app.export.bed_export import BedExport
 from app.export.strand_mesh import RADIUS
 from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, preset_named
-from app.simulation.bed import bed_named
+from app.simulation.bed import beam_in_space, bed_named
 from assets import BILE_DUCT
 from organ_geometry.mesh import organ_skin
 from organ_geometry.mesh.gltf_file import metres
+from physics.bed import Hand, pull
 
 EDGE_LENGTH = 1.2
 PARTS = 14
@@ -273,6 +275,29 @@ def test_the_last_moment_as_vtp_has_its_strands_beside_it(tmp_path: Path) -> Non
     result = freed().write(path)
     assert [file.name for file in result.files] == ["last.vtp", "last_strands.vtp"]
     assert vtp(result.files[1]).GetNumberOfLines() > 120
+
+
+def test_a_curved_duct_is_freed_as_it_lies() -> None:
+    """By its own sections along its own axis, and drawn where the beam in space is."""
+    dissection = Dissection.of(tubes.tube(wall=1.0, sag=5.0), preset_named("assumed-duct"))
+    bed, path = bed_named("firm"), ((0.0, 3.0, 9.0),)
+    export = BedExport(
+        dissection, bed, 27.0, path, steps=10, elements=40, strands=200, edge_length=EDGE_LENGTH
+    )
+    rest = beam_in_space(dissection, elements=40, nodes_at=[27.0])
+    assert np.abs(rest.places[:, 1]).max() == pytest.approx(5.0, abs=0.1), "it is curved"
+    solved = pull(rest, bed.bed(rest, strands=200), [Hand(at=27.0, path=path, steps=10)])
+    history = export.dissected[1]
+    assert np.array_equal(history.forces, solved.forces)
+    assert 30 < history.parted[-1] < 150
+    start, end = (moment for _, moment in list(export.snapshots())[::10])
+    (before,), (after,) = start.surfaces, end.surfaces
+    assert np.array_equal(before.vertices, before.skin.vertices)
+    moved = (after.vertices - before.vertices) @ dissection.frame
+    at = np.abs(after.skin.stations - dissection.clamps[0] - 27.0) < 0.7
+    assert moved[at].mean(axis=0) == pytest.approx(history.hands[-1, 0], abs=0.25)
+    held = (after.skin.stations <= 0.0) | (after.skin.stations >= dissection.clamps[1])
+    assert np.abs(moved[held]).max() < 1e-6
 
 
 def test_the_command_writes_what_solve_says(tmp_path: Path) -> None:
