@@ -361,6 +361,19 @@ def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_
             assert session.reading().held[0] is not off
 
 
+def test_a_duct_that_tears_to_the_hand_alone_is_felt_again_as_the_page_has_it() -> None:
+    hand, servo, state = dissecting(LIFT)
+    dissect(hand, servo, state, 0.5)
+    torn = cast(Any, servo.loop.model)
+    torn.threshold = 1e-3
+    dissect(hand, servo, state, 0.3)
+    assert torn.torn
+    dissect(hand, servo, state, 0.6)
+    assert servo.loop.model is not torn
+    assert not servo.loop.model.torn
+    assert state.session.reading().torn_at is None
+
+
 def until(true: Callable[[], Any], seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not true():

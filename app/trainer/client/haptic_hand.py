@@ -24,6 +24,8 @@ __all__ = ["HapticHand", "felt_in"]
 TAKEN, LEFT = 0.3, 0.05
 """Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
 apart so that a hand resting at the duct does not grab and release it at every tick."""
+TORN_TICKS = 15
+"""Ticks that a session has to tear after its duct has torn to the hand."""
 TOUCHED = 0.01
 """mm that a free hook has moved before the picture follows: a hand's tremor is less."""
 
@@ -50,7 +52,7 @@ class HapticHand:
         self._setting: FeltSetting | None = None
         self._generation = 0
         self._holds = [False] * self._hands
-        self._torn = False
+        self._torn, self._torn_ticks = False, 0
         self._told: str | None = None
         self._led: bytes | None = None  # what was said last of the other hand
 
@@ -151,6 +153,12 @@ class HapticHand:
         self._lead_other(state)
         snapshot = self._snapshot()
         if snapshot is None:
+            return
+        # Torn already in the servo: the session's hook goes on with the hand, and tears it too.
+        self._torn_ticks = self._torn_ticks + 1 if snapshot.torn else 0
+        if self._torn_ticks > TORN_TICKS:  # or not: then the page is right
+            self._let_go(state)
+            self._felt, self._torn_ticks = "let go", 0
             return
         for hand, hook in enumerate(snapshot.hooks[: self._hands]):
             held = self._holds[hand]
