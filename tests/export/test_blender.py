@@ -14,7 +14,8 @@ import pytest
 from other_programs import HERE, missing
 from rigged import rigged, walls
 from simulated import phantom
-from test_bed_export import freed, model
+from test_bed_export import freed, model, torn_model
+from test_bed_export import torn as apart
 from test_recorded_run import VERTICES, again, played, recorded
 from test_rigged_organ import SPECK
 
@@ -72,6 +73,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Seen]:
         "run": played(torn=True).rigged(edge_length=edge_length),
         "let_go": played(torn=False).rigged(edge_length=edge_length),
         "free": freed().content(".glb"),
+        "apart": apart().content(".glb"),
     }
     files = [folder / f"{name}.glb" for name in contents]
     for file, content in zip(files, contents.values(), strict=True):
@@ -224,3 +226,23 @@ def test_a_duct_is_freed_from_its_bed_with_its_strands(seen: dict[str, Seen]) ->
         for name, got in places.items():
             wanted = np.concatenate(model().vertices(name, "free", time))
             assert np.abs(got - wanted).max() < 1e-4 * rigged().radius, (name, time)
+
+
+def test_a_duct_that_tears_in_its_bed_is_two_pieces_on_their_strands(seen: dict[str, Seen]) -> None:
+    """An armature each for the organ, its pieces and the strands, and what is seen of each."""
+    found, motion = seen["apart"], apart().motion
+    meshes = (*ALL, "strands")
+    assert found.report["objects"] == {
+        **dict.fromkeys((f"{mesh}_rig" for mesh in meshes), "ARMATURE"),
+        **dict.fromkeys(meshes, "MESH"),
+    }
+    tears = float(motion.times[motion.whole][-1])
+    shown = found.shown("free")
+    assert shown[0][0] < tears < shown[-1][0]
+    for time, places in shown:
+        for name, got in places.items():
+            wanted = np.concatenate(torn_model().vertices(name, "free", time))
+            assert np.abs(got - wanted).max() < OF_RADIUS * rigged().radius, (name, time)
+        if abs(time - tears) > 0.05:
+            for name in ALL:
+                assert (size(places[name]) < SPECK) == ((name == "organ") == (time > tears))
