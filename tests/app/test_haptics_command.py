@@ -11,10 +11,11 @@ import pytest
 from program import command, refused, run_process
 
 from app.haptics.device import DeviceOptions
+from app.haptics.duct_choice import passive_coupling
 from app.haptics.hand import read_hand
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import LoopSettings, ServoLoop
-from app.haptics.servo_process import FeltSetting
+from app.haptics.servo_process import DuctSetting
 from app.simulation import preset_named
 from physics import Cubic
 
@@ -74,6 +75,7 @@ def test_the_driver_of_haply_feels_the_virtual_device_until_a_signal() -> None:
         (["--device", "spoon"], "there are: "),
         (["--device", "virtual", "--theory", "fem"], "cannot be felt"),
         (["--device", "virtual", "--second-at", "3"], "give --second"),
+        (["--device", "virtual", "--second", "9", "--second-at", "nan"], "says how far"),
         (["--device", "haply", "--address", "http://a"], "ws://127.0.0.1:10001"),
         (["--replay", "none.json"], "cannot read none.json"),
         (["--device", "virtual", "--report", "no/folder/r.json"], "no folder"),
@@ -89,10 +91,9 @@ def test_a_driver_is_written_in_forty_lines() -> None:
     names: dict[str, Any] = {}
     exec(source, names)
     device = names["open_box"](DeviceOptions("", 0.001))
-    setting = FeltSetting(Cubic(), preset_named("thesis-bile-duct").round_beam(), 25.4, 0.2115)
-    from app.haptics.servo_process import _duct  # pyright: ignore[reportPrivateUsage]
-
-    loop = ServoLoop(_duct(setting, device, LoopSettings()), LoopSettings(), device.limits)
+    setting = DuctSetting(Cubic(), preset_named("thesis-bile-duct").round_beam(), 25.4, 0.2115)
+    model = setting.model(passive_coupling(device.limits.damping, 1000), 0.001, 1)
+    loop = ServoLoop(model, LoopSettings(), device.limits)
     periods = iter(range(2000))
     report = Servo([device], loop).run(
         None, lambda: None if next(periods, None) is not None else "enough"
