@@ -11,6 +11,8 @@ import zstandard
 
 __all__ = ["Page", "connected", "hand_forces"]
 
+SLIDERS = ("Force", "Jaws")
+"""What a page's own slider is called, of a pull and of a dissection."""
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -41,16 +43,20 @@ class Page:
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
         self._slider = self._reset = ""
+        self._owner: str | None = None  # of the mesh by which the duct is dragged
+        self._held = False
         self._unpack = zstandard.ZstdDecompressor()
 
     async def open(self) -> None:
-        """Say that a page is there, and wait for its force slider and its reset button."""
+        """Say that a page is there, and wait for its first slider and its reset button."""
         await self._send(CAMERA)
         while not (self._slider and self._reset):
             for message in await self.messages():
                 kind = message["type"]
-                if kind == "GuiSliderMessage" and message["props"]["label"].startswith("Force"):
+                if kind == "GuiSliderMessage" and message["props"]["label"].startswith(SLIDERS):
                     self._slider = message["uuid"]
+                if message.get("name") == "/organ/grip" and "owner" in message:
+                    self._owner = message["owner"]
                 if kind == "GuiButtonMessage" and message["props"]["label"].startswith("Reset"):
                     self._reset = message["uuid"]
                 if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
@@ -65,6 +71,27 @@ class Page:
     async def pull_with(self, force: float) -> None:
         """Move the force slider."""
         await self._update(self._slider, force)
+
+    async def drag(self, way: tuple[float, float, float]) -> None:
+        """Lead the hand that holds the duct's middle to a place, mm from where it took hold."""
+        start = CAMERA["look_at"]
+        for phase in ("update",) if self._held else ("start", "update"):
+            end = start if phase == "start" else tuple(map(sum, zip(start, way, strict=True)))
+            message: dict[str, Any] = {
+                "type": "SceneNodeDragMessage",
+                "phase": phase,
+                "name": "/organ/grip",
+                "instance_index": None,
+                "start_position": start,
+                "start_screen_pos": (0.5, 0.5),
+                "end_position": end,
+                "end_screen_pos": (0.5, 0.5),
+                "button": "left",
+                "modifier": None,
+                "owner": self._owner,
+            }
+            await self._send(message)
+        self._held = True
 
     async def reset(self) -> None:
         """Press the reset button."""

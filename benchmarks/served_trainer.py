@@ -3,6 +3,7 @@
 import gc
 import subprocess
 import sys
+import threading
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ import psutil
 from app.command_line.load import shipped_organ
 
 if TYPE_CHECKING:
+    from app.trainer.client.client_state import Mode
     from app.trainer.server.trainer import Trainer
 
 __all__ = ["Served", "Takings", "served_trainer"]
@@ -26,6 +28,7 @@ class Takings(msgspec.Struct, frozen=True):
     missed: int  # Ticks that the machine had no time for
     frames: dict[int, int]  # How often the duct of each client was drawn
     processor_s: float
+    thread_s: dict[str, float]  # Of which each thread's, by its name
     resident_bytes: int  # Memory of the process
     # Blocks of memory that Python's own allocator has given, one or more for each small object.
     blocks: int
@@ -50,10 +53,10 @@ class Served:
 
 
 @contextmanager
-def served_trainer(*, traced: bool = False) -> Iterator[Served]:
-    """Run a trainer in a process of its own."""
+def served_trainer(*, mode: "Mode" = "pull", traced: bool = False) -> Iterator[Served]:
+    """Run a trainer in a process of its own, whose pages open in a mode."""
     # A client that leaves while it is being drawn is a warning of viser's, here by intent.
-    command = [sys.executable, "-W", "ignore::UserWarning", "-m", "benchmarks.served_trainer"]
+    command = [sys.executable, "-W", "ignore::UserWarning", "-m", "benchmarks.served_trainer", mode]
     with subprocess.Popen(
         [*command, *(["--traced"] if traced else [])],
         stdin=subprocess.PIPE,
@@ -79,6 +82,7 @@ def _takings(trainer: "Trainer") -> Takings:
         missed=timer.missed,
         frames=trainer.frames,
         processor_s=times.user + times.system,
+        thread_s=_thread_times(),
         resident_bytes=memory.rss,
         # Never a list of all objects: it would hold what other threads are still making.
         blocks=sys.getallocatedblocks(),
@@ -87,13 +91,23 @@ def _takings(trainer: "Trainer") -> Takings:
     )
 
 
+def _thread_times() -> dict[str, float]:
+    names = {each.native_id: each.name for each in threading.enumerate()}
+    seconds: dict[str, float] = {}
+    for each in psutil.Process().threads():
+        name = names.get(each.id, "others")
+        seconds[name] = seconds.get(name, 0.0) + each.user_time + each.system_time
+    return seconds
+
+
 def main() -> None:
     """Serve, and answer each line with the takings, until the parent has gone."""
     if "--traced" in sys.argv:
         tracemalloc.start()
     from app.trainer.server.trainer import Trainer
 
-    trainer = Trainer(shipped_organ(), port=0, mode="pull")
+    trainer = Trainer(shipped_organ(), port=0, mode="pull" if "pull" in sys.argv else "dissect")
+    trainer.warm_up.done.wait()
     print(trainer.address, flush=True)
     for _ in sys.stdin:
         print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)

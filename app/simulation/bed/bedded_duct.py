@@ -142,6 +142,7 @@ class BeddedDuct:
         self.torn_element = -1  # of the beam, which is none any more
         self._share = self._peak = self._station = 0.0
         self._still = True
+        self._reading: BedReading | None = None
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
@@ -157,6 +158,7 @@ class BeddedDuct:
         """Give a hand another instrument, which touches nothing yet."""
         self.release(hand)
         self._withdraw(hand)
+        self._reading = None
         holder = self.hands[hand]
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
@@ -175,7 +177,7 @@ class BeddedDuct:
         except ValueError:  # at a clamp, or on top of the other hook
             return None
         holder.put(self.beam.places[holder.node])
-        self._still = False
+        self._still, self._reading = False, None
         return holder.place.copy()
 
     def release(self, hand: int) -> bool:
@@ -185,7 +187,7 @@ class BeddedDuct:
             return False
         self.beam.let_go(holder.node)
         holder.node = None
-        self._still = False
+        self._still, self._reading = False, None
         return True
 
     def move_hand(self, hand: int, place: Floats) -> None:
@@ -232,6 +234,7 @@ class BeddedDuct:
         """Advance by one tick; return whether anything has moved."""
         if self._still and all(hand.arrived for hand in self.hands):
             return False
+        self._reading = None
         beam = self.beam
         for number, hand in enumerate(self.hands):
             hand.advance()
@@ -255,6 +258,11 @@ class BeddedDuct:
 
     def reading(self) -> BedReading:
         """Return what the instruments show now."""
+        if self._reading is None:
+            self._reading = self._read()
+        return self._reading
+
+    def _read(self) -> BedReading:
         beam = self.beam
         forces = np.zeros((HANDS, 3))
         for number, hand in enumerate(self.hands):

@@ -35,6 +35,7 @@ class BeddedSurface:
     def __init__(self, dissection: Dissection, rest: SpaceBeam, strands: Strands) -> None:
         self._dissection, self._rest, self.strands = dissection, rest, strands
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
+        self._first = dissection.axis_point(0.0)
         self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
 
     def move(
@@ -44,7 +45,7 @@ class BeddedSurface:
         _follow(
             self._driven,
             self._dissection.driving.positions,
-            self._dissection.axis_point(0.0),
+            self._first,
             self._dissection.frame,
             beam.stations,
             beam.places,

@@ -103,7 +103,7 @@ class BedSession:
             if not (0 <= hand < HANDS and wanted.shape == (3,) and np.all(np.isfinite(wanted))):
                 return
             wanted = np.clip(wanted, *self._reach)
-            if not np.array_equal(wanted, self.duct.hands[hand].target):
+            if wanted.tolist() != self.duct.hands[hand].target.tolist():
                 self.duct.move_hand(hand, wanted)
                 self.run.note(hand, "move", *wanted.tolist())
 

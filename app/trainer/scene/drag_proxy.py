@@ -14,6 +14,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.solids import Solid, grid_faces
+from app.trainer.viser_bridge import stream_vertices
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
@@ -59,7 +60,8 @@ class _Tube:
     def follow(self, vertices: NDArray[np.float32]) -> None:
         places = self._places(vertices)
         if np.abs(places - self.sent).max() > SLACK:
-            self.mesh.vertices = self.sent = places
+            self.sent = places
+            stream_vertices(self.mesh, places)
 
     def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the tube's vertices inside a deformed skin."""

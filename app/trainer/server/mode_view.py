@@ -69,14 +69,18 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         self._undrawn |= changed
         if not draws:
             return
-        if self._undrawn:
-            self._undrawn = False
-            self.frames += 1
-            self._draw()
-        if self._panel_stale and self._panel_due <= 0.0:
-            self._panel_due = PANEL_SECONDS
-            self._panel_stale = False
-            self._tell()
+        tells = self._panel_stale and self._panel_due <= 0.0
+        if not (self._undrawn or tells):
+            return
+        with self.client.atomic():  # one frame of the socket, and the server's loop wakes once
+            if self._undrawn:
+                self._undrawn = False
+                self.frames += 1
+                self._draw()
+            if tells:
+                self._panel_due = PANEL_SECONDS
+                self._panel_stale = False
+                self._tell()
 
     def close(self) -> None:
         """Release the duct and remove what was sent, when the client has gone."""

@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ _STOPS = 24
 _BREAK = "#ff6b5e"
 
 
+@lru_cache(maxsize=64)
 def heat_legend_html(threshold: float) -> str:
     """Return the heat map's key: its colours, ticks in kPa and where the duct breaks."""
     if not (np.isfinite(threshold) and threshold > 0.0):
@@ -30,6 +32,7 @@ def heat_legend_html(threshold: float) -> str:
     )
 
 
+@lru_cache(maxsize=1)
 def freed_legend_html() -> str:
     """Return the key of the map of what is freed: the share of strands that have parted."""
     return _legend_html(

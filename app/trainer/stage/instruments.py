@@ -25,7 +25,7 @@ from app.trainer.stage.solids import (
     solids_glb,
     swept_solid,
 )
-from app.trainer.viser_bridge import run_in_page
+from app.trainer.viser_bridge import place_node, run_in_page
 from organ_geometry.mesh import Finish
 
 __all__ = ["DrawnInstrument"]
@@ -124,9 +124,9 @@ class DrawnInstrument:
     def show(self, hand: Hand, *, sunk: float = 0.0) -> None:
         """Draw it where the hand has it, a hook `sunk` into the wall, mm."""
         place = hand.place + np.array([0.0, 0.0, sunk])
-        if not np.array_equal(place, self._place):
+        if place.tolist() != self._place.tolist():
             self._place = place
-            self._node.position = place
+            place_node(self._node, place)
         if self._jaws is not None:
             self._jaws.open(hand.opening + GAP * self._jaws.radius)
         holds = hand.node is not None

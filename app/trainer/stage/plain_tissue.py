@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.contact import Contact
 from app.trainer.stage.tissue import Tissue, TornEnd
+from app.trainer.viser_bridge import stream_vertices
 from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
 
 __all__ = ["PlainTissue"]
@@ -56,7 +57,7 @@ class PlainTissue:
         del shade
         self._show_stress(False)
         for mesh, numbers in self._parts:
-            mesh.vertices = vertices[numbers]
+            stream_vertices(mesh, vertices[numbers])
 
     def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
         """Draw the stress on the surface as it is now, over the threshold."""

@@ -17,7 +17,7 @@ from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_positio
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN, tissue_bed_glb
-from app.trainer.viser_bridge import keep_in_sight
+from app.trainer.viser_bridge import keep_in_sight, place_node
 
 _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
 _HOMING_TIME = 0.3  # s of the same once the page has settled: nobody has looked elsewhere so soon
@@ -173,20 +173,21 @@ class Stage:
     ) -> None:
         """Put the hook around the duct."""
         turn = None
-        if not np.array_equal(direction, self._hook_direction):
+        way = np.asarray(direction, np.float64)
+        if way.tolist() != self._hook_direction.tolist():
             turn = hook_wxyz(direction)
         place = np.array(point, np.float64)
         if place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
         if radius is not None:
-            place -= (radius - self.radius) * np.asarray(direction, np.float64)
+            place -= (radius - self.radius) * way
         # Most ticks only move the hook, or not even that: send no more than has changed.
-        if self._hook_point is None or not np.array_equal(place, self._hook_point):
-            self._hook.position = place
+        if self._hook_point is None or place.tolist() != self._hook_point.tolist():
+            place_node(self._hook, place)
             self._hook_point = place
         if turn is not None:
             self._hook.wxyz = turn
-            self._hook_direction = np.array(direction, np.float64)
+            self._hook_direction = way.copy()
 
     def spill(self, look: Appearance, x: float) -> None:
         """Show what has run out of a torn duct; nothing in the plain look."""

@@ -27,9 +27,11 @@ from app.trainer.viser_bridge.private_api import (
     close_page,
     connection_of,
     page_of,
+    place_node,
     read_icons,
     start_server,
     stop_server,
+    stream_vertices,
 )
 from app.trainer.viser_bridge.recording import recording_page, write_caption
 
@@ -47,6 +49,7 @@ __all__ = [
     "open_tab",
     "page_message_decoder",
     "page_of",
+    "place_node",
     "prepare_page",
     "read_icons",
     "recording_page",
@@ -55,6 +58,7 @@ __all__ = [
     "set_letter_keys",
     "start_server",
     "stop_server",
+    "stream_vertices",
     "tab_keeps",
     "take_arrows",
     "watch_pace",
