@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from physics.bed import kernels
 from physics.bed.space_beam import HELD, SpaceBeam
 from physics.bed.strands import Strands
@@ -693,14 +694,13 @@ class BeamOnBed:
 
     def worst_stress(self) -> WorstStress:
         """Return the largest stress of the wall, over the nodes."""
-        stresses = self.stresses()
-        total = stresses[..., 0] + np.sqrt((stresses[..., 1:] ** 2).sum(axis=-1))
-        element, end = divmod(int(np.argmax(total)), 2)
-        if not total[element, end] > 0.0:
+        if self.beam.wall is None:
+            raise ValueError("the beam has no wall from which stresses could be read")
+        node, normal, up, across = _worst(self.state.section, self.beam.wall)
+        if node < 0:
             return WorstStress(0.0, 0.0, 0.0, 0.0)
-        normal, up, across = stresses[element, end].tolist()
         return WorstStress(
-            float(self._stations[element + end]),
+            float(self._stations[node]),
             normal,
             float(np.hypot(up, across)),
             math.atan2(-across, up),
@@ -722,6 +722,22 @@ class BeamOnBed:
         self._measure_rest()
         # The discrete energy changes slightly with the nodes: it stays `open`, no hand's work.
         self._changed()
+
+
+@njit(cache=True, nogil=True)
+def _worst(section: Floats, wall: Floats) -> tuple[int, float, float, float]:
+    """Return the node with the largest stress, and its stresses; node -1 where none is pulled."""
+    largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
+    for element in range(section.shape[0]):
+        for end in range(2):
+            node = element + end
+            normal = section[element, 9 + end] / wall[node, 0]
+            up = section[element, 4 + 3 * end] / wall[node, 1]
+            across = section[element, 5 + 3 * end] / wall[node, 2]
+            total = normal + np.sqrt(up * up + across * across)
+            if total > largest:
+                largest, found = total, (node, normal, up, across)
+    return found
 
 
 def _between(

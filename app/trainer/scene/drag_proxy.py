@@ -14,7 +14,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.solids import Solid, grid_faces
-from app.trainer.viser_bridge import stream_vertices
+from app.trainer.viser_bridge import stream
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
@@ -51,31 +51,34 @@ class _Tube:
     def __init__(self, scene: viser.SceneApi, name: str, skin: Skin) -> None:
         rings = np.linspace(0, skin.rings - 1, min(RINGS, skin.rings)).round().astype(int)
         self._ring_vertices = rings[:, None] * skin.sides + np.arange(skin.sides)
-        self._sides = np.arange(SIDES) * skin.sides // SIDES
+        self._drawn = self._ring_vertices[:, np.arange(SIDES) * skin.sides // SIDES].ravel()
         self.stations = skin.grid(skin.stations)[rings].mean(axis=1)
-        self.sent = self._places(skin.vertices)
         faces = grid_faces(len(rings), SIDES, closed=True).astype(np.uint32)
-        self.mesh = scene.add_mesh_simple(name, self.sent, faces, **_UNSEEN)
+        self.mesh = scene.add_mesh_simple(name, self._places(skin.vertices), faces, **_UNSEEN)
 
     def follow(self, vertices: NDArray[np.float32]) -> None:
-        places = self._places(vertices)
-        if np.abs(places - self.sent).max() > SLACK:
-            self.sent = places
-            stream_vertices(self.mesh, places)
+        self._vertices = vertices  # which each frame overwrites
+        if np.abs(vertices[self._drawn] - self._at).max() > SLACK:
+            stream(self.mesh, "vertices", self._places(vertices))
 
     def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the tube's vertices inside a deformed skin."""
-        rings = vertices[self._ring_vertices]
-        self.axis = rings.mean(axis=1)
-        shown = self.axis[:, None] + SHRUNK * (rings[:, self._sides] - self.axis[:, None])
+        self._vertices, self._at = vertices, vertices[self._drawn]
+        axis = self._axis()[:, None]
+        shown = axis + SHRUNK * (self._at.reshape(len(axis), -1, 3) - axis)
         return shown.reshape(-1, 3).astype(np.float32)
+
+    def _axis(self) -> NDArray[np.float32]:
+        """Return the middles of the rings, where they are now."""
+        return self._vertices[self._ring_vertices].mean(axis=1)
 
     def hold(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
         """Return a hold on the duct at the station nearest to the grip."""
-        spans = np.diff(self.axis, axis=0)
-        along = np.sum((grip - self.axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
+        axis = self._axis()
+        spans = np.diff(axis, axis=0)
+        along = np.sum((grip - axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
         part = np.clip(along, 0.0, 1.0)
-        nearest = self.axis[:-1] + part[:, None] * spans
+        nearest = axis[:-1] + part[:, None] * spans
         segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
         before, after = self.stations[segment : segment + 2].tolist()
         return Hold(before + float(part[segment]) * (after - before), grip, place)

@@ -5,6 +5,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import Drawn
+from app.trainer.viser_bridge import place_node, stream
 
 __all__ = ["ForceArrow"]
 
@@ -41,8 +42,8 @@ class ForceArrow(Drawn):
         drawn = self._visible and size > 0.0
         if drawn:
             tip = foot + force * (max(length, 0.3 * self._length) / size)
-            self._arrow.points = np.stack([foot, tip])[None].astype(np.float32)
-            self._label.position = tip
+            stream(self._arrow, "points", np.array([[foot, tip]], np.float32))
+            place_node(self._label, tip)
             text = f"{size:.2f} N"
             if text != self._text:  # the page renders a label again whenever its text is set
                 self._label.text = self._text = text

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
 from app.trainer.stage.solids import Part, Solid, solids_glb
 from app.trainer.stage.tone import light_for, light_table
-from app.trainer.viser_bridge import run_in_page, stream_vertices
+from app.trainer.viser_bridge import run_in_page, stream
 from organ_geometry.mesh import Finish
 
 __all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]
@@ -181,7 +181,7 @@ class DressedSurface:
     def send(self, *, stress: bool = False) -> None:
         """Send places and shades, or stresses, as they are now."""
         self._sent[-1, -1] = stress
-        stream_vertices(self._mesh, self._sent)
+        stream(self._mesh, "vertices", self._sent)
 
     def remove(self) -> None:
         """Remove it from the scene."""

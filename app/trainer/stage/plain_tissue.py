@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.contact import Contact
 from app.trainer.stage.tissue import Tissue, TornEnd
-from app.trainer.viser_bridge import stream_vertices
+from app.trainer.viser_bridge import stream
 from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
 
 __all__ = ["PlainTissue"]
@@ -57,7 +57,7 @@ class PlainTissue:
         del shade
         self._show_stress(False)
         for mesh, numbers in self._parts:
-            stream_vertices(mesh, vertices[numbers])
+            stream(mesh, "vertices", vertices[numbers])
 
     def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
         """Draw the stress on the surface as it is now, over the threshold."""

@@ -15,7 +15,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.viser_bridge import run_in_page, stream_vertices
+from app.trainer.viser_bridge import run_in_page, stream
 from kernel_cache import njit
 from physics.bed import BeamOnBed, kernels
 
@@ -103,7 +103,7 @@ class DrawnStrands:
         sent = self._sent.reshape(-1)[: numbers.size]
         if np.abs(numbers - sent).max() > LEAST_CHANGE:
             sent[:] = numbers
-            stream_vertices(self._mesh, self._sent)
+            stream(self._mesh, "vertices", self._sent)
 
     def remove(self) -> None:
         """Remove them from the scene."""

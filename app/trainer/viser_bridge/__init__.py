@@ -31,7 +31,7 @@ from app.trainer.viser_bridge.private_api import (
     read_icons,
     start_server,
     stop_server,
-    stream_vertices,
+    stream,
 )
 from app.trainer.viser_bridge.recording import recording_page, write_caption
 
@@ -58,7 +58,7 @@ __all__ = [
     "set_letter_keys",
     "start_server",
     "stop_server",
-    "stream_vertices",
+    "stream",
     "tab_keeps",
     "take_arrows",
     "watch_pace",
