@@ -31,7 +31,6 @@ class ForceArrow(Drawn):
         )
         self._label = scene.add_label(f"{name}_label", "", visible=False)
         super().__init__(self._arrow, self._label)
-        self._text = ""
 
     def show(
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
@@ -44,7 +43,5 @@ class ForceArrow(Drawn):
             tip = foot + force * (max(length, 0.3 * self._length) / size)
             stream(self._arrow, "points", np.array([[foot, tip]], np.float32))
             place_node(self._label, tip)
-            text = f"{size:.2f} N"
-            if text != self._text:  # the page renders a label again whenever its text is set
-                self._label.text = self._text = text
+            stream(self._label, "text", f"{size:.2f} N")
         self._arrow.visible = self._label.visible = drawn

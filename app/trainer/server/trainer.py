@@ -1,6 +1,7 @@
 """The trainer's server: how it starts, one session per client, and one clock for all."""
 
 import contextlib
+import ctypes
 import logging
 import socket
 import ssl
@@ -146,6 +147,7 @@ class Trainer:
         trusted_proxy: str | None = None,
         lesson: Lesson | None = None,
     ) -> None:
+        _share_arenas()
         bounds = bounds or Bounds()
         self.connections = Connections(bounds, self._tell_refusal, trusted_proxy)
         self._encrypted, self._public_url = tls is not None, public_url
@@ -405,6 +407,15 @@ class Trainer:
             self._hand = None
             with self._surviving("stopping the device"):
                 hand.stop()
+
+
+def _share_arenas() -> None:
+    """Let all threads share two of glibc's arenas: each of viser's would keep memory of its own."""
+    with contextlib.suppress(AttributeError, TypeError):  # another C library
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 2)
+
+
+_M_ARENA_MAX = -8  # malloc.h
 
 
 def _seen(client: viser.ClientHandle) -> bool:

@@ -77,7 +77,6 @@ class DrawnInstrument:
         self._jaws: Jaws | None = None
         self._halves: list[viser.FrameHandle] = []
         self._node = scene.add_frame(name, show_axes=False)
-        self._place = np.zeros(3)
         self._holds: bool | None = None
         detail = 1.0 if look == "full" else 0.5
 
@@ -123,10 +122,7 @@ class DrawnInstrument:
 
     def show(self, hand: Hand, *, sunk: float = 0.0) -> None:
         """Draw it where the hand has it, a hook `sunk` into the wall, mm."""
-        place = hand.place + np.array([0.0, 0.0, sunk])
-        if place.tolist() != self._place.tolist():
-            self._place = place
-            place_node(self._node, place)
+        place_node(self._node, hand.place + np.array([0.0, 0.0, sunk]))
         if self._jaws is not None:
             self._jaws.open(hand.opening + GAP * self._jaws.radius)
         holds = hand.node is not None

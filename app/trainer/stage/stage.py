@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 import viser
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from app.trainer.stage.appearance import Appearance, Surroundings
 from app.trainer.stage.bench import bench_glb
@@ -164,7 +164,6 @@ class Stage:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        self._hook_point: NDArray[np.float64] | None = None
         self._hook_direction = np.array((0.0, 0.0, 1.0))  # as the instrument is made
         self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -181,10 +180,7 @@ class Stage:
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
         if radius is not None:
             place -= (radius - self.radius) * way
-        # Most ticks only move the hook, or not even that: send no more than has changed.
-        if self._hook_point is None or place.tolist() != self._hook_point.tolist():
-            place_node(self._hook, place)
-            self._hook_point = place
+        place_node(self._hook, place)
         if turn is not None:
             self._hook.wxyz = turn
             self._hook_direction = way.copy()
