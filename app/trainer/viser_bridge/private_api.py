@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Awaitable, Callable, Generator, Iterable, Mapping, Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -257,8 +257,9 @@ def _plain(message: Any, arrays: list[memoryview]) -> dict[str, Any]:
     ((name, value),) = message.updates.items()
     if not (isinstance(value, np.ndarray) and value.flags.c_contiguous):
         return message.as_serializable_dict(arrays)
-    arrays.append(value.data)
-    placed = {"__binary_index": len(arrays) - 1, "dtype": value.dtype.str}
+    array = cast("NDArray[np.generic]", value)
+    arrays.append(array.data)
+    placed = {"__binary_index": len(arrays) - 1, "dtype": array.dtype.str}
     return {
         "type": "SceneNodeUpdateMessage",
         "name": message.name,
