@@ -145,6 +145,18 @@ def test_the_trainer_packs_its_pages_messages_itself(
     assert len(windows) > 1
 
 
+def test_no_other_thread_sets_the_event_that_wakes_a_page() -> None:
+    async def both() -> None:
+        event = private_api._LoopEvent()
+        await asyncio.to_thread(event.set)
+        assert not event.is_set()
+        asyncio.get_running_loop().call_soon(event.set)
+        await event.wait()
+
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), 60.0))).result()
+
+
 def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:
     handlers = trainer._server._websock_server._incoming_handlers
     assert _messages.ViewerCameraMessage not in handlers  # it is the clients' own

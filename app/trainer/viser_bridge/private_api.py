@@ -184,6 +184,23 @@ def _guarded(
             websockets.asyncio.server.serve = serve
 
 
+class _LoopEvent(asyncio.Event):
+    """An event that only its loop's thread sets.
+
+    viser sets its events in any thread and again on the loop. Where the first comes between a
+    `wait`'s look at the event and its sleep, the second does nothing, and the page waits for ever.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._thread = threading.get_ident()
+
+    def set(self) -> None:
+        """Set the event, in the loop's thread."""
+        if threading.get_ident() == self._thread:
+            super().set()
+
+
 async def _send_messages(
     connection: ServerConnection,
     buffer: AsyncMessageBuffer,
@@ -195,6 +212,7 @@ async def _send_messages(
         await _send_to_all(connection, buffer, client_id, backlog_done_message)
         return
     compress = zstandard.ZstdCompressor(level=1).compress
+    buffer.message_event = _LoopEvent()
     while not buffer.done:
         window = _taken(buffer)
         if not window:
