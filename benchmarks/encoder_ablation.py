@@ -27,12 +27,6 @@ WITHOUT: dict[str, EncoderSettings] = {
     "refinement": replace(QUICK, choice_rounds=1, rounds=1),
 }
 """Settings without an idea each."""
-ADDED: dict[str, EncoderSettings] = {
-    "+ rotation tried": replace(FULL, moved=0),
-    "+ key moves": replace(FULL, rotation_tried=0.0),
-    "full effort": FULL,
-}
-"""Settings with an idea each that default effort goes without."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,7 @@ def traced_sets() -> dict[str, Traced]:
 
 def main() -> None:
     """Print the table."""
-    rows = WITHOUT | ADDED
+    rows = WITHOUT | {"full effort": FULL}
     wanted = sys.argv[1:] or [*rows]
     unknown = [name for name in wanted if name not in rows]
     if unknown:

@@ -59,7 +59,7 @@ class Promise:
     select
         "fewest" sections that keep the promise, or the "thesis" rule.
     effort
-        "quick", or "full" for some bytes less in up to twenty times the time.
+        "quick", or "full" for some bytes less in about four times the time.
     """
 
     tolerance_mm: float | None = None

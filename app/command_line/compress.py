@@ -166,7 +166,7 @@ def compress(
     effort: Annotated[
         str,
         typer.Option(
-            help="quick, or full: tries more ways for some bytes less, up to twenty times as long.",
+            help="quick, or full: tries more ways for some bytes less, about four times as long.",
             rich_help_panel=_PROMISE,
         ),
     ] = "quick",

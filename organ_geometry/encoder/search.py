@@ -61,7 +61,7 @@ class Search:
         self._settings = candidates.settings
         self._sampled = sampled
         self._middle: int | None = None
-        self._turns = [0]  # Rotations of half-curves, known with the axes' levels
+        self._turn = 0  # Rotation of half-curves, known with the axes' levels
 
     def fewest_bytes(self) -> Encoding:
         """Return the encoding of fewest bytes that keeps the tolerance."""
@@ -172,7 +172,7 @@ class Search:
         ways = (
             [way]
             if way is not None
-            else [(levels, first, self._turns[-1]) for levels in self._levels((1, 0))]
+            else [(levels, first, self._turn) for levels in self._levels((1, 0))]
         )
         found: list[tuple[float, tuple[int, int, int], Encoding]] = []
         while ways:
@@ -231,10 +231,7 @@ class Search:
             self._middle = 1 + int(np.argmin(costs))
             sampling = candidates.sample(self._middle, scale, candidates.depth)
             turn, share = best_turn(sampling.outlines.outer)
-            if share < self._settings.rotation_used:
-                self._turns = [turn]
-            elif share < self._settings.rotation_tried:
-                self._turns = [turn, 0]
+            self._turn = turn if share < self._settings.rotation_used else 0
         for more in beyond:
             if 1 <= self._middle + more <= most:
                 yield self._middle + more
@@ -246,8 +243,7 @@ class Search:
             for share in settings.axis_steps:
                 scale = scale_number(share * candidates.step_unit)
                 for depth in depths:
-                    for turn in self._turns:
-                        yield candidates.sample(levels, scale, depth, turn)
+                    yield candidates.sample(levels, scale, depth, self._turn)
 
 
 class SampledSearch:

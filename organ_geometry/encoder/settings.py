@@ -50,11 +50,8 @@ class EncoderSettings:
     # Bits of a key section: before its integers are known, and beside them once they are.
     key_bits: float = 16.0
     key_own_bits: float = 6.0
-    # Rotations of half-curves that cut the error below the first share are always used (table:
-    # rotation), those below the second beside none: sixteen per cent on one set, but it takes as
-    # many axes again (table: + rotation tried).
+    # Rotations of half-curves that cut the error below this share are used (table: rotation).
     rotation_used: float = 0.7
-    rotation_tried: float = 0.0
 
     # Refinement: rounds of linearise, descend, evaluate, for choosing an axis, and for the chosen.
     choice_rounds: int = 3
@@ -72,7 +69,7 @@ class EncoderSettings:
     # because bits go with the logarithm of the error.
     overall_share: float = 0.4
     # How many of the smallest encodings have their key sections moved, dropped and added one by
-    # one, in how many rounds, and the bits such a move must save (table: + key moves).
+    # one, in how many rounds, and the bits such a move must save (table: full effort).
     moved: int = 0
     moved_rounds: int = 6
     moved_bits: float = 0.5
@@ -83,7 +80,7 @@ class EncoderSettings:
 
 
 QUICK = EncoderSettings()
-FULL = EncoderSettings(rotation_tried=0.95, moved=2)
+FULL = EncoderSettings(moved=2)
 SETTINGS: dict[Effort, EncoderSettings] = {"quick": QUICK, "full": FULL}
 
 
