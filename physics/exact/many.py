@@ -1,0 +1,320 @@
+"""Exact beams of constant section by the thousand: where each breaks, and what it bears.
+
+Each is set up and solved in compiled code, from rest, so that no result depends on the one before.
+The search for a break works on s(d), the highest stress at a deflection d, which grows with d: it
+starts where the cubic beam would break and closes in by regula falsi in the Illinois form. All is
+without units, as `symbols` has it.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kernel_cache import njit
+from physics.exact import newton, sampling
+from physics.exact.linear_law import Linear
+from physics.exact.mesh import LAYER
+from physics.exact.neo_hooke_law import NeoHooke, fibre_pull, shrinkage
+from physics.exact.points import fill_points
+from physics.exact.state import KERNEL, Array, State, new_state
+from physics.exact.symbols import *
+from physics.section import Ring, lateral_constant
+
+__all__ = ["DUCT_ROWS", "SOLVED_ROWS", "solve_exact_ducts"]
+
+# Rows of the ducts, a column each: I/(A S^2), c/S, grasp/S; threshold over E (nan: none); load,
+# F/(E A) or d/S (nan: none); 1/(G A_s) in 1/(E A), or nu, a of `lateral_constant`, y/S and
+# weight of the outer fibres, and the deficit in shear.
+MOMENT_2, REACH_OUT, GRASP, LIMIT, LOAD, SHEAR_FLEX, NU, LATERAL, FIBRE, FIBRE_WEIGHT, LACK = range(
+    11
+)
+DUCT_ROWS = 11
+# Rows of the solved: at the break and under the load F/(E A), d/S, station/S, normal and total
+# stress over E; nan where there is none.
+BREAK, LOADED, SOLVED_ROWS = 0, 5, 10
+
+Room = tuple[Array, Array, Array, Array, Array]
+"""Stations at the clamps and the grasp, and all along; to work in: ends of `sample`, both samples."""
+
+ELSEWHERE = 0.4
+"""Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke)."""
+MOST_TRIES = 200
+CLOSE = 1e-12
+"""Width, relative to the deflection, at which a break is found."""
+LOST_CLOSE = 1e-6
+"""The same of the deflection from which on there is no equilibrium any more."""
+
+
+@njit(**KERNEL)
+def _graded(bounds: Array, first: int, count: int, start: float, end: float, gyration: float) -> None:
+    """Write the bounds of a part, graded as `mesh` says."""
+    length = end - start
+    slope = min(LAYER * gyration / length, 1.0)
+    steepness = 0.0
+    if slope < 1.0:
+        low, high = 0.0, 6.0
+        for _ in range(60):
+            steepness = 0.5 * (low + high)
+            if 2.0 * steepness / math.sinh(2.0 * steepness) > slope:
+                low = steepness
+            else:
+                high = steepness
+        steepness = low
+    over = 0.0 if steepness == 0.0 else 1.0 / math.tanh(steepness)
+    for k in range(count + 1):
+        even = 2.0 * k / count - 1.0
+        place = math.tanh(steepness * even) * over if steepness > 0.0 else even
+        bounds[first + k] = start + 0.5 * length * (1.0 + place)
+    bounds[first], bounds[first + count] = start, end
+
+
+@njit(**KERNEL)
+def _set_up(
+    state: State, fibres: Array | None, grasp: int | None, bounds: Array, ducts: Array, i: int
+) -> None:
+    """Write a duct's mesh, section and material into the state."""
+    _, elements, points, line, _, _ = state
+    count = elements.shape[1]
+    second_moment, at = ducts[MOMENT_2, i], ducts[GRASP, i]
+    gyration = math.sqrt(second_moment)
+    if grasp is None:
+        _graded(bounds, int(0), count, 0.0, 0.5, gyration)
+        line[SHORTER_PART] = 0.5
+    else:
+        _graded(bounds, int(0), grasp, 0.0, at, gyration)
+        _graded(bounds, grasp, count - grasp, at, 1.0, gyration)
+        line[SHORTER_PART] = min(at, 1.0 - at)
+    for e in range(count):
+        elements[LENGTH, e] = bounds[e + 1] - bounds[e]
+    line[SECOND], line[ECCENTRIC], line[COMPLIANCE] = count, 0.0, 0.0
+    if fibres is None:
+        for k in range(points.shape[1]):
+            points[OFFSET, k] = 0.0
+            points[BENDING, k] = points[KK, k] = second_moment
+            points[STRETCHING, k] = 1.0
+            points[SHEARING, k] = ducts[SHEAR_FLEX, i]
+    else:
+        nu = ducts[NU, i]
+        line[SHEAR_MODULUS] = 0.5 / (1.0 + nu)
+        line[RATIO] = (1.0 - 2.0 * nu) * line[SHEAR_MODULUS]
+        line[SHRINK], line[POISSON] = ducts[LATERAL, i], nu
+        for k in range(points.shape[1]):
+            points[OFFSET, k] = 0.0
+            points[AREA, k] = 1.0
+            points[REACH, k], points[WEIGHT, k] = ducts[FIBRE, i], ducts[FIBRE_WEIGHT, i]
+            points[DEFICIT, k] = ducts[LACK, i]
+
+
+@njit(**KERNEL)
+def _read_stress(
+    state: State,
+    fibres: Array | None,
+    part: int,
+    bounds: Array,
+    room: Room,
+    second_moment: float,
+    reach: float,
+    solved: Array,
+    row: int,
+    i: int,
+) -> float:
+    """Write force, deflection and the highest stress; return that, nan where a section gives way."""
+    line = state[3]
+    ends = room[2]
+    fill_points(state, fibres, part, int(4))
+    highest = -math.inf
+    for stations, samples in ((room[0], room[3]), (room[1], room[4])):
+        if not sampling.sample(state, fibres, part, bounds, stations, ends, samples):
+            return math.nan
+        for k in range(stations.size):
+            normal = samples[sampling.TENSION, k]
+            if fibres is None:
+                total = normal + abs(samples[sampling.BENT, k]) * reach / second_moment
+            else:
+                lam = samples[sampling.SAMPLE_LAM, k]
+                lateral = shrinkage(lam, line[SHRINK], line[POISSON])[0]
+                stretch = lam + abs(samples[sampling.SAMPLE_KAPPA, k]) * reach * lateral
+                gam = samples[sampling.SAMPLE_GAM, k]
+                outer = fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO])
+                total = max(outer, normal)
+            # Of equal ones the grasp's, which is the last station.
+            if total >= highest - 1e-9 * abs(highest):
+                highest = max(total, highest)
+                solved[row + 2, i], solved[row + 3, i] = stations[k], normal
+        if fibres is None or highest < ELSEWHERE:
+            break
+    solved[row, i], solved[row + 1, i] = line[FORCE], line[DEFLECTION]
+    solved[row + 4, i] = highest
+    return highest
+
+
+@njit(**KERNEL)
+def _find_break(
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    part: int,
+    bounds: Array,
+    room: Room,
+    ducts: Array,
+    solved: Array,
+    i: int,
+) -> None:
+    """Write where a duct breaks; nan where it bears all that its law can follow."""
+    a = ducts[GRASP, i]
+    b = 1.0 - a
+    second_moment, reach, limit = ducts[MOMENT_2, i], ducts[REACH_OUT, i], ducts[LIMIT, i]
+    # The cubic beam's strain, 3 d^2 / (20 a^2 b^2) + c k d with its largest curvature k d.
+    square = 0.15 / (a * a * b * b)
+    bent = 0.5 * reach * max(max(3.0 / (a * a * b), 3.0 / (a * b * b)), 6.0 / (a * b))
+    there = limit / (bent + math.sqrt(bent * bent + square * limit))
+    low, f_low, high, f_high = 0.0, -limit, math.inf, 0.0
+    sound, side = False, 0
+    for _ in range(MOST_TRIES):
+        outcome = newton.solve(state, fibres, grasp, int(BY_DEFLECTION), there)
+        stress = math.nan
+        if outcome == FOUND:
+            # Into the break's rows where it is reached, else into those of the load, free as yet.
+            stress = _read_stress(
+                state, fibres, part, bounds, room, second_moment, reach, solved, int(LOADED), i
+            )
+        over = stress - limit
+        if over < 0.0:
+            low, f_low = there, over
+            if side < 0:
+                f_high *= 0.5
+            side = -1
+        else:
+            high, sound = there, over == over
+            if sound:
+                for row in range(LOADED):
+                    solved[BREAK + row, i] = solved[LOADED + row, i]
+                f_high = over
+                if side > 0:
+                    f_low *= 0.5
+                side = 1
+        if high == math.inf:
+            if low > FARTHEST:
+                break
+            there = low * min(max(1.02 * limit / stress, 1.02), 1.45)
+        elif low == 0.0:
+            there = high * (min(max(0.98 * limit / stress, 0.55), 0.98) if sound else 0.5)
+            if there < 1e-12:
+                break
+        else:
+            width = high - low
+            if width <= (CLOSE if sound else LOST_CLOSE) * high or (sound and over == 0.0):
+                break
+            there = low + 0.5 * width
+            if sound:
+                there = low - f_low * width / (f_high - f_low)
+                # Off the end that is kept, or the other one would never come near.
+                least = 0.25 * CLOSE * high
+                there = min(max(there, low + least), high - least)
+    if not sound:
+        for row in range(LOADED):
+            solved[BREAK + row, i] = math.nan
+
+
+@njit(nogil=True, **KERNEL)
+def solve_ducts(
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    control: int,
+    bounds: Array,
+    room: Room,
+    ducts: Array,
+    solved: Array,
+) -> None:
+    """Fill the solved from the ducts; `bounds` and `room` are to work in."""
+    part = state[1].shape[1] if grasp is None else grasp
+    for i in range(ducts.shape[1]):
+        _set_up(state, fibres, grasp, bounds, ducts, i)
+        for stations in room[:2]:
+            stations[stations.size - 1] = ducts[GRASP, i]
+        newton.rest(state, fibres)
+        if ducts[LIMIT, i] > 0.0:
+            _find_break(state, fibres, grasp, part, bounds, room, ducts, solved, i)
+        for row in range(LOADED, SOLVED_ROWS):
+            solved[row, i] = math.nan
+        load = ducts[LOAD, i]
+        if load == load:
+            newton.rest(state, fibres)
+            if newton.solve(state, fibres, grasp, control, load) == FOUND:
+                stress = _read_stress(
+                    state,
+                    fibres,
+                    part,
+                    bounds,
+                    room,
+                    ducts[MOMENT_2, i],
+                    ducts[REACH_OUT, i],
+                    solved,
+                    int(LOADED),
+                    i,
+                )
+                if stress != stress:
+                    for row in range(LOADED, SOLVED_ROWS):
+                        solved[row, i] = math.nan
+
+
+def solve_exact_ducts(
+    law: Linear | NeoHooke,
+    intervals: int,
+    ducts: NDArray[np.float64],
+    rings: list[Ring],
+    *,
+    by_force: bool,
+) -> NDArray[np.float64]:
+    """Return the (SOLVED_ROWS, N) solved of (DUCT_ROWS, N) ducts, given down to the row `NU`.
+
+    `rings` have their areas and second moments, mm^2 and mm^4.
+    """
+    ratios = ducts[NU].tolist()
+    if isinstance(law, NeoHooke):
+        for i, (ring, nu) in enumerate(zip(rings, ratios, strict=True)):
+            distance, ducts[FIBRE_WEIGHT, i] = ring.fibres
+            ducts[FIBRE, i] = distance * math.sqrt(ducts[MOMENT_2, i] * ring.area / ring.second_moment)
+            ducts[LATERAL, i] = lateral_constant(nu)
+            ducts[LACK, i] = (1.0 - ring.free_shear_coefficient(nu)) * 0.5 / (1.0 + nu)
+    else:
+        ducts[SHEAR_FLEX] = 0.0
+        if law.shear:
+            ducts[SHEAR_FLEX] = [
+                2.0 * (1.0 + nu) / ring.shear_coefficient(nu)
+                for ring, nu in zip(rings, ratios, strict=True)
+            ]
+    solved = np.full((SOLVED_ROWS, ducts.shape[1]), np.nan)
+    central = np.abs(ducts[GRASP] - 0.5) <= 1e-12
+    for half, which in ((True, central), (False, ~central)):
+        if not which.any():
+            continue
+        part = intervals // 2
+        elements = part if half else 2 * part
+        state, fibres = new_state(elements, law.point_rows, law.fibre_rows)
+        even = np.linspace(0.0, 1.0, 41)
+        # The clamps and the grasp, whose place is written for each duct; and all the way along.
+        ends = np.array([0.0, 0.5] if half else [0.0, 1.0, 0.5])
+        along = even[even <= 0.5] if half else np.append(even, 0.5)
+        room = (
+            ends,
+            along,
+            np.zeros((2, elements + 1)),
+            np.zeros((sampling.SAMPLE_ROWS, ends.size)),
+            np.zeros((sampling.SAMPLE_ROWS, along.size)),
+        )
+        few, found = np.ascontiguousarray(ducts[:, which]), solved[:, which]
+        solve_ducts(
+            state,
+            fibres,
+            None if half else part,
+            BY_FORCE if by_force else BY_DEFLECTION,
+            np.zeros(elements + 1),
+            room,
+            few,
+            found,
+        )
+        solved[:, which] = found
+    return solved
