@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from organ_geometry.organ_builder import report_organ as report_organ
     from organ_geometry.organ_file import FILE_VERSION as FILE_VERSION
     from organ_geometry.organ_file import code_from_bytes as code_from_bytes
+    from organ_geometry.organ_file import organ_from_bytes as organ_from_bytes
     from organ_geometry.organ_file import read_organ as read_organ
     from organ_geometry.organ_file import write_organ as write_organ
     from organ_geometry.reslice.resliced_stack import ReslicedSlices as ReslicedSlices
@@ -72,7 +73,13 @@ else:
             "remove_left_behind",
             "write_atomic",
         ),
-        "organ_file": ("FILE_VERSION", "code_from_bytes", "read_organ", "write_organ"),
+        "organ_file": (
+            "FILE_VERSION",
+            "code_from_bytes",
+            "organ_from_bytes",
+            "read_organ",
+            "write_organ",
+        ),
         "encoder.encode": ("ToleranceTooSmall",),
         "contours.trace_options": ("Seed", "TraceOptions"),
         "contours.organ_tracing": ("trace_organ",),

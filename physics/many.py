@@ -4,12 +4,12 @@ The cubic beam and the string in closed form, the exact beam in compiled code, o
 duct after the other. Each agrees with `Theory.pull`, `check_rupture` and `break_of` for that duct.
 
 Closed forms, for a grasp at a, b = S - a: the cubic's stress is quadratic in the deflection d,
-T/E = 3 d^2 S^2 / (20 a^2 b^2) + c k d with its largest curvature k d. The string at its break has the
-length L = S (1 + T/E) = l_a + l_b, and l_a^2 - l_b^2 = a^2 - b^2, so that
+T/E = 3 d^2 S^2 / (20 a^2 b^2) + c k d with its largest curvature k d. The string at its break has
+the length L = S (1 + T/E) = l_a + l_b, and l_a^2 - l_b^2 = a^2 - b^2, so that
 l_a = (L + (a^2 - b^2)/L)/2 and d = (l_a^2 - a^2)^(1/2).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -25,9 +25,12 @@ from physics.section import Ring
 from physics.taut_string import TautString
 from physics.theory import Theory
 
-__all__ = ["Ducts", "SolvedDucts", "solve_many"]
+__all__ = ["Beams", "Ducts", "SolvedDucts", "solve_many"]
 
 Row = NDArray[np.float64]
+
+Beams = tuple[Sequence[Beam], Row]
+"""N beams of any kind, and (N,) grasps, mm from the first clamp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +66,22 @@ class SolvedDucts:
 
 def solve_many(
     theory: Theory,
-    ducts: Ducts,
+    ducts: Ducts | Beams,
     threshold: Row | None = None,
     *,
     force: Row | None = None,
     deflection: Row | None = None,
 ) -> SolvedDucts:
-    """Solve ducts for their breaks at thresholds, MPa, and under forces, N, or deflections, mm.
-
-    Raises
-    ------
-    ValueError
-        If both forces and deflections are given, or a duct is none.
-    """
+    """Return the breaks of ducts at thresholds, MPa, and their loads by force, N, or place, mm."""
     if force is not None and deflection is not None:
         raise ValueError("give either forces or deflections")
-    count = ducts.span.size
+    count = ducts[1].size if isinstance(ducts, tuple) else ducts.span.size
     by_force = force is not None
     none = np.full(count, np.nan)
     load = force if force is not None else none if deflection is None else deflection
     limit = none if threshold is None else threshold
+    if isinstance(ducts, tuple):
+        return _one_by_one(theory, ducts[0].__getitem__, ducts[1], limit, load, by_force=by_force)
     if isinstance(theory, Exact):
         return _exact(theory, ducts, limit, load, by_force=by_force)
     if isinstance(theory, TautString) or (isinstance(theory, Cubic) and theory.q != "fitted"):
@@ -101,12 +100,9 @@ def _exact(theory: Exact, ducts: Ducts, limit: Row, load: Row, *, by_force: bool
     columns[exact.LOAD] = load / (unit if by_force else span)
     columns[exact.NU] = ducts.poisson_ratio
     rings = [
-        Ring(*each)
-        for each in zip(ducts.area.tolist(), ducts.second_moment.tolist(), strict=True)
+        Ring(*each) for each in zip(ducts.area.tolist(), ducts.second_moment.tolist(), strict=True)
     ]
-    found = exact.solve_exact_ducts(
-        theory.law, theory.intervals, columns, rings, by_force=by_force
-    )
+    found = exact.solve_exact_ducts(theory.law, theory.intervals, columns, rings, by_force=by_force)
     at = exact.LOADED
     return SolvedDucts(
         found[0] * unit,
@@ -135,7 +131,10 @@ def _closed(
         bent = ducts.fibre_distance * np.maximum(at_clamp, at_grasp)
         strain = limit / modulus
         broken = 2.0 * strain / (bent + np.sqrt(bent**2 + 4.0 * stretch * strain))
-        force_of: Callable[[Row], Row] = lambda d: (k1 + k3 * d**2) * d  # noqa: E731
+
+        def force_of(d: Row) -> Row:
+            return (k1 + k3 * d**2) * d
+
         pulled = _cubic_root(k1, k3, load) if by_force else load
         normal, bending = modulus * stretch * pulled**2, modulus * bent * np.abs(pulled)
         clamp_first = np.where(a <= b, 0.0, span)
@@ -150,9 +149,9 @@ def _closed(
             square = d * d
             return square / (np.hypot(a, d) + a) + square / (np.hypot(b, d) + b)
 
-        force_of = lambda d: stiffness * stretched(d) * (  # noqa: E731
-            d / np.hypot(a, d) + d / np.hypot(b, d)
-        )
+        def force_of(d: Row) -> Row:
+            return stiffness * stretched(d) * (d / np.hypot(a, d) + d / np.hypot(b, d))
+
         pulled = load
         if by_force:
             beams = [ducts.beam(i) for i in range(span.size)]

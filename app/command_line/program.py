@@ -10,11 +10,13 @@ from app.command_line import (
     classroom,
     compress,
     export,
+    fit,
     haptics,
     info,
     peel,
     replay,
     solve,
+    study,
     trainer,
     validate,
 )
@@ -61,6 +63,8 @@ program.command("haptics")(haptics.haptics)
 program.command("solve")(solve.solve)
 program.command("peel")(peel.peel)
 program.command("validate")(validate.validate)
+program.command("fit")(fit.fit)
+program.add_typer(study.study, name="study")
 
 
 def main() -> None:

@@ -19,9 +19,9 @@ from physics.exact.neo_hooke_law import NeoHooke, fibre_pull, shrinkage
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
 from physics.exact.symbols import *
-from physics.section import Ring, lateral_constant
+from physics.section import Ring
 
-__all__ = ["DUCT_ROWS", "SOLVED_ROWS", "solve_exact_ducts"]
+__all__ = ["DUCT_ROWS", "SOLVED_ROWS", "lateral_constants", "solve_exact_ducts"]
 
 # Rows of the ducts, a column each: I/(A S^2), c/S, grasp/S; threshold over E (nan: none); load,
 # F/(E A) or d/S (nan: none); 1/(G A_s) in 1/(E A), or nu, a of `lateral_constant`, y/S and
@@ -35,10 +35,12 @@ DUCT_ROWS = 11
 BREAK, LOADED, SOLVED_ROWS = 0, 5, 10
 
 Room = tuple[Array, Array, Array, Array, Array]
-"""Stations at the clamps and the grasp, and all along; to work in: ends of `sample`, both samples."""
+"""Stations at the clamps and the grasp, and all along; room for nodes' places and both samples."""
 
 ELSEWHERE = 0.4
 """Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke)."""
+NEARLY = 0.98
+"""Part of it that sections inside must bear for this to be looked into."""
 MOST_TRIES = 200
 CLOSE = 1e-12
 """Width, relative to the deflection, at which a break is found."""
@@ -47,7 +49,9 @@ LOST_CLOSE = 1e-6
 
 
 @njit(**KERNEL)
-def _graded(bounds: Array, first: int, count: int, start: float, end: float, gyration: float) -> None:
+def _graded(
+    bounds: Array, first: int, count: int, start: float, end: float, gyration: float
+) -> None:
     """Write the bounds of a part, graded as `mesh` says."""
     length = end - start
     slope = min(LAYER * gyration / length, 1.0)
@@ -107,6 +111,19 @@ def _set_up(
 
 
 @njit(**KERNEL)
+def _higher_inside(state: State, reach: float, highest: float) -> bool:
+    """Return whether the highest stress may lie between the clamps and the grasp (neo-Hooke)."""
+    _, _, points, line, _, _ = state
+    for k in range(points.shape[1]):
+        lam, gam = points[LAM, k], points[GAM, k]
+        lateral = shrinkage(lam, line[SHRINK], line[POISSON])[0]
+        stretch = lam + abs(points[KAPPA, k]) * reach * lateral
+        if fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO]) > NEARLY * highest:
+            return True
+    return False
+
+
+@njit(**KERNEL)
 def _read_stress(
     state: State,
     fibres: Array | None,
@@ -119,7 +136,7 @@ def _read_stress(
     row: int,
     i: int,
 ) -> float:
-    """Write force, deflection and the highest stress; return that, nan where a section gives way."""
+    """Write force, deflection and highest stress; return that, nan where a section gives way."""
     line = state[3]
     ends = room[2]
     fill_points(state, fibres, part, int(4))
@@ -142,7 +159,7 @@ def _read_stress(
             if total >= highest - 1e-9 * abs(highest):
                 highest = max(total, highest)
                 solved[row + 2, i], solved[row + 3, i] = stations[k], normal
-        if fibres is None or highest < ELSEWHERE:
+        if fibres is None or highest < ELSEWHERE or not _higher_inside(state, reach, highest):
             break
     solved[row, i], solved[row + 1, i] = line[FORCE], line[DEFLECTION]
     solved[row + 4, i] = highest
@@ -268,16 +285,16 @@ def solve_exact_ducts(
     *,
     by_force: bool,
 ) -> NDArray[np.float64]:
-    """Return the (SOLVED_ROWS, N) solved of (DUCT_ROWS, N) ducts, given down to the row `NU`.
-
-    `rings` have their areas and second moments, mm^2 and mm^4.
-    """
+    """Return the (SOLVED_ROWS, N) solved of (DUCT_ROWS, N) ducts, given down to the row `NU`."""
+    # `rings` have their areas and second moments, mm^2 and mm^4.
     ratios = ducts[NU].tolist()
     if isinstance(law, NeoHooke):
+        ducts[LATERAL] = lateral_constants(ducts[NU])
         for i, (ring, nu) in enumerate(zip(rings, ratios, strict=True)):
             distance, ducts[FIBRE_WEIGHT, i] = ring.fibres
-            ducts[FIBRE, i] = distance * math.sqrt(ducts[MOMENT_2, i] * ring.area / ring.second_moment)
-            ducts[LATERAL, i] = lateral_constant(nu)
+            ducts[FIBRE, i] = distance * math.sqrt(
+                ducts[MOMENT_2, i] * ring.area / ring.second_moment
+            )
             ducts[LACK, i] = (1.0 - ring.free_shear_coefficient(nu)) * 0.5 / (1.0 + nu)
     else:
         ducts[SHEAR_FLEX] = 0.0
@@ -318,3 +335,36 @@ def solve_exact_ducts(
         )
         solved[:, which] = found
     return solved
+
+
+def lateral_constants(poisson_ratios: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `physics.section.lateral_constant` of (N,) Poisson's ratios, all at once."""
+    ratios, inverse = np.unique(poisson_ratios, return_inverse=True)
+    stretch = np.linspace(0.6, 3.5, 300)
+    excess = stretch - 1.0
+    found = np.empty(ratios.size)
+    for first in range(0, ratios.size, 64):
+        nu = ratios[first : first + 64, None]
+        ratio = (1.0 - 2.0 * nu) / (2.0 * (1.0 + nu))
+        # Newton's method on the cube root j of the volume ratio, and then on the constant.
+        j = stretch ** ((1.0 - 2.0 * nu) / 3.0)
+        for _ in range(12):
+            j2 = j * j
+            j3 = j2 * j
+            j5 = j3 * j2
+            value = j5 * (j3 - 1.0) + ratio * (j3 / stretch - stretch**2)
+            slope = 8.0 * j5 * j2 - 5.0 * j2 * j2 + 3.0 * ratio * j2 / stretch
+            j -= np.clip(value / slope, -0.5 * j, 0.5 * j)
+        lateral = np.sqrt(j * j * j / stretch)
+        constant = np.full_like(nu, 0.3)
+        for _ in range(30):
+            bottom = 1.0 + (constant + nu) * excess
+            error = (1.0 + constant * excess) / (bottom * lateral) - 1.0
+            slope = nu * excess**2 / (bottom**2 * lateral)
+            square = np.sum(slope * slope, axis=1, keepdims=True)
+            step = np.sum(slope * error, axis=1, keepdims=True) / np.where(
+                square > 0.0, square, 1.0
+            )
+            constant = np.where(square > 0.0, np.maximum(constant - step, 0.0), 0.0)
+        found[first : first + 64] = constant[:, 0]
+    return found[inverse]

@@ -1,0 +1,343 @@
+"""`bluntdissect fit`: material and bed from measured force-deflection curves."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.command_line.load import (
+    BED_NAMES,
+    PRESET_HELP,
+    THEORY_HELP,
+    chosen_theory,
+    theory_options,
+)
+from app.command_line.study import need
+
+if TYPE_CHECKING:
+    from app.simulation import Preset
+    from app.study.curves import Curve
+    from app.study.fit import Estimate, Fit
+    from physics import Beam
+
+__all__ = ["fit"]
+
+FIGURES = (".png", ".svg", ".pdf")
+
+
+def fit(
+    curves: Annotated[
+        list[Path],
+        typer.Argument(
+            help="CSV files with columns such as deflection_mm and force_N."
+        ),
+    ],
+    preset: Annotated[
+        str | None, typer.Option(help=f"The duct, for what is not given: {PRESET_HELP}")
+    ] = None,
+    span: Annotated[float | None, typer.Option(help="mm between the clamps.")] = None,
+    diameter: Annotated[float | None, typer.Option(help="Outer diameter, mm.")] = None,
+    wall: Annotated[float | None, typer.Option(help="Wall of a tube, mm; full if none.")] = None,
+    grasp: Annotated[
+        float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
+    ] = None,
+    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "exact",
+    q: Annotated[str | None, typer.Option(help="Cubic: a number or 'fitted'.")] = None,
+    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
+    law: Annotated[str | None, typer.Option(help="Exact: linear or neo-hooke.")] = None,
+    poisson: Annotated[
+        str | None, typer.Option(help="Poisson's ratio, or 'fit' to seek it, too.")
+    ] = None,
+    broke: Annotated[
+        bool, typer.Option("--broke", help="The last point of each curve is the break.")
+    ] = False,
+    bed: Annotated[
+        str | None,
+        typer.Option(help=f"Seek stiffness and toughness of a bed, from {BED_NAMES}."),
+    ] = None,
+    modulus: Annotated[
+        float | None, typer.Option(help="Bed: the duct's modulus, MPa; the preset's if none.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write a preset of what was found, .toml.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Name of that preset.")] = "measured-duct",
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw curves, fit and residuals: .png, .svg or .pdf.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Find modulus, strength or a bed from measured pulls, and say what they cannot tell.
+
+    Examples: bluntdissect fit pull.csv --span 50.8 --diameter 8.9 -o mine.toml, or
+    bluntdissect fit lift.csv --bed normal
+    """
+    from app.simulation import THESIS_PRESET, RoundBeam, chosen_preset
+    from app.study.curves import read_curves
+    from organ_geometry import check_target
+
+    need("scipy", *(["matplotlib"] if figure is not None else []))
+    for target, kinds in ((output, (".toml",)), (figure, FIGURES)):
+        if target is not None:
+            if target.suffix.lower() not in kinds:
+                raise ValueError(f"{target} must end in {' or '.join(kinds)}")
+            check_target(target)
+    base = chosen_preset(preset or THESIS_PRESET)
+    if not isinstance(base.beam, RoundBeam):
+        raise ValueError(
+            f"preset {base.name} is of an organ's own sections; a fit takes a round duct: give "
+            "--span and --diameter"
+        )
+    free = poisson == "fit"
+    ratio = base.poisson_ratio
+    if poisson is not None and not free:
+        try:
+            ratio = float(poisson)
+        except ValueError:
+            raise ValueError(f"--poisson must be a number or 'fit', not {poisson}") from None
+    found = [curve for path in curves for curve in read_curves(path, broke=broke)]
+    given = {"span_mm": span, "diameter_mm": diameter, "wall_mm": wall, "grasp_mm": grasp}
+    if preset is None:
+        for curve in found:
+            missing = [
+                f"--{key.removesuffix('_mm')}"
+                for key in ("span_mm", "diameter_mm")
+                if given[key] is None and key not in curve.facts
+            ]
+            if missing:
+                raise ValueError(
+                    f"{curve.name}: give {' and '.join(missing)}, a --preset, or lines such as "
+                    "'# span_mm = 50.8' above the header"
+                )
+    specimens = [_duct(curve, base, given, ratio) for curve in found]
+    if bed is not None:
+        if output is not None or free:
+            raise ValueError("--bed seeks a bed: -o and --poisson fit go with pulls of a free duct")
+        result, lines, residuals, title = _bed_result(specimens, bed, base, modulus)
+    else:
+        if modulus is not None:
+            raise ValueError("--modulus goes with --bed; a pull's modulus is sought")
+        result, lines, residuals, title = _pull_result(
+            specimens,
+            chosen_theory(theory, q=q, shear=shear, law=law),
+            free=free,
+            base=base,
+            name=name,
+            output=output,
+        )
+    if figure is not None:
+        from app.study.fit_figure import draw_fit
+
+        draw_fit(found, residuals, title, figure)
+    if as_json:
+        print(json.dumps(result))
+        return
+    for key, value in lines:
+        print(f"{key:<18} {value}")
+    for path in (output, figure):
+        if path is not None:
+            print(f"{'written':<18} {path}")
+
+
+def _duct(
+    curve: "Curve", base: "Preset", given: dict[str, float | None], ratio: float
+) -> "tuple[Curve, Beam, float]":
+    """Return a curve, its duct and its grasp: by its file, the options, the preset."""
+    from app.simulation import RoundBeam
+    from physics import Beam
+
+    assert isinstance(base.beam, RoundBeam)  # noqa: S101 (the caller has looked)
+
+    def of(name: str, otherwise: float | None) -> float | None:
+        option = given[name]
+        return curve.facts.get(name, otherwise if option is None else option)
+
+    span, diameter = of("span_mm", base.beam.span_mm), of("diameter_mm", base.beam.diameter_mm)
+    assert span is not None  # noqa: S101
+    assert diameter is not None  # noqa: S101
+    beam = Beam.round(
+        span=span,
+        diameter=diameter,
+        wall=of("wall_mm", base.beam.wall_mm),
+        modulus=base.modulus_MPa,
+        poisson_ratio=ratio,
+    )
+    grasp = of("grasp_mm", 0.5 * span)
+    assert grasp is not None  # noqa: S101
+    return curve, beam, beam.grasped_at(grasp)[0]
+
+
+Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any], str]
+"""As JSON, as lines, the residuals of each curve, and a title."""
+
+
+def _pull_result(
+    specimens: "list[tuple[Curve, Beam, float]]",
+    theory: Any,
+    *,
+    free: bool,
+    base: "Preset",
+    name: str,
+    output: Path | None,
+) -> Result:
+    from app.study.fit import Specimen, fit_pulls
+
+    fitted = fit_pulls([Specimen(*each) for each in specimens], theory, free_ratio=free)
+    sought = [fitted.modulus, fitted.poisson_ratio]
+    if fitted.strength is not None:
+        sought.append(fitted.strength)
+    options = theory_options(theory)
+    words = ", ".join([theory.name, *(f"{key} {value}" for key, value in options.items())])
+    if output is not None:
+        from app.simulation import preset_toml
+        from organ_geometry import write_atomic
+
+        made = _preset(fitted, specimens, base, name, words)
+        write_atomic(output, preset_toml(made))
+    result: dict[str, Any] = {
+        "theory": theory.name,
+        **options,
+        "regions": "95 %, profile likelihood",
+        "parameters": {each.name: _as_json(each) for each in sought},
+        "noise_N": fitted.noise,
+        "correlation": fitted.correlation,
+        "condition": fitted.condition,
+        "cannot_tell": fitted.said,
+        "curves": [
+            {
+                "name": curve.name,
+                "points": int(curve.forces.size),
+                "modulus_alone_MPa": alone,
+                "broke": curve.broke,
+                "deflection_mm": curve.deflections.tolist(),
+                "residual_N": residual.tolist(),
+            }
+            for (curve, _, _), alone, residual in zip(
+                specimens, fitted.alone, fitted.residuals, strict=True
+            )
+        ],
+    }
+    lines = [
+        ("theory", words),
+        ("curves", _count(specimens)),
+        *((each.name, _words(each)) for each in sought),
+        ("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"),
+        *(("note" if i else "what to know", each) for i, each in enumerate(fitted.said)),
+    ]
+    return result, lines, fitted.residuals, words
+
+
+def _bed_result(
+    specimens: "list[tuple[Curve, Beam, float]]", bed: str, base: "Preset", modulus: float | None
+) -> Result:
+    from dataclasses import replace
+
+    from app.simulation.bed import bed_named
+    from app.study.bed_fit import fit_bed
+
+    ducts = [
+        (curve, replace(beam, modulus=modulus or base.modulus_MPa), grasp)
+        for curve, beam, grasp in specimens
+    ]
+    fitted = fit_bed(ducts, bed_named(bed))
+    sought = [fitted.stiffness, fitted.toughness]
+    result: dict[str, Any] = {
+        "bed": bed,
+        "regions": "95 %, Jacobian",
+        "parameters": {each.name: _as_json(each) for each in sought},
+        "toughness_J_m2": fitted.bed.toughness_J_m2,
+        "yield_mm": fitted.bed.yield_mm,
+        "part_mm": fitted.bed.part_mm,
+        "noise_N": fitted.noise,
+        "correlation": fitted.correlation,
+        "condition": fitted.condition,
+        "cannot_tell": fitted.said,
+        "curves": [
+            {"name": curve.name, "residual_N": residual.tolist()}
+            for (curve, _, _), residual in zip(specimens, fitted.residuals, strict=True)
+        ],
+    }
+    lines = [
+        ("bed", bed),
+        ("curves", _count(specimens)),
+        *((each.name, _words(each)) for each in sought),
+        (
+            "in a plan",
+            f"bed.toughness_J_m2 {fitted.bed.toughness_J_m2:.4g}, bed.yield_mm "
+            f"{fitted.bed.yield_mm:.4g}, bed.part_mm {fitted.bed.part_mm:.4g}",
+        ),
+        ("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"),
+        *(("note" if i else "what to know", each) for i, each in enumerate(fitted.said)),
+    ]
+    return result, lines, fitted.residuals, f"bed {bed}"
+
+
+def _preset(
+    fitted: "Fit",
+    specimens: "list[tuple[Curve, Beam, float]]",
+    base: "Preset",
+    name: str,
+    theory: str,
+) -> "Preset":
+    """Return a preset of the first duct with what was found; a break that was not is the base's."""
+    from app.simulation import Preset, RoundBeam
+
+    assert isinstance(base.beam, RoundBeam)  # noqa: S101 (the command has looked)
+    beam = specimens[0][1]
+    section = 4.0 * (beam.second_moment / beam.area)  # outer and inner radius squared, summed
+    bore = max(section - beam.fibre_distance**2, 0.0) ** 0.5
+    wall = beam.fibre_distance - bore
+    full = bore < 1e-6 * beam.fibre_distance
+    strength = fitted.strength
+    note = "; ".join(fitted.said)
+    stress = base.break_stress_MPa if strength is None else strength.value
+    return Preset(
+        name=name,
+        title=name,
+        description=f"Fitted to {len(specimens)} measured pull{'s' * (len(specimens) > 1)}.",
+        beam=RoundBeam(
+            span_mm=beam.span,
+            diameter_mm=2.0 * beam.fibre_distance,
+            wall_mm=None if full else wall,
+        ),
+        modulus_MPa=fitted.modulus.value,
+        poisson_ratio=fitted.poisson_ratio.value,
+        break_stress_MPa=stress,
+        break_force_N=base.break_force_N if stress is None else None,
+        looks_like=base.looks_like,
+        source=(
+            f"bluntdissect fit, {theory}, 95 % by profile likelihood: "
+            + "; ".join(
+                f"{each.name} {_words(each)}"
+                for each in (fitted.modulus, fitted.poisson_ratio, strength)
+                if each is not None
+            )
+            + f"; curves {', '.join(each.name for each, _, _ in specimens)}."
+            + ("" if strength is not None else f" The break is that of preset {base.name}.")
+        ),
+        confidence="medium" if strength is not None else "low",
+        confidence_note=(note[:1].upper() + note[1:] or "Measured") + ".",
+    )
+
+
+def _count(specimens: "list[tuple[Curve, Beam, float]]") -> str:
+    points = sum(curve.forces.size for curve, _, _ in specimens)
+    return f"{len(specimens)}, {points} points"
+
+
+def _words(each: "Estimate") -> str:
+    unit = f" {each.unit}" if each.unit else ""
+    if each.told == "given":
+        return f"{each.value:.4g}{unit}, as given"
+    said = {"traded": ", trades against another", "open": ", hardly told"}.get(each.told, "")
+    return f"{each.value:.4g}{unit}, 95 % {each.low:.4g} to {each.high:.4g}{said}"
+
+
+def _as_json(each: "Estimate") -> dict[str, Any]:
+    return {
+        "value": each.value,
+        "unit": each.unit,
+        "region_95": [each.low, each.high],
+        "told": each.told,
+    }

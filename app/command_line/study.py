@@ -1,0 +1,149 @@
+"""`bluntdissect study`: many ducts whose inputs are not known well, and what comes of it."""
+
+import json
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import click
+import typer
+from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    from app.study.ensemble import Progress
+
+__all__ = ["need", "study"]
+
+
+class _RunUnlessNamed(TyperGroup):
+    """A group whose `run` need not be written."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] not in {*self.commands, "--help", "-h"}:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+study = typer.Typer(
+    cls=_RunUnlessNamed,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Solve many ducts whose inputs are not known well, and say what follows.",
+)
+
+
+@study.command("run")
+def run(
+    plan: Annotated[
+        Path, typer.Argument(help="The plan, a TOML file; docs/study.md has its keys.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="Folder of the results; a study that was ended goes on."
+        ),
+    ],
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes on this machine.", show_default="one a core", min=1),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="A Dask scheduler whose workers do it instead: tcp://HOST:PORT."),
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Write the results as CSV, too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Solve the ducts of a plan; `study PLAN` is the same as `study run PLAN`.
+
+    Example: bluntdissect study plan.toml -o results/
+    """
+    from app.study.ensemble import run_study
+    from app.study.plan import read_plan
+
+    if workers is not None and scheduler is not None:
+        raise ValueError("give either --workers or --scheduler")
+    need("pyarrow", "scipy")
+    chosen = read_plan(plan)
+    started = time.perf_counter()
+    with _progress() as progress:
+        done = run_study(
+            chosen,
+            output,
+            workers=workers,
+            scheduler=scheduler,
+            as_csv=as_csv,
+            progress=progress,
+        )
+    seconds = time.perf_counter() - started
+    result = {
+        "rows": done.rows,
+        "solved_now": done.solved,
+        "faults": done.faults,
+        "seconds": seconds,
+        "results": str(output / "results.parquet"),
+    }
+    if as_json:
+        print(json.dumps(result))
+        return
+    kept = done.rows - done.solved
+    lines = [
+        ("ducts", f"{done.rows:,}" + (f", {kept:,} of them from before" if kept else "")),
+        ("faults", f"{done.faults:,} ducts could not be solved" if done.faults else "none"),
+        ("time", f"{seconds:.1f} s, {done.solved / max(seconds, 1e-9):,.0f} ducts a second"),
+        ("results", result["results"]),
+    ]
+    for name, value in lines:
+        print(f"{name:<10} {value}")
+
+
+@study.command("report")
+def report(
+    results: Annotated[Path, typer.Argument(help="The folder of a study's results.")],
+    as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
+) -> None:
+    """Draw what comes of a study: report.html, and its figures in report.json.
+
+    Example: bluntdissect study report results/
+    """
+    need("pyarrow", "scipy", "SALib", "matplotlib")
+    from app.study.report import write_report
+
+    found = write_report(results)
+    if as_json:
+        print(json.dumps(found))
+        return
+    for line in found["summary"]:
+        print(line)
+    print(f"\n{results / 'report.html'} and report.json are written")
+
+
+def need(*packages: str) -> None:
+    """Raise unless packages of the extra are installed."""
+    from importlib.util import find_spec
+
+    missing = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise ValueError(f"this needs {', '.join(missing)}: pip install 'bluntdissect[study]'")
+
+
+@contextmanager
+def _progress() -> "Generator[Progress]":
+    """Show the rows done and the time left on stderr."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    with Progress(
+        "ducts",
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        "left",
+        console=Console(file=sys.stderr),
+        transient=True,
+    ) as shown:
+        task = shown.add_task("ducts", total=None)
+        yield lambda done, total: shown.update(task, completed=done, total=total)

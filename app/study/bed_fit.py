@@ -1,0 +1,159 @@
+"""Stiffness and toughness of the bed that a duct was lifted off, from its force-lift curves.
+
+The model is the duct in space on its strands, lifted as far as the curve goes; its forces are
+taken between steps in proportion. Sought are the logarithms of the layer's stiffness k and
+toughness G; the elongations follow, yield_mm = (2 G / (k s))^(1/2) and part_mm = s yield_mm, with
+the bed's own ratio s. Regions are of the Jacobian at the best fit, in logarithms, with Student's t.
+"""
+
+import math
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.bed import BedPreset
+from app.study.beds import lift
+from app.study.curves import Curve
+from app.study.fit import BOUND, Estimate, in_streaks
+from physics import Beam
+from physics.bed import SpaceBeam
+
+__all__ = ["BedFit", "fit_bed"]
+
+Row = NDArray[np.float64]
+
+ELEMENTS, STRANDS_A_MM, STEPS = 32, 4.0, 40
+"""Of the model: coarser than the trainer's, by half a per cent of the force."""
+WIDE = 3.0
+"""Ratio of the ends of a region from which on a parameter is hardly told."""
+
+
+@dataclass(frozen=True, slots=True)
+class BedFit:
+    """What curves say of a bed."""
+
+    stiffness: Estimate
+    toughness: Estimate
+    noise: float  # standard deviation of the force, N
+    correlation: float  # of the logarithms of both
+    condition: float  # of the scaled Jacobian
+    residuals: list[Row]  # of each curve, N: measured less fitted
+    bed: BedPreset  # with what was found
+    said: list[str]  # what the data cannot tell
+
+
+def fit_bed(curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> BedFit:
+    """Return what curves of ducts, each with its hook's place, mm, say of the bed below."""
+    from scipy.optimize import least_squares
+    from scipy.special import stdtrit
+
+    measured = np.concatenate([curve.forces for curve, _, _ in curves])
+    beams = [SpaceBeam.of(beam, elements=ELEMENTS, nodes_at=[at]) for _, beam, at in curves]
+
+    def forces(logs: Row) -> Row:
+        layer = _bed(bed, *np.exp(logs).tolist())
+        return np.concatenate(
+            [
+                _forces(beam, layer, at, curve.deflections)
+                for beam, (curve, _, at) in zip(beams, curves, strict=True)
+            ]
+        )
+
+    start = np.log([2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm), bed.toughness_J_m2])
+    found = least_squares(
+        lambda logs: forces(logs) - measured,
+        start,
+        bounds=(start - math.log(300.0), start + math.log(300.0)),
+        diff_step=0.01,
+        x_scale=1.0,
+        xtol=1e-6,
+        ftol=1e-8,
+    )
+    freedom = measured.size - 2
+    if freedom < 1:
+        raise ValueError(f"{measured.size} points are too few for stiffness and toughness")
+    noise = math.sqrt(2.0 * float(found.cost) / freedom)
+    information = found.jac.T @ found.jac
+    scale = np.sqrt(np.diag(information))
+    if not np.all(scale > 0.0):
+        raise ValueError("the forces do not depend on the bed: is the duct lifted at all?")
+    cosine = float(information[0, 1] / (scale[0] * scale[1]))
+    shared = max(1.0 - cosine**2, 1e-16)
+    half = float(stdtrit(freedom, 0.975)) * noise / (scale * math.sqrt(shared))
+    names = (("bed stiffness", "kPa/mm"), ("bed toughness", "J/m2"))
+    values = np.exp(found.x).tolist()
+    ends = [np.exp(found.x + sign * np.minimum(half, 30.0)).tolist() for sign in (-1.0, 1.0)]
+    said: list[str] = []
+    estimates: list[Estimate] = []
+    for i, (name, unit) in enumerate(names):
+        told = "open" if ends[1][i] / ends[0][i] > WIDE else "told"
+        if told == "open":
+            why = (
+                " (no part of the curve shows strands part)"
+                if i == 1 and not _parts(beams, curves, _bed(bed, *values))
+                else ""
+            )
+            said.append(
+                f"the {name} can hardly be told from these curves: anything from "
+                f"{ends[0][i]:.3g} to {ends[1][i]:.3g} {unit} follows them as well{why}"
+            )
+        elif abs(cosine) > BOUND:
+            told = "traded"
+        estimates.append(Estimate(name, unit, values[i], ends[0][i], ends[1][i], told))
+    if abs(cosine) > BOUND:
+        said.append(
+            f"stiffness and toughness of the bed trade against each other (correlation "
+            f"{-cosine:+.3f})"
+        )
+    ends_of = np.cumsum([curve.forces.size for curve, _, _ in curves])[:-1]
+    residuals = list(np.split(-found.fun, ends_of))
+    largest = float(np.abs(found.fun).max()) / float(np.abs(measured).max())
+    if any(in_streaks(each) for each in residuals) and largest > 0.01:
+        said.append(
+            f"the residuals run in streaks, up to {100.0 * largest:.2g} % of the largest force: "
+            "this bed does not follow these curves, and the regions are too narrow"
+        )
+    said.append(
+        f"everything else of the bed is that of {bed.name!r} and of its scattered strands, the "
+        "duct's modulus as given"
+    )
+    return BedFit(
+        estimates[0],
+        estimates[1],
+        noise,
+        -cosine,
+        math.sqrt((1.0 + abs(cosine)) / max(1.0 - abs(cosine), 1e-16)),
+        residuals,
+        _bed(bed, *values),
+        said,
+    )
+
+
+def _bed(bed: BedPreset, stiffness: float, toughness: float) -> BedPreset:
+    softening = bed.part_mm / bed.yield_mm
+    length = math.sqrt(2.0 * toughness / (stiffness * softening))
+    return msgspec.structs.replace(
+        bed, toughness_J_m2=toughness, yield_mm=length, part_mm=softening * length
+    )
+
+
+def _history(beam: SpaceBeam, bed: BedPreset, at: float, to: float) -> tuple[Row, Row, int]:
+    strands = max(40, round(STRANDS_A_MM * beam.span))
+    history = lift(beam, bed, at=at, to=to, steps=STEPS, strands=strands)
+    lifts = np.concatenate([[0.0], history.hands[:, 0, 2]])
+    # What a gauge along the lift reads.
+    return lifts, np.concatenate([[0.0], history.forces[:, 0, 2]]), int(history.parted[-1])
+
+
+def _forces(beam: SpaceBeam, bed: BedPreset, at: float, lifts: Row) -> Row:
+    steps, forces, _ = _history(beam, bed, at, float(lifts.max()))
+    return np.interp(lifts, steps, forces)
+
+
+def _parts(beams: list[SpaceBeam], curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> bool:
+    return any(
+        _history(beam, bed, at, float(curve.deflections.max()))[2] > 0
+        for beam, (curve, _, at) in zip(beams, curves, strict=True)
+    )

@@ -1,0 +1,170 @@
+"""Ducts of a study that a hook lifts off their beds, one after the other."""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from app.simulation import ASSUMED_PRESET, THESIS_PRESET, Dissection, OrganBeam
+from app.simulation.bed import BED_THEORY, BedPreset, beam_in_space, bed_named
+from app.study.ducts import (
+    Block,
+    Outputs,
+    groups,
+    organ_of,
+    preset_of,
+    round_ducts,
+    strength_of,
+)
+from app.study.inputs import BED
+from app.study.plan import Plan
+from physics import NoEquilibrium
+from physics.bed import Hand, History, SpaceBeam, pull
+
+__all__ = ["bed_of", "lift", "solve_beds"]
+
+STEPS, ELEMENTS = 40, 40
+OUTPUTS = (
+    "threshold_MPa",
+    "largest_force_N",
+    "freed_mm",
+    "work_mJ",
+    "least_distance_to_break",
+    "break_force_N",
+    "break_deflection_mm",
+)
+
+
+def solve_beds(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
+    """Return the outputs of ducts that are lifted off their beds, and a fault, or '', for each."""
+    outputs = {name: np.full(block.count, np.nan) for name in OUTPUTS}
+    faults = [""] * block.count
+    for words, which in groups(block):
+        for i in which.tolist():
+            one = block.part(np.array([i]))
+            try:
+                found = _lifted(plan, words, one)
+            except ValueError as error:
+                faults[i] = str(error)
+                continue
+            for name, value in found.items():
+                outputs[name][i] = value
+    return outputs, faults
+
+
+def bed_of(preset: BedPreset, given: dict[str, float]) -> BedPreset:
+    """Return a bed with other numbers, by the names of the inputs without `bed.`."""
+    # For an area of the layer: strength 2 G / part_mm, stiffness that over yield_mm.
+    part = given.get("part_mm", preset.part_mm)
+    length = given.get("yield_mm", preset.yield_mm)
+    toughness = given.get("toughness_J_m2", preset.toughness_J_m2)
+    if "strength_kPa" in given:
+        toughness = 0.5 * given["strength_kPa"] * part
+    if "stiffness_kPa_mm" in given:
+        if "strength_kPa" in given:
+            length = given["strength_kPa"] / given["stiffness_kPa_mm"]
+        else:
+            toughness = 0.5 * given["stiffness_kPa_mm"] * length * part
+    if not length <= part:
+        raise ValueError(f"strands yield at {length:.4g} mm, after they part at {part:.4g} mm")
+    names = {"scatter", "slack_mm", "gap_mm", "around_deg"} & set(given)
+    return msgspec.structs.replace(
+        preset,
+        toughness_J_m2=toughness,
+        yield_mm=length,
+        part_mm=part,
+        **{name: given[name] for name in names},
+    )
+
+
+def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
+    numbers = {name: float(row[0]) for name, row in one.numbers.items()}
+    of_bed = {key.removeprefix(BED): v for key, v in numbers.items() if key.startswith(BED)}
+    organ = organ_of(plan, words["organ"]) if "organ" in words else None
+    preset = preset_of(
+        plan, words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET)
+    )
+    elements = int(of_bed.get("elements", ELEMENTS))
+    hook = of_bed.get("hook_mm")
+    if organ is None:
+        ducts, said = round_ducts(preset, one)
+        if said:
+            raise ValueError(said[0])
+        bar: Any = ducts.beam(0)
+        at = 0.5 * bar.span if hook is None else hook
+        beam = SpaceBeam.of(bar, elements=elements, nodes_at=[at])
+    else:
+        if not isinstance(preset.beam, OrganBeam):
+            raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
+        changed = msgspec.structs.replace(
+            preset,
+            modulus_MPa=numbers.get("modulus_MPa", preset.modulus_MPa),
+            poisson_ratio=numbers.get("poisson_ratio", preset.poisson_ratio),
+            beam=msgspec.structs.replace(
+                preset.beam, wall_mm=numbers.get("wall_mm", preset.beam.wall_mm)
+            ),
+        )
+        dissection = Dissection.of(organ, changed)
+        bar = dissection.beam
+        at = 0.5 * bar.span if hook is None else hook
+        beam = beam_in_space(dissection, elements=elements, nodes_at=[at])
+    strength = numbers.get("break_stress_MPa", preset.break_stress_MPa)
+    if "break_force_N" in numbers:
+        own = msgspec.structs.replace(
+            preset, break_stress_MPa=None, break_force_N=numbers["break_force_N"]
+        )
+        strength = own.threshold(BED_THEORY, bar)
+    elif strength is None:
+        strength = strength_of(preset, organ, BED_THEORY)
+    history = lift(
+        beam,
+        bed_of(bed_named(words.get("bed.name", "normal")), of_bed),
+        at=at,
+        to=of_bed["lift_mm"],
+        steps=int(of_bed.get("steps", STEPS)),
+        seed=int(of_bed.get("seed", 1)),
+        strands=int(of_bed["strands"]) if "strands" in of_bed else None,
+    )
+    return _read(history, strength)
+
+
+def lift(
+    beam: SpaceBeam,
+    bed: BedPreset,
+    *,
+    at: float,
+    to: float,
+    steps: int,
+    seed: int = 1,
+    strands: int | None = None,
+) -> History:
+    """Lift a beam off a bed by a hook at a station, mm, step by step."""
+    hand = Hand(at=at, path=((0.0, 0.0, to),), steps=steps)
+    try:
+        return pull(beam, bed.bed(beam, seed=seed, strands=strands), [hand])
+    except NoEquilibrium as lost:
+        raise ValueError(f"no equilibrium: {lost}") from None
+
+
+def _read(history: History, strength: float) -> dict[str, float]:
+    assert history.stress is not None  # noqa: S101 (a duct has a wall)
+    forces = np.sqrt((history.forces[:, 0] ** 2).sum(axis=1))
+    lifts = history.hands[:, 0, 2]
+    found = {
+        "threshold_MPa": strength,
+        "largest_force_N": float(forces.max()),
+        "freed_mm": float(history.freed[-1]),
+        "work_mJ": float(history.work[-1]),
+        "least_distance_to_break": 1.0 - float(history.stress.max()) / strength,
+    }
+    over = np.flatnonzero(history.stress >= strength)
+    if over.size:
+        # Between the steps before and after, in proportion to the stress.
+        stress, force, lifted = (
+            np.concatenate([[0.0], row]) for row in (history.stress, forces, lifts)
+        )
+        k = int(over[0])
+        share = (strength - stress[k]) / (stress[k + 1] - stress[k])
+        found["break_force_N"] = float(force[k] + share * (force[k + 1] - force[k]))
+        found["break_deflection_mm"] = float(lifted[k] + share * (lifted[k + 1] - lifted[k]))
+    return found

@@ -1,0 +1,302 @@
+"""A block of ducts of a study: what each bears, by its own inputs."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation import (
+    ASSUMED_PRESET,
+    THESIS_PRESET,
+    Dissection,
+    OrganBeam,
+    Preset,
+    RoundBeam,
+    preset_named,
+    presets,
+    read_preset,
+)
+from app.study.plan import Plan
+from organ_geometry import Organ, organ_from_bytes
+from physics import Beam, Cubic, Exact, Linear, NeoHooke, Theory, VaryingBeam, theory_named
+from physics.many import Ducts, SolvedDucts, solve_many
+
+__all__ = [
+    "Block",
+    "Outputs",
+    "groups",
+    "organ_of",
+    "preset_of",
+    "round_ducts",
+    "solve_pulls",
+    "strength_of",
+]
+
+Row = NDArray[np.float64]
+Outputs = dict[str, Row]
+"""(N,) rows by name; nan where there is none."""
+
+FIRST_PART = 1e-9
+"""A grasp is this part of the span from a clamp at least."""
+
+
+class Block:
+    """Inputs of N ducts: (N,) numbers by name, and words by name with an index for each duct."""
+
+    def __init__(
+        self,
+        count: int,
+        numbers: Mapping[str, Row],
+        words: Mapping[str, tuple[tuple[str, ...], NDArray[np.int64]]],
+    ) -> None:
+        self.count = count
+        self.numbers = numbers
+        self.words = words
+
+    def number(self, name: str, otherwise: float | None) -> Row:
+        """Return an input, or what it is where it is not given; nan for None."""
+        if name in self.numbers:
+            return self.numbers[name]
+        return np.full(self.count, np.nan if otherwise is None else otherwise)
+
+    def part(self, which: NDArray[np.int64]) -> "Block":
+        """Return some of the ducts."""
+        return Block(
+            which.size,
+            {name: row[which] for name, row in self.numbers.items()},
+            {name: (values, at[which]) for name, (values, at) in self.words.items()},
+        )
+
+
+def groups(block: Block) -> Iterator[tuple[dict[str, str], NDArray[np.int64]]]:
+    """Give the words that ducts have in common, and the indices of these ducts."""
+    names = list(block.words)
+    if not names:
+        yield {}, np.arange(block.count)
+        return
+    codes = np.stack([block.words[name][1] for name in names])
+    kinds, which = np.unique(codes, axis=1, return_inverse=True)
+    for k in range(kinds.shape[1]):
+        words = {name: block.words[name][0][int(kinds[i, k])] for i, name in enumerate(names)}
+        yield words, np.flatnonzero(which.ravel() == k)
+
+
+def solve_pulls(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
+    """Return the outputs of ducts that are pulled free of a bed, and a fault, or '', for each."""
+    by_force, by_deflection = "force_N" in block.numbers, "deflection_mm" in block.numbers
+    loaded = by_force or by_deflection
+    names = ["threshold_MPa", "break_force_N", "break_deflection_mm", "break_station_mm"]
+    if loaded:
+        names.append("deflection_mm" if by_force else "force_N")
+        names += ["normal_stress_MPa", "bending_stress_MPa", "distance_to_break"]
+    outputs = {name: np.full(block.count, np.nan) for name in names}
+    faults = [""] * block.count
+    for words, which in groups(block):
+        some = block.part(which)
+        for theory, at in _theories(words, some):
+            few, rows = some.part(at), which[at]
+            sound, ducts, thresholds, said = _set_up(plan, words, theory, few)
+            for i, why in said.items():
+                faults[int(rows[i])] = why
+            if not sound.size:
+                continue
+            load = few.part(sound).numbers
+            found = solve_many(
+                theory,
+                ducts,
+                thresholds,
+                force=load.get("force_N"),
+                deflection=load.get("deflection_mm"),
+            )
+            rows = rows[sound]
+            for name, row in _named(found, thresholds, by_force=by_force).items():
+                if name in outputs:
+                    outputs[name][rows] = row
+            if loaded:
+                for i in np.flatnonzero(np.isnan(found.normal_stress)):
+                    faults[int(rows[i])] = "no equilibrium under the load"
+    return outputs, faults
+
+
+def _named(found: SolvedDucts, thresholds: Row, *, by_force: bool) -> Outputs:
+    stress = found.normal_stress + found.bending_stress
+    return {
+        "threshold_MPa": thresholds,
+        "break_force_N": found.break_force,
+        "break_deflection_mm": found.break_deflection,
+        "break_station_mm": found.break_station,
+        **({"deflection_mm": found.deflection} if by_force else {"force_N": found.force}),
+        "normal_stress_MPa": found.normal_stress,
+        "bending_stress_MPa": found.bending_stress,
+        "distance_to_break": 1.0 - stress / thresholds,
+    }
+
+
+def _theories(words: dict[str, str], block: Block) -> Iterator[tuple[Theory, NDArray[np.int64]]]:
+    """Give the theories of ducts with the same words, which differ by q only."""
+    name = words.get("theory", "exact")
+    law = words.get("law", "linear")
+    everywhere = np.arange(block.count)
+    if name == "cubic" and "q" in block.numbers:
+        values, which = np.unique(block.numbers["q"], return_inverse=True)
+        for k, q in enumerate(values.tolist()):
+            yield Cubic(q=q), np.flatnonzero(which == k)
+    elif name == "exact":
+        laws = {"linear": Linear(), "linear with shear": Linear(shear=True)}
+        yield Exact(laws.get(law, NeoHooke())), everywhere
+    else:
+        yield theory_named(name), everywhere
+
+
+def _set_up(
+    plan: Plan, words: dict[str, str], theory: Theory, block: Block
+) -> tuple[NDArray[np.int64], Any, Row, dict[int, str]]:
+    """Return which ducts can be solved, these, their thresholds, and why the others cannot."""
+    organ = organ_of(plan, words["organ"]) if "organ" in words else None
+    preset = preset_of(
+        plan, words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET)
+    )
+    if organ is None:
+        ducts, said = round_ducts(preset, block)
+    else:
+        ducts, said = _organ_ducts(organ, preset, theory, block)
+    sound = np.array([i for i in range(block.count) if i not in said], dtype=np.int64)
+    if not sound.size:
+        return sound, None, np.empty(0), said
+    block = block.part(sound)
+    thresholds = block.number("break_stress_MPa", preset.break_stress_MPa)
+    if "break_force_N" in block.numbers:
+        # The break is known by its force at mid-span: the stress that the theory has there.
+        force = block.numbers["break_force_N"]
+        if isinstance(ducts, tuple):
+            beams, _ = ducts
+            middle: Any = (beams, np.array([0.5 * beam.span for beam in beams]))
+        else:
+            middle = replace(ducts, grasp=0.5 * ducts.span)
+        there = solve_many(theory, middle, force=force)
+        thresholds = there.normal_stress + there.bending_stress
+    elif "break_stress_MPa" not in block.numbers and preset.break_stress_MPa is None:
+        thresholds = np.full(block.count, strength_of(preset, organ, theory))
+    return sound, ducts, thresholds, said
+
+
+@lru_cache(maxsize=64)
+def strength_of(preset: Preset, organ: Organ | None, theory: Theory) -> float:
+    """Return the stress at which the preset's own duct breaks, MPa, as this theory reads it."""
+    return preset.threshold(
+        theory, preset.round_beam() if organ is None else Dissection.of(organ, preset).beam
+    )
+
+
+def round_ducts(preset: Preset, block: Block) -> tuple[Ducts, dict[int, str]]:
+    """Return round ducts, of those that are sound, and why the others are none."""
+    if not isinstance(preset.beam, RoundBeam):
+        raise ValueError(f"preset {preset.name} needs an organ: its beam is the organ's own")
+    span = block.number("span_mm", preset.beam.span_mm)
+    diameter = block.number("diameter_mm", preset.beam.diameter_mm)
+    wall = block.number("wall_mm", preset.beam.wall_mm)
+    grasp, said = _grasps(block, span)
+    for i in np.flatnonzero(wall >= 0.5 * diameter):
+        said[int(i)] = f"a wall of {wall[i]:.4g} mm leaves no bore in {diameter[i]:.4g} mm"
+    bore = np.where(np.isnan(wall), 0.0, diameter - 2.0 * wall)
+    rows = (
+        span,
+        np.pi / 4.0 * (diameter**2 - bore**2),
+        np.pi / 64.0 * (diameter**4 - bore**4),
+        0.5 * diameter,
+        block.number("modulus_MPa", preset.modulus_MPa),
+        block.number("poisson_ratio", preset.poisson_ratio),
+        grasp,
+    )
+    sound = np.array([i not in said for i in range(block.count)])
+    return Ducts(*(row[sound] for row in rows)), said
+
+
+def _grasps(block: Block, span: Row) -> tuple[Row, dict[int, str]]:
+    grasp = block.number("grasp_share", 0.5) * span
+    grasp = block.numbers.get("grasp_mm", grasp)
+    wrong = ~((grasp > FIRST_PART * span) & (grasp < (1.0 - FIRST_PART) * span))
+    said = {
+        int(i): f"a grasp at {grasp[i]:.4g} mm is not between clamps {span[i]:.4g} mm apart"
+        for i in np.flatnonzero(wrong)
+    }
+    return grasp, said
+
+
+def _organ_ducts(
+    organ: Organ, preset: Preset, theory: Theory, block: Block
+) -> tuple[Any, dict[int, str]]:
+    """Return beams of an organ's sections, or ducts of its weakest one where a theory knows one."""
+    if not isinstance(preset.beam, OrganBeam):
+        raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
+    modulus = block.number("modulus_MPa", preset.modulus_MPa)
+    ratio = block.number("poisson_ratio", preset.poisson_ratio)
+    wall = block.number("wall_mm", preset.beam.wall_mm)
+    span = block.number("span_mm", None)
+    beams: dict[int, Beam] = {}
+    said: dict[int, str] = {}
+    for i in range(block.count):
+        try:
+            beam = _organ_beam(organ, preset, _number(wall[i]), _number(span[i]))
+            e, nu = float(modulus[i]), float(ratio[i])
+            if isinstance(beam, VaryingBeam) and beam.weakest is not None:
+                one = replace(beam.weakest, modulus=e, poisson_ratio=nu)
+                beams[i] = (
+                    replace(beam, modulus=e, poisson_ratio=nu, weakest=one)
+                    if isinstance(theory, Exact)
+                    else one
+                )
+        except ValueError as error:
+            said[i] = str(error)
+    spans = np.array([beams[i].span if i in beams else np.nan for i in range(block.count)])
+    grasp, wrong = _grasps(block, spans)
+    said = wrong | said
+    few = [(beams[i], float(grasp[i])) for i in range(block.count) if i not in said]
+    grasps = np.array([at for _, at in few])
+    if isinstance(theory, Exact):
+        return ([beam for beam, _ in few], grasps), said
+    names = ("span", "area", "second_moment", "fibre_distance", "modulus", "poisson_ratio")
+    rows = [np.array([getattr(beam, name) for beam, _ in few]) for name in names]
+    return Ducts(*rows, grasps), said
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+@lru_cache(maxsize=4096)
+def _organ_beam(organ: Organ, preset: Preset, wall: float | None, span: float | None) -> Beam:
+    """Return the beam of an organ; a span is in its middle."""
+    assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
+    clamps = preset.beam.clamps_mm
+    if span is not None:
+        middle = 0.5 * organ.length
+        clamps = (middle - 0.5 * span, middle + 0.5 * span)
+        if clamps[0] < 0.0:
+            raise ValueError(f"a span of {span:.4g} mm is longer than the organ")
+    kind = msgspec.structs.replace(preset.beam, wall_mm=wall, clamps_mm=clamps)
+    return Dissection.of(organ, msgspec.structs.replace(preset, beam=kind)).beam
+
+
+@lru_cache(maxsize=64)
+def _organ(content: bytes, name: str) -> Organ:
+    return organ_from_bytes(content, name)
+
+
+@lru_cache(maxsize=64)
+def _preset(content: bytes, name: str) -> Preset:
+    return read_preset(content, name)
+
+
+def organ_of(plan: Plan, name: str) -> Organ:
+    """Return an organ that a plan names."""
+    return _organ(plan.files[name], name)
+
+
+def preset_of(plan: Plan, name: str) -> Preset:
+    """Return a preset that a plan names."""
+    return preset_named(name) if name in presets() else _preset(plan.files[name], name)

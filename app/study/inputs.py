@@ -1,0 +1,84 @@
+"""What a study can vary, with units and limits."""
+
+from dataclasses import dataclass
+
+from app.simulation import LIMITS
+
+__all__ = ["BED", "BED_INPUTS", "DUCT_INPUTS", "INPUTS", "Input"]
+
+BED = "bed."
+"""Prefix of the inputs of a bed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A number within limits, or a word."""
+
+    unit: str = ""
+    low: float | None = None  # None: a word
+    high: float = 0.0
+    whole: bool = False  # a whole number
+    words: tuple[str, ...] = ()  # the only ones; any if none
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is a number."""
+        return self.low is not None
+
+    def check(self, value: object) -> None:
+        """Raise a `ValueError` unless this is a value of the input."""
+        if self.low is None:
+            if not isinstance(value, str):
+                raise ValueError(f"must be a word in quotes, got {value!r}")
+            if self.words and value not in self.words:
+                raise ValueError(f"must be one of {', '.join(self.words)}, got {value!r}")
+            return
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"must be a number, got {value!r}")
+        if self.whole and value != int(value):
+            raise ValueError(f"must be a whole number, got {value!r}")
+        if not self.low <= value <= self.high:
+            unit = f" {self.unit}" if self.unit else ""
+            raise ValueError(f"must be from {self.low:g} to {self.high:g}{unit}, got {value:g}")
+
+
+def _limited(name: str) -> Input:
+    low, high, unit = LIMITS[name]
+    return Input(unit, low, high)
+
+
+DUCT_INPUTS: dict[str, Input] = {
+    "preset": Input(),
+    "organ": Input(),
+    "theory": Input(words=("cubic", "string", "exact", "fem", "mass-spring")),
+    "law": Input(words=("linear", "linear with shear", "neo-hooke")),
+    "q": Input("", 0.0, 10.0),
+    **{name: _limited(name) for name in LIMITS},
+    "grasp_mm": Input("mm", 1e-3, 1e4),
+    "grasp_share": Input("", 0.001, 0.999),
+    "force_N": Input("N", -1e6, 1e6),
+    "deflection_mm": Input("mm", -1e4, 1e4),
+}
+"""Of the duct and its pull; law belongs to the exact theory and q to the cubic one."""
+
+BED_INPUTS: dict[str, Input] = {
+    "bed.name": Input(words=("normal", "loose", "firm", "inflamed", "scar")),
+    "bed.toughness_J_m2": Input("J/m2", 1e-3, 1e5),
+    "bed.strength_kPa": Input("kPa", 1e-3, 1e5),
+    "bed.stiffness_kPa_mm": Input("kPa/mm", 1e-3, 1e6),
+    "bed.yield_mm": Input("mm", 1e-2, 1e2),
+    "bed.part_mm": Input("mm", 2e-2, 2e2),
+    "bed.scatter": Input("", 0.0, 1.0),
+    "bed.slack_mm": Input("mm", 0.0, 10.0),
+    "bed.gap_mm": Input("mm", 0.1, 100.0),
+    "bed.around_deg": Input("deg", 1.0, 180.0),
+    "bed.seed": Input("", 0, 2**31, whole=True),
+    "bed.hook_mm": Input("mm", 1e-3, 1e4),
+    "bed.lift_mm": Input("mm", 1e-3, 1e3),
+    "bed.steps": Input("", 2, 10_000, whole=True),
+    "bed.elements": Input("", 8, 2000, whole=True),
+    "bed.strands": Input("", 8, 20_000, whole=True),
+}
+"""Of the bed, and of the hook that lifts the duct off it."""
+
+INPUTS = DUCT_INPUTS | BED_INPUTS

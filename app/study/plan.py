@@ -1,0 +1,355 @@
+"""A study's plan: what is fixed, what is drawn from distributions, what is compared on a grid."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from app.simulation import presets
+from app.study.distribution import Choices, Distribution, distribution_of
+from app.study.inputs import BED, BED_INPUTS, DUCT_INPUTS, INPUTS, Input
+
+__all__ = ["Plan", "Sampling", "Value", "read_plan"]
+
+Value = float | str
+Sampling = Literal["sobol", "latin-hypercube"]
+
+SAMPLINGS: tuple[Sampling, ...] = ("sobol", "latin-hypercube")
+MOST_SAMPLES, MOST_CELLS, MOST_INPUTS = 10_000_000, 10_000, 50
+MOST_BYTES = 1_000_000
+TOP = {"title", "samples", "sampling", "indices", "seed", "duct", "bed", "inputs"}
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A plan with all that it needs, so that any process can carry it out."""
+
+    text: str  # the file, as it was written
+    title: str
+    samples: int  # draws of the inputs that have distributions
+    sampling: Sampling
+    # whether each draw is repeated with each input taken from another one, for Sobol indices
+    indices: bool
+    seed: int
+    fixed: Mapping[str, Value]
+    drawn: Mapping[str, Distribution | Choices]
+    grid: Mapping[str, tuple[Value, ...]]
+    files: Mapping[str, bytes]  # contents of the organ and preset files that it names
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the inputs that are not the same in all rows."""
+        return (*self.drawn, *self.grid)
+
+    @property
+    def cells(self) -> int:
+        """Number of combinations of the grid's values."""
+        count = 1
+        for values in self.grid.values():
+            count *= len(values)
+        return count
+
+    @property
+    def mixes(self) -> int:
+        """Rows for a draw in each cell: 1, or inputs + 2 for Sobol indices (Saltelli's design)."""
+        return len(self.drawn) + 2 if self.indices else 1
+
+    @property
+    def rows(self) -> int:
+        """Number of ducts to be solved."""
+        return self.samples * self.mixes * self.cells
+
+    @property
+    def has_bed(self) -> bool:
+        """Whether ducts are lifted off a bed instead of being pulled free."""
+        return any(name.startswith(BED) for name in (*self.fixed, *self.varied))
+
+    def values_of(self, name: str) -> tuple[Value, ...]:
+        """Return the discrete values that an input takes, none if it has none."""
+        drawn = self.drawn.get(name)
+        if isinstance(drawn, Choices):
+            return tuple(_value(each) for each in drawn.values)
+        if name in self.grid:
+            return self.grid[name]
+        return (self.fixed[name],) if name in self.fixed else ()
+
+
+class _Lines:
+    """Where keys stand in a TOML file, for messages."""
+
+    def __init__(self, name: str, text: str) -> None:
+        self.name = name
+        self._lines: dict[str, int] = {}
+        table = ""
+        for number, line in enumerate(text.splitlines(), 1):
+            if header := re.match(r"\s*\[([^\]]+)\]", line):
+                table = re.sub(r"[\s\"']", "", header[1])
+                self._lines.setdefault(table, number)
+            elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
+                name = re.sub(r"[\"']", "", key[1])
+                self._lines.setdefault(f"{table}.{name}" if table else name, number)
+
+    def wrong(self, key: str, said: str) -> ValueError:
+        """Return the error of a key, with its line or that of the table it is in."""
+        place = key
+        while place and place not in self._lines:
+            place = place.rpartition(".")[0]
+        line = f", line {self._lines[place]}" if place else ""
+        return ValueError(f"{self.name}{line}: {key} {said}")
+
+
+def read_plan(path: Path, *, files: bool = True) -> Plan:
+    """Return the plan in a file; a `ValueError` names the key and the line that are wrong."""
+    # Without `files`, those that it names are not read: it can be looked at, not carried out.
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"{path} is no plan: it has more than {MOST_BYTES:,} bytes")
+    try:
+        text = content.decode()
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path} is no TOML file: {error}") from None
+    return _plan(table, text, _Lines(str(path), text), path.parent if files else None)
+
+
+def _plan(table: dict[str, object], text: str, lines: _Lines, folder: Path | None) -> Plan:
+    for key in table:
+        if key not in TOP:
+            raise lines.wrong(key, f"is not known; a plan has {', '.join(sorted(TOP))}")
+    fixed: dict[str, Value] = {}
+    for section, inputs in (("duct", DUCT_INPUTS), ("bed", BED_INPUTS)):
+        prefix = BED if section == "bed" else ""
+        for key, value in _table(table.get(section, {}), section, lines).items():
+            place = f"{section}.{key}"
+            fixed[prefix + key] = _checked(inputs, prefix + key, value, place, lines)
+    drawn: dict[str, Distribution | Choices] = {}
+    grid: dict[str, tuple[Value, ...]] = {}
+    for key, value in _varied(_table(table.get("inputs", {}), "inputs", lines), lines).items():
+        place = f"inputs.{key}"
+        if key not in INPUTS:
+            raise lines.wrong(place, f"is no input; there are {', '.join(INPUTS)}")
+        if key in fixed:
+            raise lines.wrong(place, "is fixed as well; leave out one of them")
+        one = _one_varied(INPUTS[key], value, place, lines)
+        if isinstance(one, tuple):
+            grid[key] = one
+        else:
+            drawn[key] = one
+    sampling = table.get("sampling", "sobol")
+    if sampling not in SAMPLINGS:
+        raise lines.wrong("sampling", f"must be one of {', '.join(SAMPLINGS)}, got {sampling!r}")
+    indices = table.get("indices", False)
+    if not isinstance(indices, bool):
+        raise lines.wrong("indices", f"must be true or false, got {indices!r}")
+    title = table.get("title", "A study of ducts")
+    if not isinstance(title, str) or len(title) > 200:
+        raise lines.wrong("title", "must be a line of at most 200 characters in quotes")
+    if drawn and "samples" not in table:
+        raise lines.wrong("samples", "is missing: how many draws of the inputs")
+    plan = Plan(
+        text=text,
+        title=title,
+        samples=_whole(table, "samples", 1, MOST_SAMPLES, lines) if drawn else 1,
+        sampling=sampling,
+        indices=indices,
+        seed=_whole(table, "seed", 0, 2**63, lines),
+        fixed=fixed,
+        drawn=drawn,
+        grid=grid,
+        files={} if folder is None else _files(fixed, drawn, grid, folder, lines),
+    )
+    _check_whole(plan, lines)
+    if folder is not None:
+        _check_files(plan, lines)
+    return plan
+
+
+def _table(value: object, key: str, lines: _Lines) -> dict[str, object]:
+    if not isinstance(value, dict):
+        raise lines.wrong(key, f"must be a table, [{key}], got {value!r}")
+    return value
+
+
+def _varied(table: dict[str, object], lines: _Lines) -> dict[str, object]:
+    """Return the inputs by name: those of a bed stand in a table of their own."""
+    found = dict(table)
+    bed = _table(found.pop("bed", {}), "inputs.bed", lines)
+    return found | {f"{BED}{key}": value for key, value in bed.items()}
+
+
+def _whole(table: dict[str, object], key: str, low: int, high: int, lines: _Lines) -> int:
+    value = table.get(key, max(low, 1))
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise lines.wrong(key, f"must be a whole number from {low:,} to {high:,}, got {value!r}")
+    return value
+
+
+def _value(value: object) -> Value:
+    return value if isinstance(value, str) else float(value)  # pyright: ignore[reportArgumentType]
+
+
+def _checked(
+    inputs: dict[str, Input], name: str, value: object, place: str, lines: _Lines
+) -> Value:
+    if name not in inputs:
+        known = ", ".join(each.removeprefix(BED) for each in inputs)
+        raise lines.wrong(place, f"is not known; there are {known}")
+    try:
+        inputs[name].check(value)
+    except ValueError as error:
+        raise lines.wrong(place, str(error)) from None
+    return _value(value)
+
+
+def _one_varied(
+    kind: Input, given: object, place: str, lines: _Lines
+) -> Distribution | Choices | tuple[Value, ...]:
+    table = _table(given, place, lines)
+    ways = [name for name in ("distribution", "choices", "grid") if name in table]
+    if len(ways) != 1:
+        raise lines.wrong(place, "must have one of distribution, choices and grid")
+    if ways[0] == "distribution":
+        return _distribution(kind, table, place, lines)
+    values = table[ways[0]]
+    extra = set(table) - {ways[0], "weights" if ways[0] == "choices" else ways[0]}
+    if extra:
+        raise lines.wrong(f"{place}.{min(extra)}", f"does not go with {ways[0]}")
+    if not isinstance(values, list) or not values:
+        raise lines.wrong(f"{place}.{ways[0]}", "must be a list of one value or more")
+    for each in values:
+        try:
+            kind.check(each)
+        except ValueError as error:
+            raise lines.wrong(f"{place}.{ways[0]}", str(error)) from None
+    found = tuple(_value(each) for each in values)
+    if len(set(found)) < len(found):
+        raise lines.wrong(f"{place}.{ways[0]}", "has a value twice")
+    if ways[0] == "grid":
+        return found
+    weights = table.get("weights", [1.0] * len(found))
+    if (
+        not isinstance(weights, list)
+        or len(weights) != len(found)
+        or not all(isinstance(each, int | float) and each >= 0 for each in weights)
+        or not sum(weights) > 0
+    ):
+        raise lines.wrong(f"{place}.weights", "must have one number, 0 or more, for each choice")
+    return Choices(found, tuple(float(each) for each in weights))
+
+
+def _distribution(kind: Input, table: dict[str, object], place: str, lines: _Lines) -> Distribution:
+    if not kind.is_number or kind.whole:
+        raise lines.wrong(place, "has no distribution, only choices or a grid")
+    given: dict[str, float] = {}
+    for key, value in table.items():
+        if key == "distribution":
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise lines.wrong(f"{place}.{key}", f"must be a number, got {value!r}")
+        given[key] = float(value)
+    try:
+        found = distribution_of(str(table["distribution"]), given)
+    except ValueError as error:
+        raise lines.wrong(place, f"is no distribution: {error}") from None
+    import numpy as np
+
+    least, most = found.at(np.array([0.0, 1.0])).tolist()
+    if least < (kind.low or 0.0) or most > kind.high:
+        unit = f" {kind.unit}" if kind.unit else ""
+        raise lines.wrong(
+            place,
+            f"reaches from {least:.3g} to {most:.3g}{unit} and must stay from {kind.low:g} to "
+            f"{kind.high:g}: cut it off by low and high",
+        )
+    return found
+
+
+def _files(
+    fixed: dict[str, Value],
+    drawn: dict[str, Distribution | Choices],
+    grid: dict[str, tuple[Value, ...]],
+    folder: Path,
+    lines: _Lines,
+) -> dict[str, bytes]:
+    """Read the organ and preset files that a plan names, from its own folder."""
+    found: dict[str, bytes] = {}
+    for name in ("preset", "organ"):
+        given = drawn.get(name)
+        values: tuple[object, ...] = (fixed[name],) if name in fixed else grid.get(name, ())
+        if isinstance(given, Choices):
+            values = given.values
+        place = f"duct.{name}" if name in fixed else f"inputs.{name}"
+        for each in values:
+            text = str(each)
+            if name == "preset" and text in presets():
+                continue
+            if name == "preset" and not text.lower().endswith(".toml"):
+                known = ", ".join(presets())
+                raise lines.wrong(place, f"must be one of {known}, or a .toml file, got {text!r}")
+            try:
+                found[text] = (folder / text).read_bytes()
+            except OSError as error:
+                reason = (error.strerror or str(error)).lower()
+                raise lines.wrong(place, f"cannot be read: {folder / text}: {reason}") from None
+    return found
+
+
+def _check_whole(plan: Plan, lines: _Lines) -> None:
+    """Raise where what is given does not go together."""
+    given = {*plan.fixed, *plan.varied}
+
+    def refuse(both: tuple[str, str], why: str) -> None:
+        if given >= set(both):
+            late = both[1] if both[1] not in plan.fixed else both[0]
+            raise lines.wrong(_place(plan, late), f"goes not with {both[0]}, {both[1]}: {why}")
+
+    if not plan.varied:
+        raise lines.wrong("inputs", "is missing: nothing is varied")
+    if len(plan.varied) > MOST_INPUTS:
+        raise lines.wrong("inputs", f"has {len(plan.varied)} inputs, at most {MOST_INPUTS}")
+    if plan.cells > MOST_CELLS:
+        raise lines.wrong("inputs", f"has a grid of {plan.cells:,} cells, at most {MOST_CELLS:,}")
+    if plan.indices and len(plan.drawn) < 2:
+        raise lines.wrong("indices", "needs two inputs or more that are drawn")
+    refuse(("break_stress_MPa", "break_force_N"), "a strength is given by one of them")
+    refuse(("force_N", "deflection_mm"), "a load is one of them")
+    refuse(("grasp_mm", "grasp_share"), "a grasp is given by one of them")
+    refuse(("bed.toughness_J_m2", "bed.strength_kPa"), "toughness is strength times part_mm / 2")
+    refuse(("bed.toughness_J_m2", "bed.stiffness_kPa_mm"), "give strength and stiffness")
+    refuse(("bed.yield_mm", "bed.stiffness_kPa_mm"), "yield_mm is strength over stiffness")
+    if "organ" in given:
+        refuse(("organ", "diameter_mm"), "an organ has its own sections")
+    if plan.has_bed:
+        for name in ("theory", "law", "q", "force_N", "deflection_mm", "grasp_mm", "grasp_share"):
+            if name in given:
+                raise lines.wrong(
+                    _place(plan, name),
+                    "goes not with a bed: a duct in its bed is a linear beam in space with shear, "
+                    "lifted by bed.hook_mm and bed.lift_mm",
+                )
+        if "bed.lift_mm" not in given:
+            raise lines.wrong("bed.lift_mm", "is missing: how far the hook is lifted, mm")
+
+
+def _check_files(plan: Plan, lines: _Lines) -> None:
+    """Raise unless the presets and organs are such."""
+    from app.study.ducts import organ_of, preset_of
+
+    for kind, found in (("preset", preset_of), ("organ", organ_of)):
+        for name in plan.values_of(kind):
+            try:
+                found(plan, str(name))
+            except ValueError as error:
+                raise lines.wrong(_place(plan, kind), str(error)) from None
+
+
+def _place(plan: Plan, name: str) -> str:
+    """Return the key of an input in the plan's file."""
+    if name not in plan.fixed:
+        return f"inputs.{name}"
+    return name if name.startswith(BED) else f"duct.{name}"

@@ -1,0 +1,183 @@
+"""The results of a study: a Parquet file for each block, and one of all in order.
+
+A part is written under a temporary name and moved into place, so that a folder holds whole parts
+only. The plan stands beside them; a folder is gone on with by the same plan and versions alone.
+"""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from app.simulation import versions
+from app.study.inputs import INPUTS
+from app.study.plan import Plan
+from organ_geometry import make_folder, write_atomic
+
+__all__ = ["ResultsFolder", "packed", "study_versions", "unit_of"]
+
+OUTPUT_UNITS = {
+    "threshold_MPa": "MPa",
+    "break_force_N": "N",
+    "break_deflection_mm": "mm",
+    "break_station_mm": "mm",
+    "deflection_mm": "mm",
+    "force_N": "N",
+    "normal_stress_MPa": "MPa",
+    "bending_stress_MPa": "MPa",
+    "distance_to_break": "1",
+    "largest_force_N": "N",
+    "freed_mm": "mm",
+    "work_mJ": "mJ",
+    "least_distance_to_break": "1",
+}
+KEY = b"bluntdissect"
+"""Of the metadata of a results file: JSON with `plan`, `versions` and `seed`."""
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a column, '' for words."""
+    if name in INPUTS:
+        return INPUTS[name].unit or ("1" if INPUTS[name].is_number else "")
+    return OUTPUT_UNITS.get(name, "")
+
+
+def study_versions() -> dict[str, str]:
+    """Return the versions of what a study is computed with."""
+    return versions() | {name: version(name) for name in ("scipy", "pyarrow")}
+
+
+def packed(
+    draw: NDArray[np.int64],
+    mix: NDArray[np.int16],
+    inputs: Mapping[str, Any],
+    outputs: Mapping[str, NDArray[np.float64]],
+    faults: list[str],
+) -> bytes:
+    """Return a block as a Parquet file; nan becomes null."""
+    columns: dict[str, pa.Array] = {"draw": pa.array(draw), "mix": pa.array(mix)}
+    for name, row in inputs.items():
+        if isinstance(row, tuple):
+            words, at = row
+            indices = pa.array(at.astype(np.int32))
+            columns[name] = pa.DictionaryArray.from_arrays(indices, pa.array(words))
+        else:
+            columns[name] = pa.array(row)
+    for name, row in outputs.items():
+        columns[name] = pa.array(row, from_pandas=True)
+    said = pa.array([each or None for each in faults], pa.string())
+    columns["fault"] = said.dictionary_encode()
+    fields = [
+        pa.field(name, column.type, metadata={"unit": unit_of(name)})
+        for name, column in columns.items()
+    ]
+    table = pa.table(list(columns.values()), schema=pa.schema(fields))
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    return sink.getvalue().to_pybytes()
+
+
+@dataclass(frozen=True, slots=True)
+class ResultsFolder:
+    """A folder of results."""
+
+    path: Path
+
+    @property
+    def table(self) -> Path:
+        """The file of all results."""
+        return self.path / "results.parquet"
+
+    @property
+    def _state(self) -> Path:
+        return self.path / "study.json"
+
+    def open(self, plan: Plan, files: str) -> None:
+        """Make the folder, or make sure that what it holds is of this plan and these versions."""
+        make_folder(self.path, f"--output {self.path} cannot be a folder")
+        state = {"plan": plan.text, "files": files, "versions": study_versions()}
+        try:
+            held = json.loads(self._state.read_text("utf-8"))
+        except FileNotFoundError:
+            if any(self.path.iterdir()):
+                raise ValueError(
+                    f"{self.path} holds files that are of no study; give a folder of its own"
+                ) from None
+            write_atomic(self._state, json.dumps(state, indent=1).encode())
+            write_atomic(self.path / "plan.toml", plan.text.encode())
+            return
+        except ValueError:
+            raise ValueError(f"{self._state} is damaged; give another folder") from None
+        for name, words in (
+            ("plan", "another plan"),
+            ("files", "other organ or preset files"),
+            ("versions", "other versions of the program"),
+        ):
+            if held.get(name) != state[name]:
+                raise ValueError(f"{self.path} holds results of {words}; give another folder")
+
+    def part(self, block: int) -> Path:
+        """Return the file of a block."""
+        return self.path / "parts" / f"{block:07d}.parquet"
+
+    def written(self) -> set[int]:
+        """Return the blocks that are written."""
+        return {int(each.stem) for each in (self.path / "parts").glob("[0-9]*.parquet")}
+
+    def write(self, block: int, content: bytes) -> None:
+        """Write a block."""
+        self.part(block).parent.mkdir(exist_ok=True)
+        write_atomic(self.part(block), content)
+
+    def join(self, plan: Plan, blocks: int) -> None:
+        """Join the parts in order into one file, part by part."""
+        about = {"plan": plan.text, "versions": study_versions(), "seed": plan.seed}
+        unfinished = self.path / ".results.part"
+        schema = pq.read_schema(self.part(0)).with_metadata({KEY: json.dumps(about).encode()})
+        with pq.ParquetWriter(unfinished, schema, compression="zstd") as writer:
+            for block in range(blocks):
+                writer.write_table(pq.read_table(self.part(block)))
+        unfinished.replace(self.table)
+        for block in range(blocks):
+            self.part(block).unlink()
+        self.part(0).parent.rmdir()
+
+    def csv(self) -> None:
+        """Write the results as CSV, too."""
+        beside = self.path / ".results.csv.part"
+        with pq.ParquetFile(self.table) as file, beside.open("w", newline="") as out:
+            writer = csv.writer(out)
+            writer.writerow(file.schema_arrow.names)
+            for batch in file.iter_batches():
+                writer.writerows(zip(*(column.to_pylist() for column in batch), strict=True))
+        beside.replace(self.path / "results.csv")
+
+    def faults(self) -> int:
+        """Return the number of rows that have a fault."""
+        return sum(batch.num_rows - batch[0].null_count for batch in self.batches(["fault"]))
+
+    def batches(self, columns: list[str]) -> Iterator[pa.RecordBatch]:
+        """Give some columns of the results, batch by batch."""
+        with pq.ParquetFile(self.table) as file:
+            yield from file.iter_batches(columns=columns)
+
+    def about(self) -> dict[str, Any]:
+        """Return the plan's text, the versions and the seed of the results."""
+        try:
+            metadata = pq.read_schema(self.table).metadata or {}
+            return json.loads(metadata[KEY])
+        except (FileNotFoundError, NotADirectoryError):
+            raise ValueError(
+                f"{self.path} holds no results; `bluntdissect study plan.toml -o {self.path}` "
+                "writes them, and goes on where it was ended"
+            ) from None
+        except (KeyError, ValueError, pa.ArrowInvalid):
+            raise ValueError(f"{self.table} holds no results of a study") from None
