@@ -30,6 +30,7 @@ from benchmarks.peers import peer_engines
 from benchmarks.session_step import step_figures
 from benchmarks.skinning import export_figures, skinning_figures
 from benchmarks.spring_chain import spring_chain_engine
+from benchmarks.study_rate import measure_study
 from benchmarks.trainer_clients import CLIENTS, client_figures
 
 FIGURES = Path(__file__).parents[1] / "build" / "bench.json"
@@ -153,6 +154,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "haptics": measure_haptics,
     "bed": measure_bed,
     "exercises": measure_exercises,
+    "study": measure_study,
 }
 
 

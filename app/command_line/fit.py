@@ -29,9 +29,7 @@ FIGURES = (".png", ".svg", ".pdf")
 def fit(
     curves: Annotated[
         list[Path],
-        typer.Argument(
-            help="CSV files with columns such as deflection_mm and force_N."
-        ),
+        typer.Argument(help="CSV files with columns such as deflection_mm and force_N."),
     ],
     preset: Annotated[
         str | None, typer.Option(help=f"The duct, for what is not given: {PRESET_HELP}")

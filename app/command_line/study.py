@@ -6,9 +6,8 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -21,7 +20,7 @@ __all__ = ["need", "study"]
 class _RunUnlessNamed(TyperGroup):
     """A group whose `run` need not be written."""
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in {*self.commands, "--help", "-h"}:
             args = ["run", *args]
         return super().parse_args(ctx, args)
@@ -31,7 +30,8 @@ study = typer.Typer(
     cls=_RunUnlessNamed,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Solve many ducts whose inputs are not known well, and say what follows.",
+    help="Solve many ducts whose inputs are not known well, and say what follows.\n\n"
+    "Examples: bluntdissect study plan.toml -o results/, then bluntdissect study report results/",
 )
 
 

@@ -1,3 +1,7 @@
+# SciPy has no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: reportUnknownLambdaType=false
 """Stiffness and toughness of the bed that a duct was lifted off, from its force-lift curves.
 
 The model is the duct in space on its strands, lifted as far as the curve goes; its forces are

@@ -1,3 +1,5 @@
+# SciPy has no types.
+# pyright: reportMissingTypeStubs=false
 """Distributions of an input, by their quantile functions: a draw from [0, 1] gives a value."""
 
 import math

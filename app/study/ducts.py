@@ -1,3 +1,6 @@
+# Ducts are either `Ducts` or beams, which is looked at where they differ.
+# pyright: reportUnknownVariableType=false, reportUnknownMemberType=false
+# pyright: reportUnknownArgumentType=false
 """A block of ducts of a study: what each bears, by its own inputs."""
 
 from collections.abc import Iterator, Mapping
@@ -261,7 +264,7 @@ def _organ_ducts(
         return ([beam for beam, _ in few], grasps), said
     names = ("span", "area", "second_moment", "fibre_distance", "modulus", "poisson_ratio")
     rows = [np.array([getattr(beam, name) for beam, _ in few]) for name in names]
-    return Ducts(*rows, grasps), said
+    return Ducts(*[*rows, grasps]), said
 
 
 def _number(value: float) -> float | None:

@@ -1,3 +1,6 @@
+# Dask's types are partial.
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: reportUnknownMemberType=false, reportAttributeAccessIssue=false
 """A study carried out: its rows in blocks that any process solves alike, in any order.
 
 What a block is follows from the plan alone, so that results are the same to the bit whatever the
@@ -9,11 +12,12 @@ writes what comes back; blocks that are written are not solved again.
 import hashlib
 import multiprocessing
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cached_property
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,7 @@ __all__ = ["Done", "Ensemble", "cores", "run_study"]
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
 """Rows of a block, about, by theory; of several the fewest."""
 AHEAD = 3
-"""Blocks handed out for each worker."""
+"""Blocks handed out for each thread of a cluster."""
 MOST_DEATHS = 3
 """Times that workers may die in a row without one block coming back."""
 
@@ -207,60 +211,65 @@ def run_study(
     return Done(plan.rows, plan.rows - min(before, plan.rows), results.faults())
 
 
-_study: Ensemble | None = None
-
-
-def _take(study: Ensemble) -> None:
-    """Keep the study in a worker."""
-    global _study
-    _study = study
-
-
-def _solve(block: int) -> bytes:
-    assert _study is not None  # noqa: S101 (the pool has called `_take`)
-    return _study.solve(block)
-
-
 def _by_processes(study: Ensemble, todo: Iterable[int], count: int) -> Iterator[tuple[int, bytes]]:
-    """Give blocks as they come; those of a process that died are solved again by a new one."""
-    # A process that starts anew holds no locks of threads that it does not have.
+    """Give blocks as they come; that of a process that died goes to a new one."""
+    # A process that starts anew holds no locks of threads that it does not have; each has a pipe
+    # of its own, so that none waits for one that died.
     context = multiprocessing.get_context("spawn")
-    left = list(todo)
+    waiting = deque(todo)
+    working: dict[Connection, tuple[BaseProcess, int]] = {}
     deaths = 0
-    while left:
-        others = multiprocessing.active_children()
-        pool = ProcessPoolExecutor(count, context, _take, (study,))
-        running: dict[Future[bytes], int] = {}
-        waiting = iter(list(left))
-        try:
-            while True:
-                for block in waiting:
-                    running[pool.submit(_solve, block)] = block
-                    if len(running) >= AHEAD * count:
-                        break
-                if not running:
-                    break
-                for each in wait(running, return_when=FIRST_COMPLETED).done:
-                    content = each.result()
-                    block = running.pop(each)
-                    left.remove(block)
-                    deaths = 0
-                    yield block, content
-            pool.shutdown()
-        except BrokenProcessPool:
-            pool.shutdown()
-            deaths += 1
-            if deaths == MOST_DEATHS:
-                raise ValueError(
-                    f"workers ended {deaths} times without a result, for lack of memory perhaps; "
-                    "what is written is kept: give fewer --workers and start it again"
-                ) from None
-        except BaseException:  # somebody stops it: what runs would go on to its end
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                if process not in others:
-                    process.terminate()
-            raise
+    try:
+        while waiting or working:
+            while waiting and len(working) < count:
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_work, args=(study, theirs), daemon=True)
+                process.start()
+                theirs.close()
+                working[ours] = process, waiting.popleft()
+                ours.send(working[ours][1])
+            for link in wait(list(working)):
+                assert isinstance(link, Connection)  # noqa: S101
+                process, block = working.pop(link)
+                try:
+                    content: bytes | Exception = link.recv()
+                except (EOFError, OSError):
+                    waiting.appendleft(block)
+                    link.close()
+                    process.join()
+                    deaths += 1
+                    if deaths == MOST_DEATHS:
+                        raise ValueError(
+                            f"workers ended {deaths} times without a result, for lack of memory "
+                            "perhaps; what is written is kept: give fewer --workers and start it "
+                            "again"
+                        ) from None
+                    continue
+                if isinstance(content, Exception):
+                    raise content
+                deaths = 0
+                if waiting:  # before what it gave is written
+                    working[link] = process, waiting.popleft()
+                    link.send(working[link][1])
+                else:
+                    link.close()
+                yield block, content
+    finally:
+        for process, _ in working.values():
+            process.terminate()
+
+
+def _work(study: Ensemble, link: Connection) -> None:
+    """Solve blocks in a process of its own until nobody asks for more."""
+    try:
+        while True:
+            block = link.recv()
+            try:
+                link.send(study.solve(block))
+            except Exception as error:
+                link.send(error)
+    except (EOFError, OSError, KeyboardInterrupt):
+        return
 
 
 def _by_dask(study: Ensemble, todo: Iterable[int], address: str) -> Iterator[tuple[int, bytes]]:

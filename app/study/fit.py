@@ -1,3 +1,7 @@
+# SciPy has no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 """Modulus, Poisson's ratio and strength of ducts from their measured pulls.
 
 Every theory's force is F = E phi(d), with phi its force for a modulus of 1 MPa, which depends on

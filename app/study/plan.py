@@ -1,3 +1,5 @@
+# What a TOML file holds is known once it is checked.
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A study's plan: what is fixed, what is drawn from distributions, what is compared on a grid."""
 
 import re

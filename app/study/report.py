@@ -1,5 +1,6 @@
-# matplotlib's types are partial.
-# pyright: reportUnknownMemberType=false, reportArgumentType=false
+# matplotlib's types are partial, pyarrow has none.
+# pyright: reportUnknownMemberType=false, reportArgumentType=false, reportMissingTypeStubs=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """What comes of a study: the probability of a tear, its bands, and what each input explains.
 
 The probability of a tear at a load is the share of ducts that break at a lower one. Its band is
@@ -55,6 +56,8 @@ class TearCurve:
     ----------
     count
         Ducts that were solved, those that do not break among them.
+    broke
+        Those that break.
     loads, probability, low, high
         (M,) loads, growing, and the probability of a tear up to each with the 95 % band.
     """
@@ -62,6 +65,7 @@ class TearCurve:
     def __init__(self, breaks: Row, points: int = 200) -> None:
         found = np.sort(breaks[np.isfinite(breaks)])
         self.count = breaks.size
+        self.broke = found.size
         self._sorted = found
         at = np.unique(np.linspace(0, max(found.size - 1, 0), points).astype(np.int64))
         self.loads: Row = found[at] if found.size else np.empty(0)
@@ -316,7 +320,7 @@ def _summary(
         lines.append(
             f"{where}{_plain(best.name)} would repay being measured most: were it known, the "
             f"variance of the force at break would fall by {100 * best.first:.0f} % on average "
-            f"(+- {100 * best.first_half:.0f})."
+            f"(± {100 * best.first_half:.0f} %)."
         )
         idle = [_plain(each.name) for each in rows if each.total + each.total_half < 0.05]
         if idle:

@@ -1,3 +1,7 @@
+# pyarrow has no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+# pyright: reportUnknownParameterType=false
 """The results of a study: a Parquet file for each block, and one of all in order.
 
 A part is written under a temporary name and moved into place, so that a folder holds whole parts

@@ -1,3 +1,5 @@
+# SciPy has no types.
+# pyright: reportMissingTypeStubs=false
 """Draws of a study's inputs, block by block: any block can be made without those before it.
 
 Sobol' sequences are scrambled (Owen) by the seed and wound forward to a block's first draw. Latin

@@ -1,3 +1,6 @@
+# SALib has no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """Sobol indices: the part of an output's variance that each input explains."""
 
 from dataclasses import dataclass

@@ -100,7 +100,7 @@ def test_the_thesis_s_ansys_columns_give_its_modulus(table: object, tmp_path: Pa
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     # Printed with three digits in 6.1 and 6.2, five in 6.3.
-    off = {"6.1": 3e-3, "6.2": 5e-3, "6.3": 2e-4}[table.number]
+    off = {"6.1": 2e-3, "6.2": 8e-3, "6.3": 1e-4}[table.number]
     assert told["parameters"]["modulus"]["value"] == pytest.approx(table.beam.modulus, rel=off)
     mine = read_preset((tmp_path / "mine.toml").read_bytes(), "mine.toml")
     assert mine.round_beam().area == pytest.approx(table.beam.area)

@@ -179,6 +179,7 @@ def test_rows_are_what_each_duct_bears_and_carry_their_units(tmp_path: Path) -> 
         more="\n[inputs.span_mm]\ngrid = [45, 50.8]\n"
         '\n[inputs.preset]\nchoices = ["thesis-bile-duct", "thesis-rubber"]\n',
     )
+    plan.write_text(plan.read_text().replace('preset = "thesis-bile-duct"\n', "", 1))
     done = run("study", plan, "-o", tmp_path / "r", "--csv", "--json")
     assert json.loads(done.stdout)["rows"] == 16
     table = pq.read_table(tmp_path / "r" / "results.parquet")
