@@ -4,7 +4,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 from rich.console import Console
@@ -92,12 +94,11 @@ def _seconds(plan: Plan, folder: Path, *, workers: int) -> float:
 
 
 def _by_dask(plan: Plan, folder: Path) -> float:
-    from distributed import Client, LocalCluster
-
-    with LocalCluster(
+    dask: Any = import_module("distributed")
+    with dask.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
-        with Client(cluster) as client:  # imports and compiled code, which a cluster has once
+        with dask.Client(cluster) as client:  # imports and compiled code, which a cluster has once
             client.run(Ensemble(plan).solve, 0)
         started = time.perf_counter()
         run_study(plan, folder, scheduler=cluster.scheduler_address)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.command_line.bed_options import BED_NAMES
 from app.command_line.load import (
-    BED_NAMES,
     PRESET_HELP,
     THEORY_HELP,
     chosen_theory,

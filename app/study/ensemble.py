@@ -1,6 +1,3 @@
-# Dask's types are partial.
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-# pyright: reportUnknownMemberType=false, reportAttributeAccessIssue=false
 """A study carried out: its rows in blocks that any process solves alike, in any order.
 
 What a block is follows from the plan alone, so that results are the same to the bit whatever the
@@ -10,14 +7,9 @@ writes what comes back; blocks that are written are not solved again.
 """
 
 import hashlib
-import multiprocessing
-import os
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +21,12 @@ from app.study.inputs import INPUTS
 from app.study.plan import Plan, Value
 from app.study.results import ResultsFolder, packed, study_versions
 from app.study.sampling import drawn_columns, draws
+from app.workers import by_dask, by_processes, cores
 
-__all__ = ["Done", "Ensemble", "cores", "run_study"]
+__all__ = ["Done", "Ensemble", "run_study"]
 
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
 """Rows of a block, about, by theory; of several the fewest."""
-AHEAD = 3
-"""Blocks handed out for each thread of a cluster."""
-MOST_DEATHS = 3
-"""Times that workers may die in a row without one block coming back."""
 
 Progress = Callable[[int, int], None]
 
@@ -136,14 +125,6 @@ class Done:
     faults: int  # rows that have a fault
 
 
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on this system
-        return os.cpu_count() or 1
-
-
 def run_study(
     plan: Plan,
     folder: Path,
@@ -195,11 +176,11 @@ def run_study(
     if progress is not None:
         progress(min(done, plan.rows), plan.rows)
     if scheduler is not None:
-        solved = _by_dask(study, todo, scheduler)
+        solved = by_dask(study.solve, todo, scheduler, study_versions)
     elif (count := min(workers or cores(), len(todo))) <= 1:
         solved = ((block, study.solve(block)) for block in todo)
     else:
-        solved = _by_processes(study, todo, count)
+        solved = by_processes(study.solve, todo, count, died=_died)
     for block, content in solved:
         results.write(block, content)
         done += size
@@ -211,103 +192,8 @@ def run_study(
     return Done(plan.rows, plan.rows - min(before, plan.rows), results.faults())
 
 
-def _by_processes(study: Ensemble, todo: Iterable[int], count: int) -> Iterator[tuple[int, bytes]]:
-    """Give blocks as they come; that of a process that died goes to a new one."""
-    # A process that starts anew holds no locks of threads that it does not have; each has a pipe
-    # of its own, so that none waits for one that died.
-    context = multiprocessing.get_context("spawn")
-    waiting = deque(todo)
-    working: dict[Connection, tuple[BaseProcess, int]] = {}
-    deaths = 0
-    try:
-        while waiting or working:
-            while waiting and len(working) < count:
-                ours, theirs = context.Pipe()
-                process = context.Process(target=_work, args=(study, theirs), daemon=True)
-                process.start()
-                theirs.close()
-                working[ours] = process, waiting.popleft()
-                ours.send(working[ours][1])
-            for link in wait(list(working)):
-                assert isinstance(link, Connection)  # noqa: S101
-                process, block = working.pop(link)
-                try:
-                    content: bytes | Exception = link.recv()
-                except (EOFError, OSError):
-                    waiting.appendleft(block)
-                    link.close()
-                    process.join()
-                    deaths += 1
-                    if deaths == MOST_DEATHS:
-                        raise ValueError(
-                            f"workers ended {deaths} times without a result, for lack of memory "
-                            "perhaps; what is written is kept: give fewer --workers and start it "
-                            "again"
-                        ) from None
-                    continue
-                if isinstance(content, Exception):
-                    raise content
-                deaths = 0
-                if waiting:  # before what it gave is written
-                    working[link] = process, waiting.popleft()
-                    link.send(working[link][1])
-                else:
-                    link.close()
-                yield block, content
-    finally:
-        for process, _ in working.values():
-            process.terminate()
-
-
-def _work(study: Ensemble, link: Connection) -> None:
-    """Solve blocks in a process of its own until nobody asks for more."""
-    try:
-        while True:
-            block = link.recv()
-            try:
-                link.send(study.solve(block))
-            except Exception as error:
-                link.send(error)
-    except (EOFError, OSError, KeyboardInterrupt):
-        return
-
-
-def _by_dask(study: Ensemble, todo: Iterable[int], address: str) -> Iterator[tuple[int, bytes]]:
-    """Give blocks as the workers of a Dask cluster send them; Dask repeats those of lost ones."""
-    try:
-        from distributed import Client, as_completed
-    except ImportError as error:
-        raise ValueError("a scheduler needs Dask: pip install 'bluntdissect[dask]'") from error
-    try:
-        client = Client(address, timeout=20, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"no Dask scheduler answers at {address}: {error}") from None
-    with client:
-        ours = study_versions()
-        for worker, theirs in client.run(study_versions, on_error="return").items():
-            if theirs != ours:
-                said = theirs if isinstance(theirs, dict) else f"not this program ({theirs})"
-                raise ValueError(
-                    f"the worker {worker} has {said}, and this process {ours}: install the same"
-                )
-        waiting = iter(todo)
-        whole = client.scatter(study, broadcast=True, hash=True)
-        ahead = AHEAD * max(1, sum(client.nthreads().values()))
-
-        def submit() -> Iterator[Any]:
-            for block in waiting:
-                yield client.submit(_solve_whole, whole, block, pure=False, retries=3)
-
-        more = submit()
-        running = as_completed(
-            [each for each, _ in zip(more, range(ahead), strict=False)], with_results=True
-        )
-        for future, (block, content) in running:
-            yield block, content
-            future.release()
-            if (new := next(more, None)) is not None:
-                running.add(new)
-
-
-def _solve_whole(study: Ensemble, block: int) -> tuple[int, bytes]:
-    return block, study.solve(block)
+def _died(block: int) -> bytes:
+    raise ValueError(
+        f"a worker ended at block {block} twice, for lack of memory perhaps; what is written is "
+        "kept: give fewer --workers and start it again"
+    )
