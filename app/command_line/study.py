@@ -136,14 +136,16 @@ def _progress() -> "Generator[Progress]":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
+    console = Console(file=sys.stderr)
     with Progress(
         "ducts",
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         "left",
-        console=Console(file=sys.stderr),
+        console=console,
         transient=True,
+        disable=not console.is_terminal,
     ) as shown:
         task = shown.add_task("ducts", total=None)
         yield lambda done, total: shown.update(task, completed=done, total=total)
