@@ -3,7 +3,8 @@
 A limit that the file does not name follows from the duct, as in the trainer's own exercises.
 """
 
-from typing import Literal, get_args
+import textwrap
+from typing import Literal
 
 import msgspec
 
@@ -154,7 +155,7 @@ bed = "{"scar" if goal == "free-scar" else "normal"}"   # see: bluntdissect info
 seed = 1         # of the bed's scatter
 """
     )
-    limits = "\n".join(f"# {line}" for line in _wrapped(", ".join(_limits(goal))))
+    limits = textwrap.indent(textwrap.fill(", ".join(_limits(goal)), 70), "# ")
     return f"""\
 title = "{GOALS[goal]}"
 text = "What you tell the trainees, in a sentence or two."
@@ -170,16 +171,7 @@ time_limit_s = 120
 """
 
 
-def _wrapped(text: str) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, 70)
-
-
 def _limits(goal: Goal) -> tuple[str, ...]:
     """Return the names of the numbers that an exercise file may give for a goal."""
     kind = PULLS.get(goal, BedExercise)
     return tuple(name for name in kind.__struct_fields__ if name not in FIXED)
-
-
-assert set(GOALS) == set(get_args(Goal))  # noqa: S101

@@ -157,9 +157,9 @@ def results_csv(found: Sequence[Result]) -> bytes:
     return out.getvalue().encode("utf-8-sig")
 
 
-def results_json(store: ClassStore, person_id: str | None = None) -> bytes:
-    """Return all of a class, or of one person, as JSON, with the run files in full."""
-    found = results(store, person_id)
+def results_json(store: ClassStore) -> bytes:
+    """Return all of a class as JSON, with the run files in full."""
+    found = results(store)
     names = shown_names(store.people())
     runs: list[dict[str, Any]] = []
     for each in found:
@@ -181,7 +181,6 @@ def results_json(store: ClassStore, person_id: str | None = None) -> bytes:
         "people": [
             {"name": names[each.id], "joined_at": each.joined_at}
             for each in store.people()
-            if person_id in (None, each.id)
         ],
         "assignments": [
             {

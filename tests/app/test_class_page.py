@@ -194,6 +194,8 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         # Ben has begun when the trainer stops.
         ben.lift(2)
         expect(rows.nth(1)).to_contain_text("of 120 s")
+        # It is saved as it goes on, which a kill would leave.
+        second.wait_until(lambda: not all(each.finished for each in lesson.store.runs()))
         running.stop()
         (cut,) = [each for each in ClassStore(path).runs() if not each.finished]
         assert json.loads(cut.measures)["time_s"] > 0.0

@@ -74,17 +74,12 @@ class ClassCard:
         set_if_changed(self._name, visible=new)
         set_if_changed(self._join, visible=new)
         set_if_changed(self._start, visible=not new and card.can_start)
-        below = (
-            []
-            if new
-            else [
-                note(html.escape(text), test)
-                for text, test in ((card.last, "class-last"), (card.saved, "class-saved"))
-                if text
-            ]
-        )
-        if card.standing is not None and not new:
-            where = card.standing
+        below = [
+            note(html.escape(text), test)
+            for text, test in ((card.last, "class-last"), (card.saved, "class-saved"))
+            if text and not new
+        ]
+        if (where := card.standing) is not None and not new:
             below.append(
                 note(
                     f"{where.passed} of {where.tried} have passed. You are the bright mark."

@@ -92,7 +92,6 @@ class TeacherPage:
 
     def _answer(self, path: str, given: dict[str, str]) -> Response:
         store = self._lesson.store
-        person = given.get("person")
         name = re.sub(r"[^\w]+", "-", store.title, flags=re.ASCII).strip("-") or "class"
         if path == "/class":
             return Response(
@@ -108,12 +107,11 @@ class TeacherPage:
         if path == "/class/results":
             return _content(results_html(store), HTML)
         if path == "/class/report":
-            return _content(report_page(store, person), HTML)
+            return _content(report_page(store, given.get("person")), HTML)
         if path == "/class/results.csv":
             return _content(results_csv(results(store)), "text/csv", f"{name}.csv")
         if path == "/class/results.json":
-            content = results_json(store, person)
-            return _content(content, "application/json", f"{name}.json")
+            return _content(results_json(store), "application/json", f"{name}.json")
         if path == "/class/run" and (run := store.run(given.get("id", ""))) is not None:
             return _content(run.file, "application/json", f"run-{run.started_at[:16]}.json")
         return _content("There is no such page.\n", "text/plain", status=HTTPStatus.NOT_FOUND)
