@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 from class_runs import asked, dissection, record
@@ -22,7 +23,14 @@ from program import refused, run
 from simulated import phantom
 
 from app.classroom import store as store_module
-from app.classroom.exercise_file import GOALS, Goal, SetExercise, read_exercise, template
+from app.classroom.exercise_file import (
+    GOALS,
+    Goal,
+    SetExercise,
+    _limits,
+    read_exercise,
+    template,
+)
 from app.classroom.recorder import Recorder
 from app.classroom.report import report_page, results_html
 from app.classroom.results import results, results_csv, results_json, shown_names, standing
@@ -244,6 +252,8 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
     assert found.exercise.title == GOALS[goal]
     assert found.mode == ("dissect" if isinstance(found.exercise, BedExercise) else "pull")
     assert SetExercise.of_json(found.json) == found
+    hints = get_type_hints(type(found.exercise))
+    assert {hints[each] for each in _limits(goal)} <= {int, float, float | None}
 
 
 @pytest.mark.parametrize(
