@@ -97,7 +97,7 @@ class BedExport(OrganExport):
             check = surface.check(torn, threshold)
             element = torn.tear(torn.worst_stress().station)
             torn.let_go(node)
-            # The fall of the pieces is too far for steps through equilibria.
+            # In real time as in the trainer, whose drag keeps the fall of the pieces steady.
             torn.tick(SETTLED_SECONDS, ticks=round(SETTLED_SECONDS / SUBSTEP))
             recorder.add_tear(torn, element, check)
         return recorder.motion(FREE), history

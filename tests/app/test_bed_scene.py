@@ -286,6 +286,9 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
         stubs.append([len(each) for each in drawn.contact.stubs])
     assert stubs[0][0] == stubs[0][1] == stubs[1][0] > 0
     assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
+    assert scene._goal is not None
+    marked = scene._goal._parts[0].points[..., 0]
+    assert marked.max() - marked.min() == pytest.approx(front.free_mm, abs=1e-3)
     session.reset()
     scene.draw(session.reading())
     assert scene._stage._clamps[1].visible

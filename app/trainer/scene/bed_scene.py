@@ -179,8 +179,10 @@ class BedScene(DuctOnStage[BedSession]):
         if self._goal is not None:
             self._goal.remove()
             self._goal = None
-        if exercise is not None and exercise.from_mm > 0.0:
+        if exercise is not None and (exercise.divided or exercise.from_mm > 0.0):
             low, high = exercise.from_mm, exercise.to_mm
+            if exercise.divided:  # from where it is free already
+                low = high - exercise.free_mm
             self._goal = GoalStretch(self._client.scene, low, high, stage.radius)
 
     def _show_forces(self, reading: BedReading, stage: Stage, *, figures: bool) -> None:
