@@ -58,8 +58,8 @@ def by_processes(
                         yield running.pop(each), result
             except BrokenProcessPool:
                 if one_by_one:
-                    (culprit,) = running.values()
-                    yield culprit, died(culprit)
+                    for culprit in running.values():
+                        yield culprit, died(culprit)
                 else:
                     alone.extend(running.values())
 
