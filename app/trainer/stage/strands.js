@@ -284,12 +284,12 @@
         const back = whole ? 0 : clamp((now - parted[i]) / CURL_MS, 0, 1);
         moving ||= !whole && back < 1;
         for (let f = 0; f < fibres; f++) {
-          const spread = f ? 0.55 : 0;
+          const spread = f ? 0.85 : 0;
           const o = k => spread * dice(i, 10 * f + k);
           const A = [given[a] + o(1), given[a + 1] + o(2), given[a + 2]];
-          const B = [foot[b] + 1.6 * o(3), foot[b + 1] + 1.6 * o(4), foot[b + 2]];
+          const B = [foot[b] + 2.2 * o(3), foot[b + 1] + 1.6 * o(4), foot[b + 2]];
           const M = [middle[b] + 0.5 * o(5), middle[b + 1] + 0.5 * o(6), middle[b + 2] + 0.3 * o(7)];
-          const width = widths[i] * (f ? 0.55 : 1) * (1 - 0.25 * clamp(taut, 0, 1));
+          const width = widths[i] * (f ? 0.45 : 1) * (1 - 0.25 * clamp(taut, 0, 1));
           if (whole) {
             for (let k = 0; k < POINTS; k++) {
               const t = -0.03 + 1.06 * k / (POINTS - 1), flare = Math.abs(2 * t - 1);
@@ -338,7 +338,7 @@
       const whole = taut !== PARTED, pull = whole ? clamp(taut, 0, 1) : 0;
       // Light of tissue: rosy and dull where slack, white and opaque where taut.
       const red = 0.80 + 0.28 * pull, green = 0.50 + 0.52 * pull, blue = 0.42 + 0.54 * pull;
-      const alpha = (f ? 0.75 : 1) * (whole ? 0.62 + 0.38 * pull : 0.85);
+      const alpha = (f ? 0.75 : 1) * (whole ? 0.52 + 0.48 * pull : 0.85);
       for (let k = 0; k < POINTS; k++) {
         const k0 = !whole && k === half ? k : Math.max(k - 1, 0);
         const k1 = !whole && k === half - 1 ? k : Math.min(k + 1, POINTS - 1);
@@ -409,7 +409,7 @@
             const q = p / 3 * 4;
             color[q] = 0.85 + 0.2 * pull; color[q + 1] = 0.55 + 0.4 * pull; color[q + 2] = 0.48 + 0.42 * pull;
             const gone = !wi && !wj && (r === ROWS >> 1 || r + 1 === ROWS >> 1);
-            color[q + 3] = gone ? 0 : (0.16 + 0.14 * pull + 0.10 * Math.abs(dice(i, 93)))
+            color[q + 3] = gone ? 0 : (0.24 + 0.14 * pull + 0.14 * Math.abs(dice(i, 93)))
               * (wi || wj ? 1 : 0.8);
           }
         }
