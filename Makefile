@@ -48,7 +48,7 @@ screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium
 	@$(BIN)/python tests/app/screenshots.py docs/images
 	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
 
-soak: $(VENV)/.tests  ## attack a trainer on loopback, and write docs/reliability.md (some 15 min)
+soak: $(VENV)/.soak  ## attack a trainer, kill writers, mutate files; write docs/reliability.md (an hour)
 	@PYTHONPATH=. $(BIN)/python tests/app/soak.py $(ARGS)
 
 licences: $(AUDIT)/.done $(VENV)/.tests  ## list the licences of all dependencies; GPL and AGPL fail
@@ -104,6 +104,11 @@ $(AUDIT)/.done: tests/audit-requirements.txt
 $(VENV)/.coverage: pyproject.toml constraints.txt $(VENV)/.tests $(VENV)/.readers
 	@echo "Installing what counts lines ..."
 	@$(PIP_INSTALL) -e '.[coverage]'
+	@touch $@
+
+$(VENV)/.soak: pyproject.toml constraints.txt $(VENV)/.tests
+	@echo "Installing what mutates files ..."
+	@$(PIP_INSTALL) -e '.[soak]'
 	@touch $@
 
 # What reads our exports, and axe for the page: without npm their tests are skipped.

@@ -3,7 +3,6 @@
 import gc
 import subprocess
 import sys
-import threading
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,7 +27,6 @@ class Takings(msgspec.Struct, frozen=True):
     missed: int  # Ticks that the machine had no time for
     frames: dict[int, int]  # How often the duct of each client was drawn
     processor_s: float
-    thread_s: dict[str, float]  # Of which each thread's, by its name
     resident_bytes: int  # Memory of the process
     # Blocks of memory that Python's own allocator has given, one or more for each small object.
     blocks: int
@@ -82,22 +80,12 @@ def _takings(trainer: "Trainer") -> Takings:
         missed=timer.missed,
         frames=trainer.frames,
         processor_s=times.user + times.system,
-        thread_s=_thread_times(),
         resident_bytes=memory.rss,
         # Never a list of all objects: it would hold what other threads are still making.
         blocks=sys.getallocatedblocks(),
         traced_bytes=tracemalloc.get_traced_memory()[0] if traced else 0,
         log_inputs=sum(session.run.inputs for session in trainer.sessions.values()),
     )
-
-
-def _thread_times() -> dict[str, float]:
-    names = {each.native_id: each.name for each in threading.enumerate()}
-    seconds: dict[str, float] = {}
-    for each in psutil.Process().threads():
-        name = names.get(each.id, "others")
-        seconds[name] = seconds.get(name, 0.0) + each.user_time + each.system_time
-    return seconds
 
 
 def main() -> None:

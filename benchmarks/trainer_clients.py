@@ -1,13 +1,20 @@
 """Steps per second of the trainer with many clients, their frames, and processor time.
 
-Clients are pages without a picture (`page_protocol`): they move the force slider as a trainee
-would and count the frames of the duct that come back. One more client waits for the duct's answer
-to each of its moves. The trainer runs as a process of its own, which counts its ticks.
+`python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect (or pull) for 60 s.
+
+Clients are pages without a picture (`page_protocol`): they move the force slider, or lift the duct
+off its bed, as a trainee would and count the frames of the duct that come back. One more client
+waits for the duct's answer to each of its moves. The trainer runs as a process of its own, which
+counts its ticks.
 """
 
 import asyncio
+import itertools
+import math
+import sys
 import time
 import timeit
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,22 +23,27 @@ from benchmarks.page_protocol import Page, connected, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
+if TYPE_CHECKING:
+    from app.trainer.client.client_state import Mode
+
 __all__ = ["CLIENTS", "client_figures", "pulling"]
 
 CLIENTS = (1, 8, 16)
 SECONDS = 10.0
 SETTLING = 2.0
 """Time for the pages to be sent before anything is counted, s."""
-SLIDER_SECONDS = 0.1
-"""A hand moves a slider this often."""
+SLIDER_SECONDS, DRAG_SECONDS = 0.1, 0.05
+"""A hand moves a slider, or what it drags, this often."""
 LATENCY_MOVES = 60
 """Moves of the slider whose answers are waited for."""
 STILL_SECONDS = 0.15
 """A duct that sends nothing for so long has come to rest."""
 
 
-async def pulling(address: str, start: asyncio.Event, stop: asyncio.Event) -> tuple[int, float]:
-    """Pull as one client does."""
+async def pulling(
+    address: str, start: asyncio.Event, stop: asyncio.Event, mode: "Mode" = "pull"
+) -> tuple[int, float]:
+    """Pull or dissect as one client does."""
     async with connected(address) as connection:
         page = Page(connection)
         await page.open()
@@ -41,7 +53,14 @@ async def pulling(address: str, start: asyncio.Event, stop: asyncio.Event) -> tu
                 await page.pull_with(force)
                 await asyncio.sleep(SLIDER_SECONDS)
 
-        hand = asyncio.create_task(pull())
+        async def dissect() -> None:
+            for step in itertools.count():
+                time_s = step * DRAG_SECONDS
+                way = (0.0, math.sin(2.0 * time_s), 2.0 + 1.5 * math.sin(3.0 * time_s))
+                await page.drag(way)
+                await asyncio.sleep(DRAG_SECONDS)
+
+        hand = asyncio.create_task(pull() if mode == "pull" else dissect())
         frames, longest, last = 0, 0.0, time.perf_counter()
         while not stop.is_set():
             came, now = await page.frames(), time.perf_counter()
@@ -53,10 +72,14 @@ async def pulling(address: str, start: asyncio.Event, stop: asyncio.Event) -> tu
         return frames, longest
 
 
-async def _counted(served: Served, clients: int, seconds: float) -> dict[str, float]:
+async def _counted(
+    served: Served, clients: int, seconds: float, mode: "Mode" = "pull"
+) -> dict[str, float]:
     """Return the figures of some clients that pull at once."""
     start, stop = asyncio.Event(), asyncio.Event()
-    pages = [asyncio.create_task(pulling(served.address, start, stop)) for _ in range(clients)]
+    pages = [
+        asyncio.create_task(pulling(served.address, start, stop, mode)) for _ in range(clients)
+    ]
     while len((await asyncio.to_thread(served.takings)).frames) < clients:
         await asyncio.sleep(0.1)
     await asyncio.sleep(SETTLING)
@@ -69,14 +92,16 @@ async def _counted(served: Served, clients: int, seconds: float) -> dict[str, fl
     stop.set()
     came = await asyncio.gather(*pages)
     ticks, missed = after.ticks - before.ticks, after.missed - before.missed
-    drawn = min(after.frames[each] - before.frames[each] for each in before.frames)
+    frames = [after.frames[each] - before.frames[each] for each in before.frames]
+    drawn, processor = min(frames), after.processor_s - before.processor_s
     return {
+        f"processor_ms_a_picture_{clients}": 1e3 * processor / max(sum(frames), 1),
         f"steps_per_second_{clients}": ticks / elapsed,
         f"missed_percent_{clients}": 100.0 * missed / max(ticks + missed, 1),
         f"drawn_per_second_{clients}": drawn / elapsed,
         f"frames_per_second_{clients}": min(frames for frames, _ in came) / elapsed,
         f"longest_gap_ms_{clients}": 1e3 * max(gap for _, gap in came),
-        f"processor_percent_{clients}": 100.0 * (after.processor_s - before.processor_s) / elapsed,
+        f"processor_percent_{clients}": 100.0 * processor / elapsed,
         f"resident_mb_{clients}": after.resident_bytes / 1e6,
     }
 
@@ -131,3 +156,16 @@ def client_figures() -> dict[str, float]:
         for clients in CLIENTS:
             figures |= asyncio.run(_counted(served, clients, SECONDS))
     return figures
+
+
+def main() -> None:
+    """Print the figures of some clients in one mode."""
+    mode: Mode = "dissect" if sys.argv[1] == "dissect" else "pull"
+    with served_trainer(mode=mode) as served:
+        figures = asyncio.run(_counted(served, int(sys.argv[2]), float(sys.argv[3]), mode))
+    for name, figure in (machine_speed() | figures).items():
+        print(f"{name}: {figure:.3g}")
+
+
+if __name__ == "__main__":
+    main()

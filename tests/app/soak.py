@@ -5,6 +5,7 @@
 """
 
 import asyncio
+import itertools
 import os
 import platform
 import random
@@ -29,6 +30,7 @@ from hostile import ATTACKS, kept_share
 from program import command
 
 from app.classroom.store import ClassStore
+from app.trainer.server.bounds import Bounds
 from benchmarks.page_protocol import CAMERA, Page, connected
 
 FIGURES = Path(__file__).parents[2] / "docs" / "reliability.md"
@@ -38,6 +40,7 @@ SCALE = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
 ORIGINS, HOSTS = 60, 60
 MESSAGES, REQUESTS, PAGES = (round(SCALE * most) for most in (10_000, 10_000, 200))
 KILLS = round(SCALE * 100)
+KILLS, FILES = round(SCALE * 200), round(SCALE * 4000)
 PER_PAGE = 300  # Hostile messages of a page; what closes it is sent last
 SEED = 15
 
@@ -250,7 +253,8 @@ def soak() -> Iterator[tuple[str, str]]:
     # An address would otherwise open a page each half second only.
     with trainer("--most-per-address", 10**6) as running:
         yield from foreign(running)
-        asyncio.run(_visits(running.address, 20))
+        # As many sessions as are kept, so that no later page adds to them.
+        asyncio.run(_visits(running.address, Bounds().most_clients + 16))
         memory, files = running.memory(), running.files()
         start, before = time.monotonic(), running.tracebacks()
         ends = asyncio.run(hostile_messages(running, MESSAGES))
@@ -287,6 +291,21 @@ def soak() -> Iterator[tuple[str, str]]:
             )
 
 
+def files() -> Iterator[tuple[str, str]]:
+    """Kill what writes files, and mutate files that are read, each in processes of their own."""
+    yield "kill -9", _last_line("kill_fuzz.py", KILLS)
+    for kind in ("organ", "run", "preset", "image", "spacing"):
+        yield f"{kind} files mutated by atheris", _last_line("file_fuzz.py", kind, FILES)
+
+
+def _last_line(script: str, *arguments: object) -> str:
+    line = [sys.executable, str(Path(__file__).with_name(script)), *map(str, arguments)]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    if done.returncode:
+        return f"**failed**: {' '.join(done.stderr.split()[-20:])}"
+    return done.stdout.strip().splitlines()[-1]
+
+
 def _counted(counts: Counter[Any]) -> str:
     return ", ".join(f"{count:,} x {what}" for what, count in sorted(counts.items(), key=str))
 
@@ -300,7 +319,7 @@ def main() -> None:
         "| what | result |\n|---|---|\n"
     )
     rows: list[str] = []
-    for name, result in soak():
+    for name, result in itertools.chain(soak(), files()):
         print(f"{name}: {result}", flush=True)
         rows.append(f"| {name} | {result} |\n")
     text = FIGURES.read_text(encoding="utf-8").partition(MARK)[0]
