@@ -138,7 +138,9 @@ def by_dask(
                 yield client.submit(_apply_whole, whole, number, argument, pure=False, retries=3)
 
         more = submit()
-        running = distributed.as_completed(list(islice(more, ahead)), with_results=True)
+        running = distributed.as_completed(
+            list(islice(more, ahead)), loop=client.loop, with_results=True
+        )
         for future, (number, result) in running:
             yield arguments[number], result
             future.release()
