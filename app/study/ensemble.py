@@ -166,11 +166,12 @@ def run_study(
     )
     results.open(plan, hashlib.sha256(held).hexdigest() if held else "")
     study = Ensemble(plan)
-    if results.table.exists() and not results.written():
+    if results.table.exists():
         if as_csv and not (folder / "results.csv").exists():
             results.csv()
         return Done(plan.rows, 0, results.faults())
-    todo = [block for block in range(study.blocks) if block not in results.written()]
+    written = results.written()
+    todo = [block for block in range(study.blocks) if block not in written]
     size = study.samples_of_block * plan.mixes * plan.cells
     before = done = (study.blocks - len(todo)) * size
     if progress is not None:

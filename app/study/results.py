@@ -10,6 +10,7 @@ only. The plan stands beside them; a folder is gone on with by the same plan and
 
 import csv
 import json
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -150,9 +151,7 @@ class ResultsFolder:
             for block in range(blocks):
                 writer.write_table(pq.read_table(self.part(block)))
         unfinished.replace(self.table)
-        for block in range(blocks):
-            self.part(block).unlink()
-        self.part(0).parent.rmdir()
+        shutil.rmtree(self.part(0).parent)
 
     def csv(self) -> None:
         """Write the results as CSV, too."""
