@@ -21,6 +21,8 @@ ENDS: tuple[tuple[End, End], ...] = (
     ("clamped", "sliding"),
 )
 TICKS = 300
+ROUNDING = 1e-12
+"""Energies below it, mJ, are rounding."""
 OPEN = 1e-4
 """Part of the work that the energy balance may leave unexplained."""
 
@@ -131,7 +133,7 @@ def pulled_in_real_time(seed: int) -> float:
         raise ArithmeticError(f"a node is {far:g} mm away")
     books = live.books
     gross = abs(books.work) + books.stored + books.dissipated + abs(books.snap)
-    return abs(books.open) / gross if gross > 0.0 else 0.0
+    return abs(books.open) / gross if gross > ROUNDING else 0.0
 
 
 def main() -> None:

@@ -67,9 +67,11 @@ besides, to flatten, is not in it.
 BEDS = """\
 ## A duct on its bed
 
-The beam in space on strands that yield and part, beside closed forms; docs/peel.md has such
-scenes' fields, docs/theory.md the equations. *Open* is the part of the work that the energy
-balance leaves unexplained.
+The beam in space on strands that yield and part, beside closed forms, published figures, finer
+scenes and its mirror image; docs/peel.md has such scenes' fields, docs/theory.md the equations.
+*Open* is the part of the work that the energy balance leaves unexplained. Newton's tangent is held
+against differences of the energy by `tests/physics/test_space_beam.py`; `python -m
+benchmarks.random_pulls` pulls at random.
 """
 
 
@@ -149,8 +151,8 @@ def solids_table(solids: Sequence[Sequence[SolidErrors]]) -> str:
 
 
 def beds_table(beds: Sequence[BedCheck]) -> str:
-    """Return a beam on its bed beside closed forms, in Markdown."""
-    head = ["scene", "figure", "here", "closed form", "error, %", "open"]
+    """Return a beam on its bed beside what it is held against, in Markdown."""
+    head = ["scene", "figure", "here", "held against", "error, %", "open"]
     rows = [
         [
             each.name,

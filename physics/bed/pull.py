@@ -133,7 +133,7 @@ class History:
     stress: Floats | None
     shape: Floats  # (N, 3) the nodes after the last step, mm
     damage: Floats  # (S,) of the strands after the last step, 0 to 1
-    rounding: float  # energy below which the balance is rounding, mJ
+    rounding: float  # work that rounding may do along the way, mJ
 
     @property
     def steps(self) -> int:
@@ -145,7 +145,7 @@ class History:
         """Part of all work that the energy balance does not explain, in absolute value."""
         missing = self.work - self.stored - self.dissipated - self.snap
         most, left = (float(np.abs(each).max(initial=0.0)) for each in (self.work, missing))
-        return left / most if left > self.rounding else 0.0
+        return left / most if most > self.rounding else 0.0
 
     def rows(self, threshold: float | None = None) -> list[dict[str, object]]:
         """Return a row for each step, as `bluntdissect peel --json` writes it."""
@@ -324,6 +324,8 @@ def pull(
         if watch is not None and watch(held):
             total = t + 1
             break
+    far = float(np.nan_to_num(np.abs(at)).max(initial=0.0))
+    far = max([far, *(float(np.ptp(sweep, axis=0).max()) for sweep in sweeps)])
     return History(
         at[:total],
         force[:total],
@@ -337,7 +339,7 @@ def pull(
         None if stress is None else stress[:total],
         held.places.copy(),
         held.damage,
-        held.rounding * beam.span,
+        held.rounding * far,
     )
 
 

@@ -27,17 +27,19 @@ def account(s: State) -> None:
     # released (`SNAP`). Damage comes after the motion, so its end counts with what damage has taken
     # off since (`shed`).
     sums = s.sums
-    work = lost = swept = 0.0
+    work = lost = swept = unsure = 0.0
     for n in range(s.x.shape[0]):
         mask = s.held[n]
         for r in range(6):
             f = s.g[n, r]
             part = 0.5 * (s.g_before[n, r] + f + s.shed[n, r]) * s.moved[n, r]
+            change = 0.5 * abs((f + s.shed[n, r] - s.g_before[n, r]) * s.moved[n, r])
             s.g_before[n, r] = f
             if (mask >> r) & 1:
                 work += part
             else:
                 lost -= part
+                unsure += change
             if r < 3:
                 work += 0.5 * (s.load_before[n, r] + s.load[n, r]) * s.moved[n, r]
                 s.load_before[n, r] = s.load[n, r]
@@ -56,9 +58,12 @@ def account(s: State) -> None:
     swept += sums[BENT_NOW]
     drag, lost = sums[DRAG_NOW], lost + sums[SLIPPED_NOW]
     stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
-    if lost - drag > 1e-4 * (stored + sums[STORED] + sums[DISSIPATED]):
-        # A jump, in which forces are anything but linear: it takes all that is missing.
-        lost = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    # A jump, in which forces are anything but linear, takes all that is missing: where much is
+    # lost, or where forces on free nodes change so much that the rule cannot tell what they lose.
+    missing = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    much = 1e-4 * (stored + sums[STORED] + sums[DISSIPATED])
+    if lost - drag > much or (unsure > much and 0.0 < missing - lost <= unsure):
+        lost = missing
     sums[WORK] += work + swept
     sums[ROD_WORK] += swept
     sums[DRAG] += drag
