@@ -165,7 +165,7 @@ def test_a_pull_is_watched_step_by_step() -> None:
     places: list[np.ndarray] = []
     forces: list[np.ndarray] = []
 
-    def watch(held: BeamOnBed) -> None:
+    def watch(held: BeamOnBed) -> bool:
         places.append(held.places.copy())
         way = held.strand_ends() - held.strands.feet
         size = np.sqrt((way**2).sum(axis=1))
@@ -174,6 +174,7 @@ def test_a_pull_is_watched_step_by_step() -> None:
         stresses, worst = held.stresses(), held.worst_stress()
         bending = np.hypot(stresses[..., 1], stresses[..., 2])
         assert (stresses[..., 0] + bending).max() == pytest.approx(worst.total, rel=1e-12)
+        return False
 
     history = pull(beam, bed, [Hand(at=20.0, path=((0, 1, 4),), steps=6)], watch=watch)
     assert np.array_equal(places[0], beam.places)
