@@ -96,7 +96,7 @@ def _seconds(plan: Plan, folder: Path, *, workers: int) -> float:
 def _by_dask(plan: Plan, folder: Path) -> float:
     dask: Any = import_module("distributed")
     with dask.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
     ) as cluster:
         with dask.Client(cluster) as client:  # imports and compiled code, which a cluster has once
             client.run(Ensemble(plan).solve, 0)

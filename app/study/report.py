@@ -238,7 +238,7 @@ def _finite(value: float) -> float | None:
 
 def _tear_figures(curve: TearCurve) -> dict[str, Any]:
     return {
-        "broke": int(np.isfinite(curve._sorted).sum()),
+        "broke": curve.broke,
         "torn_at": {
             f"{share:g}": {
                 "load": _finite(values[0]),

@@ -249,7 +249,7 @@ def test_a_dask_cluster_gives_the_same(tmp_path: Path) -> None:
     plan = read_plan(written(tmp_path, samples=2100))
     run_study(plan, tmp_path / "alone", workers=1)
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
     ) as cluster:
         run_study(plan, tmp_path / "cluster", scheduler=cluster.scheduler_address)
     wanted = (tmp_path / "alone" / "results.parquet").read_bytes()
