@@ -109,6 +109,7 @@ def _page_count(file: Path) -> int:
     return count
 
 
+_PNG = b"\x89PNG\r\n\x1a\n"
 _ERROR_STREAM = 2
 # One thread at a time decodes: the stream that libpng and libjpeg write to is the process's.
 _DECODING = threading.Lock()
@@ -160,13 +161,24 @@ def _diverted_errors() -> Generator[list[bytes]]:
             lines.extend(written)
 
 
+def _holds_its_chunks(content: bytes) -> bool:
+    """Return whether a PNG, or any other file, is as long as its chunks say."""
+    # OpenCV makes room for a chunk before it reads it: 236 bytes could have it take 4 GB.
+    end, kind = len(_PNG), b""
+    while content.startswith(_PNG) and end + 8 <= len(content) and kind != b"IEND":
+        kind = content[end + 4 : end + 8]
+        end += 12 + int.from_bytes(content[end : end + 4], "big")
+    return end <= len(content) or not content.startswith(_PNG)
+
+
 def _read_grey(file: Path, page: int | None, name: str) -> GreyImage:
     """Return one image as 8 or 16 bit grey."""
     try:
         with _quiet_decoders() as made_up:
             if page is None:
-                data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
-                image = cv2.imdecode(data, _READ_GREY)
+                content = file.read_bytes()
+                data = np.frombuffer(content, dtype=np.uint8)
+                image = cv2.imdecode(data, _READ_GREY) if _holds_its_chunks(content) else None
             else:
                 _, pages = cv2.imreadmulti(str(file), start=page, count=1, flags=_READ_GREY)
                 image = pages[0] if pages else None

@@ -415,3 +415,27 @@ def test_directions_must_span_space(
     write_stack: WriteStack, directions: dict[str, Any], message: str
 ) -> None:
     fails(write_stack([grey(0)] * 2, PARALLEL | directions), message)
+
+
+def test_a_png_whose_chunk_claims_more_than_the_file_has_is_refused_before_it_is_decoded(
+    write_stack: WriteStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_stack([grey(0)] * 2, PARALLEL)
+    content = (folder / "slice_1.png").read_bytes()
+    at = content.index(b"IDAT") - 4
+    (folder / "slice_0.png").write_bytes(content + b"what viewers leave alone")
+    (folder / "slice_1.png").write_bytes(content[:at] + b"\xff\xff\xff\xa7" + content[at + 4 :])
+    decoded: list[int] = []
+    decode = cv2.imdecode
+
+    def decoding(data: NDArray[np.uint8], flags: int) -> Any:
+        decoded.append(data.size)
+        return decode(data, flags)
+
+    monkeypatch.setattr(cv2, "imdecode", decoding)
+    stack = read_image_stack(folder)
+    stack.image(0)
+    taken = len(decoded)
+    with pytest.raises(ImageStackError, match=r"slice_1\.png cannot be read as an image"):
+        stack.image(1)
+    assert len(decoded) == taken  # it would take 4 GB first
