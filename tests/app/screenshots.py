@@ -22,13 +22,18 @@ from app.trainer.server.trainer import Trainer
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "phone": (390, 844)}
 
 
-def take(tab: TrainerPage, path: Path) -> None:
-    """Wait until the picture stands still, and keep it."""
+def close_hint(tab: TrainerPage) -> None:
+    """Close what is said of a browser that draws in software, and hide hints of the mouse."""
     close = tab.page.get_by_role("alert").filter(has_text="Software WebGL").get_by_role("button")
     if close.count():
         close.first.click()
         expect(close).to_have_count(0)
     tab.page.mouse.move(2.0, 2.0)  # a hint would cover what is beside it
+
+
+def take(tab: TrainerPage, path: Path) -> None:
+    """Wait until the picture stands still, and keep it."""
+    close_hint(tab)
     last = b""
     for _ in range(40):
         time.sleep(1.0)
