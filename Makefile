@@ -46,6 +46,7 @@ docs: $(VENV)/.tests  ## build the site in site/: open site/index.html
 
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
 	@$(BIN)/python tests/app/screenshots.py docs/images
+	@$(BIN)/python tests/app/film.py docs/images/dissection.webp
 	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
 
 soak: $(VENV)/.soak  ## attack a trainer, kill writers, mutate files; write docs/reliability.md (an hour)
