@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 
-import atheris  # pyright: ignore[reportMissingImports]
+import atheris  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
 import cv2
 import numpy as np
 from program import run

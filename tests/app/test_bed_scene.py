@@ -15,6 +15,7 @@ from simulated import phantom
 from app.simulation import preset_named
 from app.simulation.bed import BedExercise, BedSession, Instrument
 from app.trainer.scene.bed_scene import BedScene
+from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.stage.strands import NUMBERS, PARTED
 from physics.bed import kernels
 
@@ -165,15 +166,20 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
         out_of_sight_limit=100,
     )  # fmt: skip
     drawn.draw(session.reading())
-    assert drawn._goal is None
+
+    def goal() -> GoalStretch | None:
+        return drawn._goal
+
+    assert goal() is None
     session.start_exercise(scar)
     drawn.draw(session.reading())
-    assert drawn._goal is not None
-    lines, _ = drawn._goal._parts
+    marked = goal()
+    assert marked is not None
+    lines, _ = marked._parts
     assert (lines.points[..., 0].min(), lines.points[..., 0].max()) == (20.0, 31.0)
     session.finish()
     drawn.draw(session.reading())
-    assert drawn._goal is None
+    assert goal() is None
 
 
 def test_nothing_is_sent_when_nothing_changes(

@@ -8,7 +8,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from simulated import phantom, pull, settle, tear
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
@@ -215,7 +215,7 @@ def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float)
 
     assert b'"name":"run"' in file(".glb")
     assert b"A recorded run of" in file(".html")
-    solid = trimesh.load(io.BytesIO(file(".stl")), file_type="stl")
+    solid = trimesh.load_mesh(io.BytesIO(file(".stl")), file_type="stl")
     assert solid.is_watertight
     assert solid.body_count == (1 if reading.torn_at is None else 2)
     with ZipFile(io.BytesIO(file(".zip"))) as packed:
@@ -225,7 +225,7 @@ def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float)
     # Whole strands end at the surface, wherever it or its pieces have come to lie (but for the
     # rim of a tear, which opens).
     ends = strands["points"].reshape(-1, 2, 3)[: reading.strands - reading.parted, 1]
-    away, _ = cKDTree(surface["points"]).query(ends)
+    away, _ = KDTree(surface["points"]).query(ends)
     assert np.median(away) < 0.3
 
 
