@@ -9,6 +9,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Scripts of `make soak` and `make screenshots`; one needs a fuzzer that only the former installs.
+SCRIPTS = ("soak", "kill_fuzz", "file_fuzz", "screenshots", "film")
+collect_ignore = [f"app/{name}.py" for name in SCRIPTS]
+
 # A machine may be busy.
 settings.register_profile("without deadline", deadline=None)
 settings.load_profile("without deadline")
