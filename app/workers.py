@@ -72,13 +72,13 @@ def _pool(function: Callable[[Any], Any], workers: int) -> Generator[ProcessPool
     pool = ProcessPoolExecutor(workers, context, _take, (function,))
     try:
         yield pool
-    except BaseException:  # somebody stops it: what runs would go on to its end
+    finally:
+        # One that died may have held the lock of what is handed out, for which the others would
+        # wait for ever; and where somebody stops it, what runs would go on to its end.
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
             if process not in others:
                 process.terminate()
-        raise
-    pool.shutdown()
 
 
 _function: Callable[[Any], Any] | None = None

@@ -107,20 +107,29 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
     ],
 )
 def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> None:
+    spoilt = threading.Event()
+
     def answer(number: int, _: str | bytes) -> list[str | bytes]:
-        return [bad if number == 1 else state(0.15 + 1e-4 * number)]
+        return [bad if spoilt.is_set() else state(0.15 + 1e-4 * min(number, 50))]
 
     with service(answer) as (address, _):
-        device, into = HaplyDevice(DeviceOptions(address, 0.004)), DeviceState()
-        assert device.exchange(np.zeros(3), into)
-        assert not device.exchange(np.zeros(3), into)
-        trouble = device.trouble()
-        assert trouble is not None
-        assert any(word in trouble for word in says.split("|"))
-        assert into.position[2] == 0.15
-        taken = [device.exchange(np.zeros(3), into) for _ in range(20)]
-        assert any(taken)
-        device.close()
+        device, into = opened(address), DeviceState()
+        try:
+            # On a busy machine a state is late at times, and is not taken.
+            assert any(device.exchange(np.zeros(3), into) for _ in range(50))
+            place, said = into.position[2], ""
+            spoilt.set()
+            for _ in range(50):
+                assert not device.exchange(np.zeros(3), into)
+                said = device.trouble() or ""
+                if any(word in said for word in says.split("|")):
+                    break
+            assert any(word in said for word in says.split("|")), said
+            assert into.position[2] == place
+            spoilt.clear()
+            assert any(device.exchange(np.zeros(3), into) for _ in range(50))
+        finally:
+            device.close()
 
 
 def test_late_and_missing_answers_give_no_state_no_hang_and_no_force() -> None:
