@@ -9,9 +9,9 @@ BLENDER_PYTHON ?= python3.11
 AUDIT := .venv-audit
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-# Three for two cores: half of the time a test waits for a page or for a clock. A file's fixtures are
-# made once; pages come first, because at the end short files fill what is left.
-WORKERS ?= -n 3 --dist loadfile --no-loadscope-reorder
+# Two, whatever the cores: each has a browser that draws in software, and with three pages were late.
+# A file's fixtures are made once; pages come first: at the end short files fill what is left.
+WORKERS ?= -n 2 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help trainer wheel test test-all coverage check bench docs screenshots soak licences audit lint types layers format clean
