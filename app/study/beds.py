@@ -11,8 +11,6 @@ from app.study.ducts import (
     Block,
     Outputs,
     groups,
-    organ_of,
-    preset_of,
     round_ducts,
     strength_of,
 )
@@ -80,10 +78,8 @@ def bed_of(preset: BedPreset, given: dict[str, float]) -> BedPreset:
 def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
     numbers = {name: float(row[0]) for name, row in one.numbers.items()}
     of_bed = {key.removeprefix(BED): v for key, v in numbers.items() if key.startswith(BED)}
-    organ = organ_of(plan, words["organ"]) if "organ" in words else None
-    preset = preset_of(
-        plan, words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET)
-    )
+    organ = plan.organ(words["organ"]) if "organ" in words else None
+    preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
     elements = int(of_bed.get("elements", ELEMENTS))
     hook = of_bed.get("hook_mm")
     if organ is None:

@@ -19,12 +19,9 @@ from app.simulation import (
     OrganBeam,
     Preset,
     RoundBeam,
-    preset_named,
-    presets,
-    read_preset,
 )
 from app.study.plan import Plan
-from organ_geometry import Organ, organ_from_bytes
+from organ_geometry import Organ
 from physics import Beam, Cubic, Exact, Linear, NeoHooke, Theory, VaryingBeam, theory_named
 from physics.many import Ducts, SolvedDucts, solve_many
 
@@ -32,8 +29,6 @@ __all__ = [
     "Block",
     "Outputs",
     "groups",
-    "organ_of",
-    "preset_of",
     "round_ducts",
     "solve_pulls",
     "strength_of",
@@ -159,10 +154,8 @@ def _set_up(
     plan: Plan, words: dict[str, str], theory: Theory, block: Block
 ) -> tuple[NDArray[np.int64], Any, Row, dict[int, str]]:
     """Return which ducts can be solved, these, their thresholds, and why the others cannot."""
-    organ = organ_of(plan, words["organ"]) if "organ" in words else None
-    preset = preset_of(
-        plan, words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET)
-    )
+    organ = plan.organ(words["organ"]) if "organ" in words else None
+    preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
     if organ is None:
         ducts, said = round_ducts(preset, block)
     else:
@@ -283,23 +276,3 @@ def _organ_beam(organ: Organ, preset: Preset, wall: float | None, span: float | 
             raise ValueError(f"a span of {span:.4g} mm is longer than the organ")
     kind = msgspec.structs.replace(preset.beam, wall_mm=wall, clamps_mm=clamps)
     return Dissection.of(organ, msgspec.structs.replace(preset, beam=kind)).beam
-
-
-@lru_cache(maxsize=64)
-def _organ(content: bytes, name: str) -> Organ:
-    return organ_from_bytes(content, name)
-
-
-@lru_cache(maxsize=64)
-def _preset(content: bytes, name: str) -> Preset:
-    return read_preset(content, name)
-
-
-def organ_of(plan: Plan, name: str) -> Organ:
-    """Return an organ that a plan names."""
-    return _organ(plan.files[name], name)
-
-
-def preset_of(plan: Plan, name: str) -> Preset:
-    """Return a preset that a plan names."""
-    return preset_named(name) if name in presets() else _preset(plan.files[name], name)

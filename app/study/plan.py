@@ -6,12 +6,14 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-from app.simulation import presets
+from app.simulation import Preset, preset_named, presets, read_preset
 from app.study.distribution import Choices, Distribution, distribution_of
 from app.study.inputs import BED, BED_INPUTS, DUCT_INPUTS, INPUTS, Input
+from organ_geometry import Organ, organ_from_bytes
 
 __all__ = ["Plan", "Sampling", "Value", "read_plan"]
 
@@ -76,6 +78,24 @@ class Plan:
         if name in self.grid:
             return self.grid[name]
         return (self.fixed[name],) if name in self.fixed else ()
+
+    def organ(self, name: str) -> Organ:
+        """Return an organ that the plan names."""
+        return _organ(self.files[name], name)
+
+    def preset(self, name: str) -> Preset:
+        """Return a preset that the plan names."""
+        return preset_named(name) if name in presets() else _preset(self.files[name], name)
+
+
+@lru_cache(maxsize=64)
+def _organ(content: bytes, name: str) -> Organ:
+    return organ_from_bytes(content, name)
+
+
+@lru_cache(maxsize=64)
+def _preset(content: bytes, name: str) -> Preset:
+    return read_preset(content, name)
 
 
 class _Lines:
@@ -340,12 +360,10 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
 
 def _check_files(plan: Plan, lines: _Lines) -> None:
     """Raise unless the presets and organs are such."""
-    from app.study.ducts import organ_of, preset_of
-
-    for kind, found in (("preset", preset_of), ("organ", organ_of)):
+    for kind, found in (("preset", plan.preset), ("organ", plan.organ)):
         for name in plan.values_of(kind):
             try:
-                found(plan, str(name))
+                found(str(name))
             except ValueError as error:
                 raise lines.wrong(_place(plan, kind), str(error)) from None
 
