@@ -135,7 +135,6 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
         view = newest(trainer)
         session = view.session
         session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1), inputs="any")
-        tab.page.wait_for_timeout(500)  # the page is drawn with the exercise before it is done
         tab.slide("Force F (N)", 2.0)
         tab.page.get_by_test_id("outcome").wait_for()
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()

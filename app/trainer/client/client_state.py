@@ -34,7 +34,9 @@ PATIENCE = 0.4
 class Workers:
     """Threads and a process that do the slow work of all clients."""
 
-    # solves what no client waits for
+    # finds in a moment what a client waits for: a result, or what typed numbers mean
+    awaited: BackgroundWorker = field(default_factory=BackgroundWorker)
+    # solves what takes long, or no client waits for; seconds, and minutes where it compiles first
     background: BackgroundWorker = field(default_factory=BackgroundWorker)
     # builds organs, which takes seconds, one client's after the other's
     builder: BackgroundWorker = field(default_factory=BackgroundWorker)
@@ -43,6 +45,7 @@ class Workers:
 
     def stop(self) -> None:
         """End them."""
+        self.awaited.stop()
         self.background.stop()
         self.build_process.stop()
         self.builder.stop()
@@ -58,6 +61,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def __init__(self, client: viser.ClientHandle, session: SessionT, workers: Workers) -> None:
         self.client, self.session, self.workers = client, session, workers
         self.last_run: FileT | None = None
+        self.told: object = session.run if session.run.over else None  # the run whose end was told
         self._playback: ReplayPlayback[SessionT] | None = None
         self._replayed: FileT | None = None
         self.plain = False
@@ -93,6 +97,12 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         """Whether an exercise waits for its first input or goes on."""
         run = self.session.run
         return run.exercise is not None and not run.over
+
+    @property
+    def has_end_to_tell(self) -> bool:
+        """Whether a run is over, and the page has not yet told how."""
+        run = self.session.run
+        return run.over and run is not self.told
 
     def give_hook(self, device: str, hands: int = 1) -> None:
         """Give the hook to a device and say so; two devices have two `hands`."""

@@ -223,9 +223,10 @@ class PullState(ClientState[Session, RunFile]):
         self._changed = True
 
     def _begin_anew(self, pulls: bool) -> bool:
-        """Reset for a new run when the last one is over and the duct is still whole."""
+        """Reset for a new run when the end of the last one was told and the duct is still whole."""
         session = self.session
-        renew = pulls and session.run.over and session.reading().phase is Phase.INTACT
+        told = session.run.over and not self.has_end_to_tell
+        renew = pulls and told and session.reading().phase is Phase.INTACT
         if renew:
             self._renew()
         return renew

@@ -329,7 +329,7 @@ class BuildTab:
         return _TELLING
 
     def _look(self) -> None:
-        self._state.workers.background.submit((id(self), "picture"), self._picture)
+        self._state.workers.awaited.submit((id(self), "picture"), self._picture)
 
     def _picture(self) -> None:
         opened = self._bench.opened

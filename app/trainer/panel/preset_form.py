@@ -130,7 +130,7 @@ class PresetForm:
         by_force = self._kind.value == FORCE
         for name, visible in (("force", by_force), ("stress", not by_force)):
             set_if_changed(self._fields[name], visible=visible)
-        self._state.workers.background.submit((id(self), "figures"), self._preview)
+        self._state.workers.awaited.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
         dissection, theory = self._dissection, self._state.session.duct.theory

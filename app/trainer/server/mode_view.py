@@ -48,8 +48,6 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         self._panel_stale = True
         self._figures = True
         self._notice: viser.NotificationHandle | None = None
-        run = self.session.run
-        self._told: object = run if run.over else None  # the run whose end was told
         self._scene = self._make_scene("plain" if state.plain else "full")
         # Before the panel is sent, so that all that can be seen can be dragged.
         self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
@@ -116,7 +114,7 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         run = self.session.run
         # While all stands still the time shown runs on.
         timed = run.going and run.exercise is not None
-        return timed or (run.over and run is not self._told)
+        return timed or self.state.has_end_to_tell
 
     def _draw(self) -> None:
         """Draw the session as it is now."""
@@ -134,13 +132,15 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         state = self.state
         self._panel.show(state.shown.reading())
         run, reading = self.session.run, self.session.reading()
-        if run.over and run is not self._told and self._tear_is_seen(reading):
-            self._told = run
+        if state.has_end_to_tell and self._tear_is_seen(reading):
             state.keep_run()
             kept = state.last_run
-            if run.exercise is not None and kept is not None:
+            judged = run.exercise is not None
+            if judged:
                 state.release()
-                state.workers.background.submit(
+            state.told = run  # from now on another pull may begin anew
+            if judged and kept is not None:
+                state.workers.awaited.submit(
                     (id(self), "result"), lambda: self._panel.show_result(kept)
                 )
             elif torn := self._torn_words(reading):

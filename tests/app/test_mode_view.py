@@ -1,0 +1,84 @@
+"""A view without a page: the result of each exercise is shown, and at once."""
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+from unittest.mock import MagicMock
+
+import pytest
+from simulated import phantom
+
+from app.simulation import ApproachBreak, Session
+from app.trainer.client.client_state import Workers
+from app.trainer.client.pull_state import PullState
+from app.trainer.server.pull_view import PullView
+from app.trainer.stage.lighting import Look
+
+
+class View(PullView):
+    """What a client would see of its session."""
+
+    def __init__(self, state: PullState) -> None:
+        self.results: list[Any] = []
+        self.shown = threading.Event()
+        super().__init__(state, "plain")
+        self._annotations: Any = MagicMock()
+
+    def _make_scene(self, look: Look) -> Any:
+        return MagicMock()
+
+    def _make_panel(self) -> Any:
+        return MagicMock(show_result=self._show_result)
+
+    def _show_result(self, run: Any) -> None:
+        self.results.append(run)
+        self.shown.set()
+
+
+@pytest.fixture
+def view() -> Iterator[View]:
+    workers = Workers()
+    yield View(PullState(MagicMock(), Session(phantom(), vertices=300), workers, "any"))
+    workers.stop()
+
+
+def finish_exercise(view: View) -> None:
+    """Do an exercise by the slider between two looks of the page."""
+    session = view.session
+    session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1), inputs="any")
+    view.state.set_target_force(2.0)
+    while not session.run.over:
+        session.advance()
+
+
+def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: View) -> None:
+    finish_exercise(view)
+    run = view.session.run
+    view.state.set_target_force(2.1)
+    assert view.session.run is run
+    view.tick(0.2)
+    assert view.shown.wait(30.0)
+    assert [each.outcome for each in view.results] == [run.outcome]
+    assert run.outcome is not None
+    assert view.session.grasper.slider_force == 0.0
+    # From then on a pull begins anew, and nothing is told twice.
+    view.state.set_target_force(2.5)
+    assert view.session.run is not run
+    view.tick(0.2)
+    assert view.session.grasper.slider_force == 2.5
+    assert len(view.results) == 1
+
+
+def test_a_result_waits_for_no_long_work_of_others(view: View) -> None:
+    go = threading.Event()
+
+    def work() -> None:
+        assert go.wait(60.0)
+
+    view.state.workers.background.submit("another page's", work)
+    try:
+        finish_exercise(view)
+        view.tick(0.2)
+        assert view.shown.wait(30.0)
+    finally:
+        go.set()
