@@ -23,6 +23,7 @@ from kernel_cache import njit
 
 __all__ = [
     "ALLOWED", "BRAKED", "LEAST", "MADE", "MODELLED", "SAMPLED", "WITHHELD", "WORK", "Regulator",
+    "regulate",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -43,9 +44,9 @@ SLOWEST = 1e-4
 
 
 @njit(cache=True, nogil=True)
-def _regulate(
+def regulate(
     places: Array,
-    model: Array,
+    pulled: Array,
     modelled: float,
     energy: float,
     live: bool,
@@ -55,8 +56,11 @@ def _regulate(
     figures: Array,
 ) -> None:
     """Book the last period's work and find the forces of the next; see the module's docstring."""
+    # `places` (H or more, 3) of the devices, m; `pulled` of the hooks on the model, N; `modelled`
+    # the work of the hands on it since the last time and `energy` what it has stored and spent,
+    # N mm; no force is `live` while states are missing or a clutch is pressed.
     period, most, slew, added, soft = figures[0], figures[1], figures[2], figures[3], figures[4]
-    hands = places.shape[0]
+    hands = given.shape[0]
     last, old_model, old_brake, old_rest = memory[0], memory[1], memory[2], memory[3]
     for h in range(hands):
         for j in range(3):
@@ -89,7 +93,7 @@ def _regulate(
         for j in range(3):
             v = (places[h, j] - last[h, j]) / period
             brake = -alpha * v if live else 0.0
-            wanted = gain * model[h, j] + brake if live else 0.0
+            wanted = -gain * pulled[h, j] + brake if live else 0.0
             old_brake[h, j] = brake
             old_rest[h, j] = wanted
             size += wanted * wanted
@@ -100,8 +104,8 @@ def _regulate(
         part = slew / math.sqrt(change) if change > slew * slew and live else 1.0
         for j in range(3):
             given[h, j] += part * (shrink * old_rest[h, j] - given[h, j])
-            old_rest[h, j] = given[h, j] - model[h, j] - old_brake[h, j]
-            old_model[h, j] = model[h, j]
+            old_rest[h, j] = given[h, j] + pulled[h, j] - old_brake[h, j]
+            old_model[h, j] = -pulled[h, j]
             last[h, j] = places[h, j]
     figures[5] += period / soft
 
@@ -111,7 +115,7 @@ class Regulator:
 
     `period` and `soft_seconds`, in which the force comes, are s; `force`, N, `force_rate`, N/s, and
     `added_damping`, N s/m, are bounds. `given` are the (H, 3) forces for the devices, N, `books`
-    the (8,) energies, N mm.
+    the (8,) energies, N mm; `state` is what `regulate` works on.
     """
 
     def __init__(
@@ -130,26 +134,8 @@ class Regulator:
             [period, force, force_rate * period, added_damping, max(soft_seconds, period), 0.0]
         )
         self._memory = np.zeros((4, hands, 3))
-        still = np.zeros((hands, 3))
-        self.regulate(still, still, 0.0, 0.0, False)  # compiled before it is felt
+        self.state = self._memory, self.given, self.books, self._figures
 
     def start(self, places: NDArray[np.float64]) -> None:
         """Begin where the hands are."""
         self._memory[0] = places
-
-    def regulate(
-        self,
-        places: NDArray[np.float64],
-        model: NDArray[np.float64],
-        modelled: float,
-        energy: float,
-        live: bool,
-    ) -> None:
-        """Find the forces for the next period."""
-        # `places` (H, 3) of the devices, m; `model` (H, 3) forces of the model on the hands, N;
-        # `modelled` the work of the hands on it since the last time and `energy` what it has stored
-        # and spent, N mm; no force is `live` while states are missing or a clutch is pressed.
-        _regulate(
-            places, model, modelled, energy, live,
-            self._memory, self.given, self.books, self._figures,
-        )  # fmt: skip

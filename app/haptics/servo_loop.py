@@ -2,9 +2,21 @@
 
 The inputs are the places of the devices (in whole steps of 0.1 um), the buttons and whether the
 states are fresh: all else follows, so that a recorded run is these alone and is computed anew.
+
+Work of the hands on the model, from step to step of it. With the ways r_1 and r_2 of two steps and
+the forces F_0, F_1, F_2 at their ends, the trapezoidal rule (F_1 + F_2)/2 . r_2 leaves out
+F'' |r_2|^3/12, which is 1e-5 of the work of fast hands. It is taken off with the second difference
+of the forces along r_2, the rule being exact then for forces that change by a parabola:
+
+    a = r_1 . r_2 / |r_2|,  b = |r_2|,  D = [(F_2 - F_1)/b - (F_1 - F_0)/a] / (a + b)
+    W_2 = [(F_1 + F_2)/2 - D b^2/6] . r_2
+
+unless the hands turned by more than 60 degrees between the two, where their steps are short, or the
+duct tore.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +24,7 @@ from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
 from app.haptics.felt_duct import UP, FeltModel
-from app.haptics.regulator import Regulator
+from app.haptics.regulator import Regulator, regulate
 from kernel_cache import njit
 
 __all__ = ["CLUTCH", "FRESH", "LIVE", "PLACE_UNIT", "TAKE", "LoopSettings", "ServoLoop"]
@@ -29,78 +41,145 @@ STRIDE, MOST_STRIDES = 0.05, 64
 hand without states for some periods is caught up with in such steps."""
 
 
+# Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets
+# of the hooks, mm: where those ways began, now, a period ago, and on the way between; and of the
+# last step of the model: how far
+# the hands drew, mm, the forces at its beginning and those a step before, N.
+PLACE, ORIGIN, LED_FROM, LED, LED_BEFORE, LED_NOW, DRAWN, PULLED, PULLED_BEFORE, ROWS = range(10)
+ALONG = 0.5
+"""Cosine between two steps of the hands up to which the second goes on from the first."""
+
+
 @njit(cache=True, nogil=True)
 def _lead(
-    hand: int,
-    bits: int,
-    before: int,
-    to_mm: float,
     units: NDArray[np.int64],
-    places: Array,
-    origins: Array,
-    led_from: Array,
-    led: Array,
-    led_before: Array,
+    bits: NDArray[np.int64],
+    before: NDArray[np.int64],
+    ways: Array,
     held: NDArray[np.bool_],
-) -> None:
-    """Move a hook with its hand: the clutch, and taking and releasing the duct."""
-    if bits & FRESH:
-        for j in range(3):
-            places[hand, j] = units[hand, j] * PLACE_UNIT
-    if (bits | before) & CLUTCH:
-        # The hook stays where it is, without a force; from where the device is now it goes on.
-        for j in range(3):
-            origins[hand, j] = places[hand, j]
-            led_from[hand, j] = led[hand, j]
-    taken = bits & TAKE != 0
-    if taken and not held[hand]:
-        for j in range(3):
-            origins[hand, j] = places[hand, j]
-            led_from[hand, j] = led_before[hand, j] = 0.0
-    held[hand] = taken
-    for j in range(3):
-        way = places[hand, j] - origins[hand, j]
-        led[hand, j] = led_from[hand, j] + to_mm * way
+    to_mm: float,
+    free: bool,
+) -> tuple[int, bool]:
+    """Move the hooks with their hands: the clutch, taking and releasing the duct.
 
-
-@njit(cache=True, nogil=True)
-def _strides(before: Array, led: Array, counted: NDArray[np.bool_]) -> int:
-    """Return in how many steps the model goes from one place to the other."""
+    Return in how many steps the model goes there, the first of which is filled in, and whether
+    there may be a force.
+    """
+    places, origins, led = ways[PLACE], ways[ORIGIN], ways[LED]
+    live = True
+    for hand in range(units.shape[0]):
+        now = bits[hand]
+        live &= now & (LIVE | CLUTCH) == LIVE
+        if now & FRESH:
+            for j in range(3):
+                places[hand, j] = units[hand, j] * PLACE_UNIT
+        if (now | before[hand]) & CLUTCH:
+            # The hook stays where it is, without a force; from where the device is now it goes on.
+            for j in range(3):
+                origins[hand, j] = places[hand, j]
+                ways[LED_FROM, hand, j] = led[hand, j]
+        taken = now & TAKE != 0
+        if taken and not held[hand]:
+            for j in range(3):
+                origins[hand, j] = places[hand, j]
+                ways[LED_FROM, hand, j] = ways[LED_BEFORE, hand, j] = 0.0
+        held[hand] = taken
+        before[hand] = now
+        for j in range(3):
+            way = places[hand, j] - origins[hand, j]
+            led[hand, j] = ways[LED_FROM, hand, j] + to_mm * way
     longest = 0.0
     for h in range(led.shape[0]):
-        for j in range(3 * counted[h]):
-            longest = max(longest, abs(led[h, j] - before[h, j]))
-    return min(max(math.ceil(longest / STRIDE), 1), MOST_STRIDES)
+        if held[h] or not free:  # a hook that is free goes as fast as it likes
+            for j in range(3):
+                longest = max(longest, abs(led[h, j] - ways[LED_BEFORE, h, j]))
+    strides = min(max(math.ceil(longest / STRIDE), 1), MOST_STRIDES)
+    _stride(ways, 1.0 / strides)
+    return strides, live
 
 
 @njit(cache=True, nogil=True)
-def _go(before: Array, led: Array, part: float, now: Array) -> None:
-    """Fill an interpolated place; at the end the target itself, to the bit."""
-    for h in range(led.shape[0]):
+def _stride(ways: Array, part: float) -> None:
+    """Fill an interpolated place, at the end the target itself to the bit."""
+    for h in range(ways.shape[1]):
         for j in range(3):
-            way = led[h, j] - before[h, j]
-            now[h, j] = led[h, j] if part == 1.0 else before[h, j] + part * way
+            before, led = ways[LED_BEFORE, h, j], ways[LED, h, j]
+            ways[LED_NOW, h, j] = led if part == 1.0 else before + part * (led - before)
 
 
 @njit(cache=True, nogil=True)
-def _work(
-    pulled: Array, elastic: Array, before: Array, led: Array, stride: int, strides: int,
-    hands: int, pushes: bool,
-) -> tuple[float, float]:  # fmt: skip
-    """Return the work of one step of the model: of the hands, and of hooks without one."""
-    by_hands = by_assist = 0.0
-    for h in range(led.shape[0]):
+def _book(
+    ways: Array,
+    forces: Array,
+    elastic: Array,
+    held: NDArray[np.bool_],
+    stride: int,
+    strides: int,
+    hands: int,
+    pushes: bool,
+    works: Array,
+) -> None:
+    """Add the work of one step of the model to `works`: of the hands, of hooks without one.
+
+    See the module's docstring for the rule. `elastic` are the forces at the step's end before what
+    tore in it.
+    """
+    ahead = behind = along = 0.0
+    for h in range(ways.shape[1]):
         for j in range(3):
-            force, way = 0.5 * (pulled[h, j] + elastic[h, j]), led[h, j] - before[h, j]
-            if h >= hands:
-                by_assist += force * way / strides
-            elif j < UP or pushes:
-                by_hands += force * way / strides
-            else:  # what a hook that only pulls goes below rest is no work
-                was = before[h, j] + (stride - 1) / strides * way
-                now = before[h, j] + stride / strides * way
-                by_hands += force * (max(now, 0.0) - max(was, 0.0))
-    return by_hands, by_assist
+            was = ways[LED_BEFORE, h, j]
+            now = was + stride / strides * (ways[LED, h, j] - was)
+            was += (stride - 1) / strides * (ways[LED, h, j] - was)
+            if not pushes:  # below rest, and aside, there is no force
+                was, now = (max(was, 0.0), max(now, 0.0)) if j == UP else (0.0, 0.0)
+            way, before = now - was if held[h] else 0.0, ways[DRAWN, h, j]
+            ahead += way * way
+            behind += before * before
+            along += way * before
+            ways[LED_NOW, h, j] = way
+    ahead, behind = math.sqrt(ahead), math.sqrt(behind)
+    goes_on = along > ALONG * ahead * behind
+    for h in range(ways.shape[1]):
+        for j in range(3):
+            first, last, way = ways[PULLED, h, j], elastic[h, j], ways[LED_NOW, h, j]
+            force = 0.5 * (first + last)
+            if goes_on:
+                back = along / ahead
+                bent = (last - first) / ahead - (first - ways[PULLED_BEFORE, h, j]) / back
+                force -= ahead * ahead * bent / (6.0 * (ahead + back))
+            works[0 if h < hands else 1] += force * way
+            # What tore is another course of the force, on which nothing goes on.
+            ways[DRAWN, h, j] = way if forces[h, j] == elastic[h, j] else 0.0
+            ways[PULLED_BEFORE, h, j] = first
+            ways[PULLED, h, j] = forces[h, j]
+
+
+@njit(cache=True, nogil=True)
+def _settle(
+    ways: Array,
+    forces: Array,
+    elastic: Array,
+    held: NDArray[np.bool_],
+    strides: int,
+    hands: int,
+    pushes: bool,
+    works: Array,
+    energy: float,
+    scale: float,
+    live: bool,
+    memory: Array,
+    given: Array,
+    books: Array,
+    figures: Array,
+) -> None:
+    """Book the model's last step and find the forces of the next period."""
+    _book(ways, forces, elastic, held, strides, strides, hands, pushes, works)
+    ways[LED_BEFORE] = ways[LED]
+    regulate(
+        ways[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
+        memory, given, books, figures,
+    )  # fmt: skip
+    works[0] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,67 +227,52 @@ class ServoLoop:
             added_damping=limits.added_damping,
         )
         self.given = self.regulator.given
-        self.hooks_led = np.zeros((hooks, 3))
-        self.assist_work = 0.0
-        self._held, self._all = np.zeros(hooks, np.bool_), np.ones(hooks, np.bool_)
-        self._origins, self._led_from = np.zeros((hands, 3)), np.zeros((hands, 3))
-        self._places = np.zeros((hands, 3))
-        self._inputs = [0] * hands
-        self._outward = np.zeros((hands, 3))
-        self._led_before, self._led_now = np.zeros((hooks, 3)), np.zeros((hooks, 3))
-        self._pulled = np.zeros((hooks, 3))
+        self._ways = np.zeros((ROWS, hooks, 3))
+        self.hooks_led, self._led_now = self._ways[LED], self._ways[LED_NOW]
+        self._works = np.zeros(2)
+        self._held = np.zeros(hooks, np.bool_)
+        self._bits, self._bits_before = np.zeros((2, hands), np.int64)
         self._begun = False
         self.step(np.zeros((hands, 3), np.int64), [FRESH] * hands)  # compiled before it is felt
         self._begun = False
+
+    @property
+    def assist_work(self) -> float:
+        """Work of hooks without a device, N mm."""
+        return float(self._works[1])
 
     def assist(self, hook: int, height: float) -> None:
         """Set the target of a hook without a device: mm along the pull; 0 lets go."""
         self.hooks_led[hook, 2] = height
         self._held[hook] = height > 0.0
 
-    def step(self, units: NDArray[np.int64], inputs: list[int]) -> None:
+    def step(self, units: NDArray[np.int64], inputs: Sequence[int]) -> None:
         """Advance by one period: `units` (H, 3) in `PLACE_UNIT`, `inputs` (H,) bits."""
-        places = self._places
+        ways, bits, hands = self._ways, self._bits, self.hands
+        for hand in range(hands):
+            bits[hand] = inputs[hand] | TAKE if self.holds[hand] else inputs[hand]
         if not self._begun:
-            if not all(bits & FRESH for bits in inputs):
+            if not all(each & FRESH for each in inputs):
                 return  # where the hands are is not known yet
-            places[:] = units * PLACE_UNIT
-            self.regulator.start(places)
-            self._origins[:] = places
+            ways[PLACE, :hands] = ways[ORIGIN, :hands] = units * PLACE_UNIT
+            self.regulator.start(ways[PLACE, :hands])
             self._begun = True
-        live = not self.ended
-        for hand, bits in enumerate(inputs):
-            live &= bits & (LIVE | CLUTCH) == LIVE
-            _lead(
-                hand, bits | TAKE if self.holds[hand] else bits, self._inputs[hand], self._to_mm,
-                units, places, self._origins, self._led_from, self.hooks_led, self._led_before,
-                self._held,
-            )  # fmt: skip
-            self._inputs[hand] = bits
-        modelled = self._walk()
-        model, scale = self.model, self.settings.scale
-        np.negative(model.forces[: self.hands], self._outward)
-        energy = (model.stored + model.spent - self.assist_work) / scale
-        self.regulator.regulate(places, self._outward, modelled / scale, energy, live)
-
-    def _walk(self) -> float:
-        """Step the model after the hands; return their work on it, N mm of the model."""
-        model, before, led, now = self.model, self._led_before, self.hooks_led, self._led_now
-        # A hook that is free goes as fast as it likes.
-        counted = self._held if model.free else self._all
-        strides, work = _strides(before, led, counted), 0.0
-        for stride in range(1, strides + 1):
-            self._pulled[:] = model.forces
-            _go(before, led, stride / strides, now)
-            model.step(now, self._held)
-            by_hands, by_assist = _work(
-                self._pulled, model.elastic_forces, before, led, stride, strides,
-                self.hands, model.pushes,
-            )  # fmt: skip
-            work += by_hands
-            self.assist_work += by_assist
-        before[:] = led
-        return work
+        model, held, regulator = self.model, self._held, self.regulator
+        strides, live = _lead(
+            units, bits, self._bits_before, ways, held, self._to_mm, model.free
+        )  # fmt: skip
+        # A hand that was lost for some periods is followed along its way.
+        for stride in range(1, strides):
+            model.step(self._led_now, held)
+            _book(ways, model.forces, model.elastic_forces, held, stride, strides, hands,
+                  model.pushes, self._works)  # fmt: skip
+            _stride(ways, (stride + 1) / strides)
+        model.step(self._led_now, held)
+        _settle(
+            ways, model.forces, model.elastic_forces, held, strides, hands, model.pushes,
+            self._works, model.stored + model.spent, self.settings.scale,
+            live and not self.ended, *regulator.state,
+        )  # fmt: skip
 
     def end(self) -> None:
         """Give no force from now on."""
