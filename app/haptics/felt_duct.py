@@ -184,8 +184,7 @@ class FeltDuct:
             force = (k1 + k3 * place * place) * place
             bent = (0.5 * k1 + 0.25 * k3 * place * place) * place * place
         else:
-            solver.hold(Hold("deflection", height, give))
-            place, force, bent = solver.deflection, solver.force, solver.strain_energy
+            force, place, bent = solver.lift(height, give)
         forces[0], hooks[0] = force, place
         self.stored = bent + 0.5 * give * force * force
         return place >= self.breaks_at

@@ -57,7 +57,8 @@ def felt_run(
         stiffness = coupling
         if stiffness is None:
             stiffness = passive_coupling(limits.damping, settings.rate)
-        loop = ServoLoop(choice.felt(stiffness, settings.period), settings, limits, len(devices))
+        model, twin = (choice.felt(stiffness, settings.period) for _ in range(2))
+        loop = ServoLoop(model, settings, limits, len(devices), twin)
     alone = len(choice.grasps) > len(devices)
     if alone:
         loop.assist(len(devices), assist)

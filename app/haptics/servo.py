@@ -24,6 +24,8 @@ __all__ = ["ORDINARY", "Servo", "real_time"]
 
 SPIN_SECONDS = 1.5e-4
 """How long before a period it stops sleeping, s: a sleep ends late by up to as much."""
+REHEARSAL_SECONDS = 5e-5
+"""Time left to a period, s, in which a step can be rehearsed."""
 MISSED = 1.5
 """Periods from one to the next that count as missed."""
 BEHIND = 5
@@ -115,6 +117,8 @@ class Servo:
         while True:
             while (wait := due - clock()) > SPIN_SECONDS:
                 time.sleep(wait - SPIN_SECONDS)
+            if wait > REHEARSAL_SECONDS:
+                loop.rehearse()
             while (now := clock()) < due:
                 pass
             if count:

@@ -60,11 +60,9 @@ def _lead(
     to_mm: float,
     free: bool,
 ) -> tuple[int, bool]:
-    """Move the hooks with their hands: the clutch, taking and releasing the duct.
-
-    Return in how many steps the model goes there, the first of which is filled in, and whether
-    there may be a force.
-    """
+    """Move the hooks with their hands: the clutch, taking and releasing the duct."""
+    # Returned are in how many steps the model goes there, the first of which is filled in, and
+    # whether there may be a force.
     places, origins, led = ways[PLACE], ways[ORIGIN], ways[LED]
     live = True
     for hand in range(units.shape[0]):
@@ -206,17 +204,25 @@ class ServoLoop:
     """
 
     def __init__(
-        self, model: FeltModel, settings: LoopSettings, limits: DeviceLimits, hands: int = 1
+        self,
+        model: FeltModel,
+        settings: LoopSettings,
+        limits: DeviceLimits,
+        hands: int = 1,
+        twin: FeltModel | None = None,
     ) -> None:
         self.settings, self.hands = settings, hands
         self._limits = limits
         self._to_mm = 1e3 * settings.scale
         self.ended = False
         self.holds = [settings.hold] * hands
-        self.feel(model)
+        self.feel(model, twin)
 
-    def feel(self, model: FeltModel) -> None:
-        """Restart on a model at rest; the next places of the hands become their hooks' rest."""
+    def feel(self, model: FeltModel, twin: FeltModel | None = None) -> None:
+        """Restart on a model at rest; the next places of the hands become their hooks' rest.
+
+        A `twin` of the model is for `rehearse`.
+        """
         hands, hooks, limits = self.hands, len(model.forces), self._limits
         self.model = model
         self.regulator = Regulator(
@@ -235,6 +241,20 @@ class ServoLoop:
         self._begun = False
         self.step(np.zeros((hands, 3), np.int64), [FRESH] * hands)  # compiled before it is felt
         self._begun = False
+        self._last = np.zeros((hands, 3), np.int64), [0] * hands
+        self._twin = None
+        if twin is not None:
+            self._twin = ServoLoop(twin, self.settings, limits, hands)
+            self._twin.holds = self.holds
+
+    def rehearse(self) -> None:
+        """Take the last step again with the twin, for nothing but a processor that has it at hand.
+
+        Other processes run between two periods, and what a step needs is no longer in the caches:
+        it took two to three times as long (docs/haptics.md).
+        """
+        if self._twin is not None:
+            self._twin.step(*self._last)
 
     @property
     def assist_work(self) -> float:
@@ -243,12 +263,15 @@ class ServoLoop:
 
     def assist(self, hook: int, height: float) -> None:
         """Set the target of a hook without a device: mm along the pull; 0 lets go."""
+        if self._twin is not None:
+            self._twin.assist(hook, height)
         self.hooks_led[hook, 2] = height
         self._held[hook] = height > 0.0
 
     def step(self, units: NDArray[np.int64], inputs: Sequence[int]) -> None:
         """Advance by one period: `units` (H, 3) in `PLACE_UNIT`, `inputs` (H,) bits."""
         ways, bits, hands = self._ways, self._bits, self.hands
+        self._last = units, inputs
         for hand in range(hands):
             bits[hand] = inputs[hand] | TAKE if self.holds[hand] else inputs[hand]
         if not self._begun:

@@ -283,9 +283,11 @@ class ServoEnd:
         loop.ended = setting is None
         if setting is not None:
             try:
-                model = setting.model(loop.model.coupling, loop.settings.period, loop.hands)
                 loop.holds[:] = [setting.hold] * loop.hands
-                loop.feel(model)
+                period = loop.settings.period
+                loop.feel(
+                    *(setting.model(loop.model.coupling, period, loop.hands) for _ in range(2))
+                )
             except ValueError as error:
                 loop.ended = True
                 with suppress(OSError):
@@ -308,8 +310,10 @@ def _serve(
         with opened_devices(named) as devices:
             limits = least_limits(devices)
             coupling = passive_coupling(limits.damping, settings.rate)
-            model = setting.model(coupling, settings.period, len(devices))
-            loop = ServoLoop(model, replace(settings, hold=setting.hold), limits, len(devices))
+            model, twin = (setting.model(coupling, settings.period, len(devices)) for _ in range(2))
+            loop = ServoLoop(
+                model, replace(settings, hold=setting.hold), limits, len(devices), twin
+            )
     except ValueError as error:
         with suppress(OSError):
             pipe.send(("failed", str(error)))

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.exact import newton, sampling
@@ -15,7 +16,7 @@ from physics.exact.linear_law import Linear
 from physics.exact.mesh import element_bounds
 from physics.exact.neo_hooke_law import NeoHooke
 from physics.exact.points import fill_points
-from physics.exact.state import new_state
+from physics.exact.state import KERNEL, Array, State, new_state
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
@@ -223,6 +224,20 @@ class ExactPull(Pull):
             raise self._no_equilibrium(outcome, words)
         return self
 
+    def lift(self, deflection: float, compliance: float) -> tuple[float, float, float]:
+        """Hold by one grip in one compiled call; return force, deflection and strain energy."""
+        # `deflection`, mm, is that of the grip, of a `compliance`, mm/N.
+        unit, line = self._force_unit, self._line
+        line[at.COMPLIANCE] = compliance * unit / self._span
+        outcome, energy = _lift(
+            self._state, self._fibres, self._grasp, self._part, deflection / self._span
+        )
+        self._read()
+        if outcome != at.FOUND:
+            raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
+        energy *= unit * self._span * (2.0 if self._half else 1.0)
+        return self.force, self.deflection, energy
+
     def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
         """Set the compliance of a grip; return what is prescribed and of which kind."""
         self._line[compliance] = hold.compliance * self._force_unit / self._span
@@ -322,6 +337,18 @@ class ExactPull(Pull):
             shear_force=-samples[sampling.TRANSVERSE] * side * self._force_unit,
             strain_energy=self.strain_energy,
         )
+
+
+@njit(nogil=True, **KERNEL)
+def _lift(
+    state: State, fibres: Array | None, grasp: int | None, part: int, target: float
+) -> tuple[int, float]:
+    """Solve for a deflection; return the outcome and the strain energy."""
+    outcome = newton.solve(state, fibres, grasp, at.BY_DEFLECTION, target)
+    if outcome != at.FOUND:
+        return outcome, 0.0
+    fill_points(state, fibres, part, 4)
+    return outcome, sampling.strain_energy(state, fibres, part)
 
 
 def _words(hold: Hold) -> str:
