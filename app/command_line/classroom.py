@@ -1,7 +1,9 @@
 """`bluntdissect class`: a class with its teacher and trainees, and what is kept of it."""
 
+from collections.abc import Callable
+from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -21,100 +23,143 @@ LOOKS = ("auto", "full", "plain")
 program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
 
 Title = Annotated[str, typer.Argument(help="Title of the class, or its file.", metavar="CLASS")]
-Host = Annotated[
-    str, typer.Option(help="Address to serve; 0.0.0.0 lets other machines in by the links.")
-]
-Port = Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")]
-Organ = Annotated[
-    Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
-]
-PresetName = Annotated[
-    str | None,
-    typer.Option(
-        help=f"Material and beam of the duct: {PRESET_HELP}",
-        show_default="of the shipped duct the first, of any other organ assumed-duct",
-    ),
-]
-Look = Annotated[str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")]
-MostClients = Annotated[int, typer.Option(help="Trainees at a time.")]
-Certificate = Annotated[
-    Path | None, typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET)
-]
-Key = Annotated[
-    Path | None,
-    typer.Option(help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET),
-]
-PublicUrl = Annotated[
-    str | None,
-    typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
-]
-TrustProxy = Annotated[
-    str | None,
-    typer.Option(help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET),
-]
+
+
+def _check(host: str, port: int, look: str, **_: object) -> None:
+    if look not in LOOKS:
+        raise ValueError(f"--look must be auto, full or plain, not {look}")
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port must be from 0 to 65535, not {port}")
+    if not host:
+        raise ValueError("--host must be an address")
+
+
+def _open(
+    store: "ClassStore",
+    *,
+    host: Annotated[
+        str, typer.Option(help="Address to serve; 0.0.0.0 lets other machines in by the links.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
+    organ: Annotated[
+        Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Material and beam of the duct: {PRESET_HELP}",
+            show_default="of the shipped duct the first, of any other organ assumed-duct",
+        ),
+    ] = None,
+    look: Annotated[
+        str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
+    ] = "auto",
+    most_clients: Annotated[int, typer.Option(help="Trainees at a time.")] = 64,
+    certificate: Annotated[
+        Path | None,
+        typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET),
+    ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET
+        ),
+    ] = None,
+    public_url: Annotated[
+        str | None,
+        typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
+    ] = None,
+    trust_proxy: Annotated[
+        str | None,
+        typer.Option(
+            help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET
+        ),
+    ] = None,
+) -> None:
+    """Serve a class until it is told to stop."""
+    if trust_proxy is not None and public_url is None:
+        raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
+    tls = tls_context(certificate, key)
+    ready_for_signals()
+    from app.simulation import chosen_preset
+    from app.trainer.server.bounds import Bounds
+    from app.trainer.server.guard import is_loopback
+
+    tissue = organ_from(organ)
+    chosen = None if preset is None else chosen_preset(preset)
+    bounds = Bounds(most_clients, max(most_clients + 2, 48))
+
+    chosen_look = cast("LookChoice", look)
+
+    def start() -> "Trainer":
+        from app.trainer.classroom.lesson import Lesson
+        from app.trainer.server.log import set_up_log
+        from app.trainer.server.trainer import Trainer
+
+        set_up_log("text")
+        return Trainer(
+            tissue, chosen, host=host, port=port, look=chosen_look, bounds=bounds, tls=tls,
+            public_url=public_url, trusted_proxy=trust_proxy,
+            lesson=Lesson(store, tissue, chosen),
+        )  # fmt: skip
+
+    def say(running: "Trainer") -> None:
+        print(f"Teacher: {running.teacher_link}", flush=True)
+        print(f"Trainees: {running.link}", flush=True)
+        if not (running.link.startswith("https") or is_loopback(host)):
+            print("Nothing is encrypted on its way.", flush=True)
+        print("Keep the first link to yourself. The second as a code:", flush=True)
+        draw_link(running.link)
+        print(f"{store.title} is kept in {store.path}", flush=True)
+
+    serve(start, say)
+
+
+def _serves(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of `_open` in place of its `**options`."""
+    own = [each for each in signature(command).parameters.values() if each.kind != each.VAR_KEYWORD]
+    shared = [each for each in signature(_open).parameters.values() if each.name != "store"]
+    vars(command)["__signature__"] = Signature([*own, *shared])
+    command.__annotations__ = {each.name: each.annotation for each in (*own, *shared)}
+    return command
 
 
 @program.command("new")
-def new(
-    title: Title,
-    host: Host = "127.0.0.1",
-    port: Port = 8080,
-    organ: Organ = None,
-    preset: PresetName = None,
-    look: Look = "auto",
-    most_clients: MostClients = 64,
-    certificate: Certificate = None,
-    key: Key = None,
-    public_url: PublicUrl = None,
-    trust_proxy: TrustProxy = None,
-) -> None:
+@_serves
+def new(title: Title, **options: Any) -> None:
     """Make a class and open it; it prints a link for the teacher and one for the trainees.
 
     Example: bluntdissect class new "Surgery 3A" --host 0.0.0.0
     """
     from app.classroom.store import ClassStore, class_path
 
-    _check(host, port, look)
+    _check(**options)
     store = ClassStore.new(class_path(title), Path(title).stem if _is_file(title) else title)
     try:
-        _open(
-            store, host, port, organ, preset, look, most_clients, certificate, key, public_url,
-            trust_proxy,
-        )  # fmt: skip
+        _open(store, **options)
     except (ValueError, OSError):  # it has never been open
         store.delete()
         raise
 
 
 @program.command("open")
+@_serves
 def open_class(
     title: Title,
-    host: Host = "127.0.0.1",
-    port: Port = 8080,
-    organ: Organ = None,
-    preset: PresetName = None,
-    look: Look = "auto",
-    most_clients: MostClients = 64,
     new_links: Annotated[
         bool, typer.Option("--new-links", help="Make new links; the old ones no longer open it.")
     ] = False,
-    certificate: Certificate = None,
-    key: Key = None,
-    public_url: PublicUrl = None,
-    trust_proxy: TrustProxy = None,
+    **options: Any,
 ) -> None:
     """Open a class again: with the same port its links and its people are the same.
 
     Example: bluntdissect class open "Surgery 3A" --host 0.0.0.0
     """
-    _check(host, port, look)
+    _check(**options)
     store = _store(title)
     if new_links:
         store.renew_links()
-    _open(
-        store, host, port, organ, preset, look, most_clients, certificate, key, public_url,
-        trust_proxy,
-    )  # fmt: skip
+    _open(store, **options)
 
 
 @program.command("list")
@@ -210,64 +255,3 @@ def _store(title: str) -> "ClassStore":
     from app.classroom.store import ClassStore, class_path
 
     return ClassStore(class_path(title))
-
-
-def _check(host: str, port: int, look: str) -> None:
-    if look not in LOOKS:
-        raise ValueError(f"--look must be auto, full or plain, not {look}")
-    if not 0 <= port <= 65535:
-        raise ValueError(f"--port must be from 0 to 65535, not {port}")
-    if not host:
-        raise ValueError("--host must be an address")
-
-
-def _open(
-    store: "ClassStore",
-    host: str,
-    port: int,
-    organ: Path | None,
-    preset: str | None,
-    look: str,
-    most_clients: int,
-    certificate: Path | None,
-    key: Path | None,
-    public_url: str | None,
-    trust_proxy: str | None,
-) -> None:
-    """Serve a class until it is told to stop."""
-    if trust_proxy is not None and public_url is None:
-        raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
-    tls = tls_context(certificate, key)
-    ready_for_signals()
-    from app.simulation import chosen_preset
-    from app.trainer.server.bounds import Bounds
-    from app.trainer.server.guard import is_loopback
-
-    tissue = organ_from(organ)
-    chosen = None if preset is None else chosen_preset(preset)
-    bounds = Bounds(most_clients, max(most_clients + 2, 48))
-
-    chosen_look = cast("LookChoice", look)
-
-    def start() -> "Trainer":
-        from app.trainer.classroom.lesson import Lesson
-        from app.trainer.server.log import set_up_log
-        from app.trainer.server.trainer import Trainer
-
-        set_up_log("text")
-        return Trainer(
-            tissue, chosen, host=host, port=port, look=chosen_look, bounds=bounds, tls=tls,
-            public_url=public_url, trusted_proxy=trust_proxy,
-            lesson=Lesson(store, tissue, chosen),
-        )  # fmt: skip
-
-    def say(running: "Trainer") -> None:
-        print(f"Teacher: {running.teacher_link}", flush=True)
-        print(f"Trainees: {running.link}", flush=True)
-        if not (running.link.startswith("https") or is_loopback(host)):
-            print("Nothing is encrypted on its way.", flush=True)
-        print("Keep the first link to yourself. The second as a code:", flush=True)
-        draw_link(running.link)
-        print(f"{store.title} is kept in {store.path}", flush=True)
-
-    serve(start, say)

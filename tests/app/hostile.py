@@ -106,9 +106,11 @@ def kept_share(address: str, attack: str, seconds: float = 3.0) -> float:
             hostile.submit(time.monotonic).result()  # the process is there
             quiet = await frames_each_second(page, seconds)
             done = hostile.submit(run_attack, address, attack, seconds)
-            share = await frames_each_second(page, seconds) / quiet
+            attacked = await frames_each_second(page, seconds)
             done.result()
-            return share
+            if quiet == 0.0:
+                raise RuntimeError(f"no frame came in {seconds:g} s of peace")
+            return attacked / quiet
 
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as hostile:
         return asyncio.run(witness(hostile))

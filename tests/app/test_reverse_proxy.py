@@ -128,6 +128,9 @@ def test_only_the_proxy_is_believed_and_only_about_the_last_address(
             assert Answer(port, forwarded).status == 200
             assert Answer(port, forwarded | {"X-Forwarded-For": "no address"}).status == 200
             assert Answer(port, forwarded | {"Host": "localhost"}).status == 403
+            # A container asks itself whether it is well, and that only.
+            for host, status in (("127.0.0.1:8080", 200), ("192.0.2.9", 403)):
+                assert Answer(port, {"Host": host}, "/healthz").status == status
             assert Answer(port, forwarded | {"Origin": "http://localhost"}).status == 403
         finally:
             stop_server(server)
