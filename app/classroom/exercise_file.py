@@ -141,7 +141,7 @@ def read_exercise(content: str) -> ExerciseFile:
         raise ValueError(f"an exercise file has at most {LONGEST_FILE:,} characters")
     try:
         return msgspec.toml.decode(content, type=ExerciseFile)
-    except (msgspec.MsgspecError, ValueError) as error:
+    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
         raise ValueError(f"this is no exercise file: {error}") from None
 
 

@@ -80,5 +80,5 @@ def hook_path(lift: float | None, path: str | None) -> tuple[tuple[float, float,
     try:
         points = json.loads(path)
         return tuple((float(x), float(y), float(z)) for x, y, z in points)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         raise ValueError(f"--path must be JSON of points [[x,y,z],...] in mm, not {path}") from None

@@ -128,7 +128,7 @@ def read_device_run(content: bytes) -> DeviceRun:
     """Return the run in a file."""
     try:
         run = msgspec.json.decode(content, type=DeviceRun)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise ValueError(f"this is no device run: {error}") from error
     if (run.format, run.version) != (FORMAT, VERSION):
         raise ValueError(f"this is a {run.format} of version {run.version}, not {FORMAT} {VERSION}")

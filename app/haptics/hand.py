@@ -75,5 +75,5 @@ def read_hand(path: Path) -> HandScript:
         return msgspec.toml.decode(path.read_bytes(), type=HandScript)
     except OSError as error:
         raise ValueError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is no hand: {error}") from error

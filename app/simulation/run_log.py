@@ -188,7 +188,7 @@ def run_version(content: bytes) -> int:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     try:
         return msgspec.json.decode(content, type=_Head).version
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise RunFileError(f"not a run of bluntdissect: {error}") from None
 
 
@@ -208,7 +208,7 @@ def decoded_run(content: bytes, kind: type[FileT]) -> FileT:
     """Return a file of a kind of run, not yet checked."""
     try:
         return msgspec.json.decode(content, type=kind)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise RunFileError(f"a damaged run: {error}") from None
 
 

@@ -529,6 +529,7 @@ def test_the_command_says_when_the_measures_are_others(
 
 
 def test_the_command_refuses_what_is_no_run(tmp_path: Path) -> None:
-    (tmp_path / "no.json").write_text("{}")
-    assert "not a run" in refused(("replay", tmp_path / "no.json"))
+    for content in ("{}", '{"format":' + 100_000 * "["):
+        (tmp_path / "no.json").write_text(content)
+        assert "not a run" in refused(("replay", tmp_path / "no.json"))
     assert "no-such" in refused(("replay", tmp_path / "no-such.json"))

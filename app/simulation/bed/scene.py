@@ -357,7 +357,7 @@ def read_scene(path: Path) -> PeelScene:
     """Return the scene in a file."""
     try:
         return msgspec.toml.decode(path.read_bytes(), type=PeelScene)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is no TOML file: it is not text") from None
