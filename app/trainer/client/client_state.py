@@ -181,9 +181,18 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def start_exercise(self, exercise: Any, feedback: Feedback) -> None:
         """Start anew with an exercise."""
 
-    @abstractmethod
     def start_again(self, run: FileT) -> None:
         """Start the exercise of a run again."""
+        if run.log.exercise is not None:
+            self.start_exercise(run.log.exercise, run.log.feedback)
+
+    def _renew(self, start: Callable[[], object]) -> None:
+        """Keep the run so far, and start anew."""
+        self.release_hand()
+        self.keep_run()
+        start()
+        self._paused = False
+        self._changed = True
 
     @abstractmethod
     def run_so_far(self) -> FileT:

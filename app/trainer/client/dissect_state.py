@@ -125,18 +125,10 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         duct = self.session.duct
         return duct.dissection, duct.bed, duct.seed, duct.threshold
 
-    def start_again(self, run: DissectionFile) -> None:
-        """Start the exercise of a run again."""
-        if run.log.exercise is not None:
-            self.start_exercise(run.log.exercise, run.log.feedback)
-
     def start_exercise(self, exercise: BedExercise, feedback: Feedback) -> None:
         """Start anew with an exercise, in its bed."""
-        self.release_hand()
-        self.keep_run()
         self.leave_replay()
-        self.session.start_exercise(exercise, feedback)
-        self._begin()
+        self._renew(lambda: self.session.start_exercise(exercise, feedback))
 
     # Devices
 
@@ -198,29 +190,16 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def choose_bed(self, name: str, seed: int) -> None:
         """Start anew in another bed."""
-        self.release_hand()
-        self.keep_run()
-        self.session.choose_bed(bed_named(name), seed)
-        self._begin()
+        self._renew(lambda: self.session.choose_bed(bed_named(name), seed))
 
     def choose_preset(self, preset: Preset) -> None:
         """Start anew with another duct."""
-        self.release_hand()
-        self.keep_run()
-        self.session.choose_preset(preset)
-        self._begin()
+        self._renew(lambda: self.session.choose_preset(preset))
 
     def reset(self) -> None:
         """Make the duct and its bed whole, and bring the view home."""
-        self.release_hand()
-        self.keep_run()
-        self.session.reset()
-        self._begin()
+        self._renew(self.session.reset)
         self.bring_home()
-
-    def _begin(self) -> None:
-        self._paused = False
-        self._changed = True
 
     # The mouse
 

@@ -88,7 +88,7 @@ class PullState(ClientState[Session, RunFile]):
 
     def reset(self) -> None:
         """Make the duct whole and bring the view home; the next pull starts a run."""
-        self._renew()
+        self._renew(self.session.reset)
         self.pulls += 1
         self.bring_home()
 
@@ -136,12 +136,10 @@ class PullState(ClientState[Session, RunFile]):
         self, exercise: Exercise, feedback: Feedback, grasp: float | None = None
     ) -> None:
         """Start anew with an exercise."""
-        self.keep_run()
         self.leave_replay()
-        self.session.start_exercise(exercise, feedback, grasp, self.exercise_inputs)
+        session, inputs = self.session, self.exercise_inputs
+        self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
         self.pulls += 1
-        self._paused = False
-        self._changed = True
 
     def grab_by_device(self) -> bool:
         """Grab the duct with the device's hand, at the hook; return whether it holds."""
@@ -216,17 +214,11 @@ class PullState(ClientState[Session, RunFile]):
             return True
         return False
 
-    def _renew(self) -> None:
-        self.keep_run()
-        self.session.reset()
-        self._paused = False
-        self._changed = True
-
     def _begin_anew(self, pulls: bool) -> bool:
         """Reset for a new run when the end of the last one was told and the duct is still whole."""
         session = self.session
         told = session.run.over and not self.has_end_to_tell
         renew = pulls and told and session.reading().phase is Phase.INTACT
         if renew:
-            self._renew()
+            self._renew(session.reset)
         return renew
