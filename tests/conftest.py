@@ -12,6 +12,8 @@ from hypothesis import settings
 # Scripts of `make soak` and `make screenshots`; one needs a fuzzer that only the former installs.
 SCRIPTS = ("soak", "kill_fuzz", "file_fuzz", "screenshots", "film")
 collect_ignore = [f"app/{name}.py" for name in SCRIPTS]
+COMPILE = ("bed", "closed_forms", "many", "exact", "two_grasps")
+"""Tests of physics that compile the kernels on which all others wait."""
 
 # A machine may be busy.
 settings.register_profile("without deadline", deadline=None)
@@ -19,6 +21,12 @@ settings.load_profile("without deadline")
 
 # A shell's background job ignores interrupts, and what it starts would too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let one process compile the bed and the other the exact beam, before they share both."""
+    first = {f"test_{name}.py": rank for rank, name in enumerate(COMPILE)}
+    items.sort(key=lambda item: first.get(item.path.name, len(first)))
 
 
 @pytest.fixture(scope="session")

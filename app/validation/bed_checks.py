@@ -16,8 +16,8 @@ from physics.bed.peel_theory import (
 
 __all__ = ["BedCheck", "bed_checks"]
 
-ANGLES = (30, 60, 90, 120, 150)
-"""Degrees at which a strip is peeled."""
+PEELS = (*((degrees, 8.0) for degrees in (30, 60, 90, 120, 150)), (30, 20.0), (150, 20.0))
+"""Degrees at which a strip is peeled, and its stretching stiffness, N."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,7 @@ def bed_checks() -> list[BedCheck]:
         hetenyi(6.85),
         order_of_convergence(),
         kanninen(),
-        *(kendall(degrees) for degrees in ANGLES),
-        *(kendall(degrees, stretching=20.0) for degrees in (30, 150)),
+        *(kendall(*each) for each in PEELS),
         double_peel(),
         *resolutions(),
         mirrored(),
@@ -186,7 +185,7 @@ def kanninen() -> BedCheck:
     )
 
 
-def kendall(degrees: int, stretching: float = 8.0) -> BedCheck:
+def kendall(degrees: int, stretching: float) -> BedCheck:
     """Peel a strip off at an angle [Kendall 1975]: mean of the last 30 of 40 mm."""
     # Strands are short, so that they soon resist sliding: pulled along as far as its clamp, the
     # strip that still holds would be part of the balance, which is Kendall's for an endless one.
