@@ -19,7 +19,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.trainer_clients import machine_speed
 
-__all__ = ["LOOKS", "page_figures"]
+__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "SWITCHES", "page_figures"]
 
 LOOKS = ("full", "plain")
 SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -43,7 +43,7 @@ _ANSWER = """
   look();
 })
 """
-_PICTURES = """
+PICTURES = """
 (seconds) => new Promise((done) => {
   let pictures = 0;
   const start = performance.now();
@@ -116,7 +116,7 @@ def page_figures(look: str) -> dict[str, float]:
         slider = page.get_by_role("slider", name="Force")
         slider.focus()
         page.evaluate(
-            f"() => {{ window.bdPictures = ({_PICTURES})({PULLING_SECONDS}); }}",
+            f"() => {{ window.bdPictures = ({PICTURES})({PULLING_SECONDS}); }}",
         )
         end = time.perf_counter() + PULLING_SECONDS
         while time.perf_counter() < end:

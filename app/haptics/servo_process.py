@@ -7,6 +7,7 @@ the trainer ends, the pipe closes and the force ends.
 
 import multiprocessing
 import signal
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from app.haptics.felt_duct import FeltDuct, FeltModel
 from app.haptics.felt_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.haptics.servo_report import ServoReport
 from app.simulation.bed import Touch
 from physics import Beam, Theory
 from physics.bed import BeamOnBed
@@ -45,6 +47,8 @@ NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
 TIP, FORCE, PEAK, STATION, ROW = 0, 3, 6, 7, 8
 POLL_PERIODS = 8
 """Periods between two reads of the pipe."""
+STOP_SECONDS = 1.0
+"""Time in which a servo reports when it is stopped."""
 OPEN_SECONDS = 30.0
 """Time in which a device must be open, s; compilation takes most of it."""
 
@@ -189,6 +193,7 @@ class ServoProcess(ServoLink):
         self._process.start()
         theirs.close()
         self._ended: str | None = None
+        self.report: ServoReport | None = None
         said: tuple[str, str] | None = None
         with suppress(EOFError, OSError):
             if self._pipe.poll(OPEN_SECONDS):
@@ -205,17 +210,23 @@ class ServoProcess(ServoLink):
         if self._ended is None:
             with suppress(EOFError, OSError):
                 while self._pipe.poll():
-                    kind, words = self._pipe.recv()
+                    kind, said = self._pipe.recv()
                     if kind == "ended":
-                        self._ended = words
+                        self.report = said
+                        self._ended = said.ended_by
                     else:
-                        self.unfelt = words
+                        self.unfelt = said
             if self._ended is None and not self._process.is_alive():
                 self._ended = "its process has ended"
         return self._ended
 
     def stop(self) -> None:
-        """Stop the force and end the process."""
+        """Stop the force and end the process; then there is a `report`, if it had opened."""
+        self._send(None)
+        end = time.monotonic() + STOP_SECONDS
+        while self.ended is None and time.monotonic() < end:
+            with suppress(OSError):
+                self._pipe.poll(0.05)
         self._pipe.close()
         self._process.join(timeout=3.0)
         if self._process.is_alive():
@@ -245,7 +256,9 @@ class ServoEnd:
             return None
         try:
             while self._pipe.poll():
-                self._messages.append(self._pipe.recv())
+                if (message := self._pipe.recv()) is None:
+                    return "the trainer has ended"
+                self._messages.append(message)
         except (EOFError, OSError):
             return "the trainer has ended"
         return None
@@ -324,5 +337,5 @@ def _serve(
     servo = Servo(devices, loop, real_time(), keeps=False)
     report = servo.run(None, felt.stopped, lambda: felt.watch(loop))
     with suppress(OSError):
-        pipe.send(("ended", report.ended_by))
+        pipe.send(("ended", report))
     pipe.close()

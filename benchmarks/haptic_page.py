@@ -1,0 +1,219 @@
+"""A servo beside a page in Chromium that pulls and dissects, and a bare loop beside the same page.
+
+``python -m benchmarks.haptic_page MINUTES`` takes so many minutes for each of four parts; it needs
+Chromium and playwright, and for the servo's scheduling a privilege (docs/haptics.md). In *Pull* and
+in *Dissect* a page is led by the trainer's device, a simulated hand behind Haply's protocol. Before
+that the same movements lead the page without a device or a force, beside a loop that does nothing:
+each figure of the servo and of the page has the machine's own share beside it.
+"""
+
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from shutil import which
+from typing import Any, Literal, cast
+
+import msgspec
+import numpy as np
+from playwright.sync_api import sync_playwright
+from rich.console import Console
+
+from app.command_line.load import shipped_organ
+from app.haptics.device import DeviceOptions
+from app.haptics.servo_loop import LoopSettings
+from app.haptics.servo_process import (
+    BedSetting,
+    FeltSetting,
+    HookSnapshot,
+    ServoProcess,
+    Snapshot,
+)
+from app.haptics.servo_report import ServoReport
+from app.simulation.bed import Touch
+from app.trainer.server.trainer import Trainer
+from benchmarks.browser_page import PATIENCE_MS, PICTURES, SWITCHES
+from benchmarks.haptic_servo import virtual_service
+
+__all__ = ["figures_beside_page"]
+
+Where = Literal["pull", "dissect"]
+CYCLE, LIFT = 4.0, 9.0
+"""Of the movement: its time, s, and its height, mm."""
+ASIDE = (-12.0, 0.0, 12.0)
+"""Where along the duct it lifts, one after the other, mm from the middle."""
+NEW_DUCT = 3 * CYCLE
+HAND = "repeats = true\n[hand]\nstiffness_N_per_m = 700\ndamping_N_s_per_m = 8\ntremor_mm = 0.05\n"
+LIMITS = {"step, 99.9 %, us": 60.0, "over 1.5 ms, %": 0.5, "state to force, 99 %, us": 1500.0}
+
+
+def hand() -> str:
+    """Return the TOML of a hand that lifts the duct at one place after the other."""
+    text, time_s = HAND, 0.0
+    for aside in ASIDE:
+        for part, up, button in ((0.05, 0.0, "[]"), (0.15, 0.0, '["a"]'), (0.5, LIFT, '["a"]'),
+                                 (0.85, 0.0, '["a"]'), (0.95, 0.0, "[]")):  # fmt: skip
+            text += (f"[[path]]\ntime_s = {time_s + part * CYCLE}\n"
+                     f"offset_mm = [{aside}, 0, {up}]\nbuttons = {button}\n")  # fmt: skip
+        time_s += CYCLE
+    return text
+
+
+class Led:
+    """The same movement in place of a servo: without a device, a process or a force."""
+
+    device, hands = "a movement without a device", 1
+    ended = unfelt = report = None
+
+    def __init__(self) -> None:
+        self._generation, self._start = 0, time.monotonic()
+        self._rest = np.zeros(3)
+
+    def feel(self, setting: FeltSetting | None) -> int:
+        """Begin at the duct's hook."""
+        if isinstance(setting, BedSetting):
+            self._rest = setting.tips[0]
+        self._generation += 1
+        return self._generation
+
+    def lead(self, touch: Touch | None, holds: object) -> None:
+        """Feel nothing of another hand."""
+
+    def snapshot(self) -> Snapshot:
+        """Return where the hook is now."""
+        turn = (time.monotonic() - self._start) / CYCLE
+        part, aside = turn % 1.0, ASIDE[int(turn) % len(ASIDE)]
+        up = LIFT * math.sin(math.pi * min(max((part - 0.15) / 0.7, 0.0), 1.0)) ** 2
+        bedded = bool(self._rest.any())
+        tip = self._rest + np.array([aside if bedded else 0.0, 0.0, up])
+        held = bedded and 0.1 < part < 0.9
+        hook = HookSnapshot(tip, np.zeros(3), float(tip[2]), float(tip[0]) if held else None)
+        return Snapshot(self._generation, False, (hook,))
+
+    def stop(self) -> None:
+        """End nothing."""
+
+
+def serve(where: Where, address: str | None) -> None:
+    """Serve a trainer; at a line on stdin, print its ticks and the servo's report."""
+    settings = LoopSettings(hold=where == "pull")
+
+    def servo(setting: FeltSetting) -> ServoProcess:
+        if address is None:
+            return cast(ServoProcess, Led())
+        return ServoProcess([("haply", DeviceOptions(address, settings.period))], settings, setting)
+
+    made: list[ServoProcess] = []
+
+    def kept(setting: FeltSetting) -> ServoProcess:
+        made.append(servo(setting))
+        return made[-1]
+
+    trainer = Trainer(shipped_organ(), port=0, mode=where, haptics=kept)
+    trainer.warm_up.done.wait()
+    print(trainer.address, flush=True)
+    sys.stdin.readline()
+    drawn = max(trainer.frames.values(), default=0)
+    told = {"ticks": trainer.timer.ticks, "missed": trainer.timer.missed, "drawn": drawn}
+    trainer.stop()
+    print(msgspec.json.encode({**told, "servo": made[0].report}).decode(), flush=True)
+
+
+def beside_page(
+    where: Where, seconds: float, address: str | None, beside: Callable[[], Any]
+) -> dict[str, Any]:
+    """Return the figures of a page that a device leads, or the same movement without one."""
+    chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
+    if chromium is None:
+        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
+    command = [sys.executable, "-W", "ignore::UserWarning", "-m", __spec__.name, "serve", where]
+    with (
+        subprocess.Popen([*command, *([address] if address else [])], text=True,
+                         stdin=subprocess.PIPE, stdout=subprocess.PIPE) as trainer,
+        sync_playwright() as playwright,
+    ):  # fmt: skip
+        assert trainer.stdin is not None
+        assert trainer.stdout is not None
+        browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
+        try:
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.set_default_timeout(PATIENCE_MS)
+            page.goto(f"{trainer.stdout.readline().strip()}/?fixedDpr=1")
+            page.get_by_role("dialog").get_by_role("button", name="Start").click()
+            start = time.monotonic()
+            page.evaluate(f"() => {{ window.bdPictures = ({PICTURES})({seconds}); }}")
+            peer = beside()
+            while time.monotonic() - start < seconds:
+                page.wait_for_timeout(1e3 * min(NEW_DUCT, seconds))
+                page.keyboard.press("r")  # a new duct, held by all of its strands
+            pictures = float(page.evaluate("() => window.bdPictures"))
+            lasted = time.monotonic() - start
+            print(file=trainer.stdin, flush=True)
+            told: dict[str, Any] = msgspec.json.decode(trainer.stdout.readline())
+        finally:
+            browser.close()
+            trainer.terminate()
+    figures: dict[str, Any] = {
+        "pictures the page drew a second": pictures,
+        "pictures the trainer sent a second": told["drawn"] / lasted,
+        "ticks missed, %": 100.0 * told["missed"] / max(told["ticks"] + told["missed"], 1),
+    }
+    if address is None:
+        bare = peer()
+        return {**figures, "over 1.5 ms, %": bare["missed_percent"],
+                "period, 99.9 %, us": bare["period_p99_9_us"]}  # fmt: skip
+    report = msgspec.convert(told["servo"], ServoReport)
+    return {
+        "step, median, us": report.step_us.median,
+        "step, 99.9 %, us": report.step_us.p99_9,
+        "over 1.5 ms, %": 100.0 * report.missed_part,
+        "period, 99.9 %, us": report.period_us.p99_9,
+        "state to force, 99 %, us": report.state_to_force_us.p99,
+        "books close to": report.energy_mJ.residual_of_peak,
+        "periods": report.periods,
+        "scheduled": report.scheduling,
+        **figures,
+    }
+
+
+def figures_beside_page(seconds: float) -> dict[str, dict[str, Any]]:
+    """Return the figures of each part, which takes so many seconds."""
+
+    def bare() -> Callable[[], Any]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.haptic_servo", "bare", str(seconds)],
+            stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        return lambda: msgspec.json.decode(process.communicate()[0])
+
+    figures: dict[str, dict[str, Any]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        script = Path(folder) / "hand.toml"
+        script.write_text(hand())
+        for where in ("pull", "dissect"):
+            figures[f"{where}, bare loop"] = beside_page(where, seconds, None, bare)
+            with virtual_service(script) as address:
+                figures[f"{where}, servo"] = beside_page(where, seconds, address, lambda: None)
+    return figures
+
+
+def main() -> None:
+    """Measure, and print the figures with those that are to be reached."""
+    console, seconds = Console(), 60.0 * float(sys.argv[1])
+    for part, figures in figures_beside_page(seconds).items():
+        console.print(f"\n{part}, {seconds:g} s", highlight=False)
+        for name, value in figures.items():
+            limit = LIMITS.get(name) if "servo" in part else None
+            words = f"{value:.4g}" if isinstance(value, float) else str(value)
+            wanted = "" if limit is None else f"   (wanted: {limit:g} or less)"
+            console.print(f"  {name:<36} {words}{wanted}", highlight=False)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "serve":
+        serve(cast(Where, sys.argv[2]), sys.argv[3] if len(sys.argv) > 3 else None)
+    else:
+        main()
