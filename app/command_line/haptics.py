@@ -180,15 +180,13 @@ def _serve(address: str, hand: Path | None) -> None:
 
 def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     """Make a run again and say whether its forces are the same to the bit."""
-    from app.haptics.device_run import read_device_run
+    from app.bounded_file import read_bounded
+    from app.haptics.device_run import MOST_BYTES, read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
     from app.simulation import chosen_preset
     from app.simulation.bed import bed_named
 
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read {file}: {(error.strerror or str(error)).lower()}") from error
+    content = read_bounded(file, MOST_BYTES, "device run")
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
     choice = DuctChoice.of(

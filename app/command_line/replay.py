@@ -57,6 +57,7 @@ def replay(
     """
     import msgspec
 
+    from app.bounded_file import read_bounded
     from app.simulation import MOST_BYTES, Replay, series_csv, versions
     from app.simulation.bed import DissectionFile, DissectionReplay, dissection_csv, read_any_run
 
@@ -64,12 +65,7 @@ def replay(
         _check_output(output)
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
-    try:
-        with run.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise ValueError(f"cannot read {run}: {(error.strerror or str(error)).lower()}") from error
-    original = read_any_run(content)
+    original = read_any_run(read_bounded(run, MOST_BYTES, "run"))
     if csv is not None and not csv.parent.is_dir():
         raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
     shape = organ_from(organ)

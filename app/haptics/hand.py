@@ -7,8 +7,11 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from app.bounded_file import read_bounded
+
 __all__ = ["HandScript", "SimulatedHand", "SimulatedHardware", "Waypoint", "read_hand"]
 
+MOST_BYTES = 1_000_000
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
 Place = tuple[float, float, float]
@@ -72,8 +75,6 @@ class HandScript(Struct, frozen=True, forbid_unknown_fields=True):
 def read_hand(path: Path) -> HandScript:
     """Return the hand in a TOML file."""
     try:
-        return msgspec.toml.decode(path.read_bytes(), type=HandScript)
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
+        return msgspec.toml.decode(read_bounded(path, MOST_BYTES, "hand"), type=HandScript)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is no hand: {error}") from error

@@ -8,6 +8,7 @@ the message that it answers; one that is late is read and left.
 import socket
 import time
 from collections import deque
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -43,9 +44,19 @@ SLACK = 5e-3
 
 
 class HaplyDevice:
-    """An Inverse3 behind an open connection; `version` is that of the service's messages."""
+    """An Inverse3 behind an open connection; `version` is that of the service's messages.
 
-    def __init__(self, options: DeviceOptions) -> None:
+    `clock`, s, and `connect` are what time and connections are taken from.
+    """
+
+    def __init__(
+        self,
+        options: DeviceOptions,
+        *,
+        clock: Callable[[], float] = time.perf_counter,
+        connect: Callable[[tuple[str, int], float], socket.socket] = socket.create_connection,
+    ) -> None:
+        self._clock = clock
         host, port = websocket_address(options.address)
         self._address = options.address
         self._patience = min(STALE_SECONDS, 4.0 * options.period)
@@ -56,7 +67,7 @@ class HaplyDevice:
         self._profile: str | None = PROFILE
         self._encoder = msgspec.json.Encoder()
         try:
-            self._socket = socket.create_connection((host, port), CONNECT_SECONDS)
+            self._socket = connect((host, port), CONNECT_SECONDS)
         except OSError as error:
             why = (error.strerror or str(error)).lower()
             raise DeviceError(
@@ -81,7 +92,7 @@ class HaplyDevice:
 
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
         """Send a force and wait for the state that answers it; see `Device`."""
-        now = time.perf_counter()
+        now = self._clock()
         # A service that is behind is not sent more, but for a sign of life now and then.
         if not self._sent or now - self._sent[-1] > STALE_SECONDS:
             x, y, z = force.tolist() if not self._sent else (0.0, 0.0, 0.0)
@@ -89,7 +100,7 @@ class HaplyDevice:
         deadline = now + self._patience
         while True:
             try:
-                self._socket.settimeout(max(deadline - time.perf_counter(), 1e-5))
+                self._socket.settimeout(max(deadline - self._clock(), 1e-5))
                 content = self._socket.recv(65536)
             except TimeoutError:
                 self._trouble = f"no state within {1e3 * self._patience:g} ms"
@@ -99,7 +110,7 @@ class HaplyDevice:
             if self._read(content, state):
                 return True
             # Whatever came answers what was sent: nothing more will.
-            if not self._sent or time.perf_counter() > deadline:
+            if not self._sent or self._clock() > deadline:
                 return False
 
     def trouble(self) -> str | None:
@@ -138,9 +149,9 @@ class HaplyDevice:
 
     def _inventory(self) -> ServiceMessage:
         """Wait for the first message, with a device in it."""
-        deadline = time.perf_counter() + CONNECT_SECONDS
+        deadline = self._clock() + CONNECT_SECONDS
         protocol = self._protocol
-        while time.perf_counter() < deadline:
+        while self._clock() < deadline:
             for event in protocol.events_received():
                 if not isinstance(event, Frame) or event.opcode is not Opcode.TEXT:
                     continue
@@ -168,7 +179,7 @@ class HaplyDevice:
         self._profile = None
         self._protocol.send_text(self._encoder.encode(message))
         self._flush()
-        self._sent.append(time.perf_counter())
+        self._sent.append(self._clock())
 
     def _flush(self) -> None:
         try:
@@ -193,7 +204,7 @@ class HaplyDevice:
         return taken
 
     def _take(self, content: bytes, state: DeviceState) -> bool:
-        now = time.perf_counter()
+        now = self._clock()
         if not self._sent:
             self._trouble = "a state that answers no message"
             return False

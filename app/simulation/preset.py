@@ -6,6 +6,7 @@ from typing import Literal
 
 import msgspec
 
+from app.bounded_file import read_bounded
 from assets import PRESETS
 from physics import Beam, Theory, calibrated_threshold
 
@@ -213,9 +214,4 @@ def chosen_preset(text: str) -> Preset:
         raise ValueError(
             f"unknown preset {text!r}; there are: {', '.join(presets())}, or a file, *{SUFFIX}"
         )
-    try:
-        with Path(text).open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise ValueError(f"cannot read {text}: {(error.strerror or str(error)).lower()}") from error
-    return read_preset(content, text)
+    return read_preset(read_bounded(Path(text), MOST_BYTES, "preset"), text)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from app.bounded_file import read_bounded
 from app.simulation import LIMITS
 
 __all__ = ["Curve", "read_curves"]
@@ -71,12 +72,7 @@ def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
     ValueError
         If it is no such file.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"{path} has more than {MOST_BYTES:,} bytes: no measured curve")
+    content = read_bounded(path, MOST_BYTES, "measured curve")
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:

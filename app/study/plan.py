@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
+from app.bounded_file import read_bounded
 from app.simulation import Preset, preset_named, presets, read_preset
 from app.study.distribution import Choices, Distribution, distribution_of
 from app.study.inputs import BED, BED_INPUTS, DUCT_INPUTS, INPUTS, Input
@@ -125,12 +126,7 @@ class _Lines:
 def read_plan(path: Path, *, files: bool = True) -> Plan:
     """Return the plan in a file; a `ValueError` names the key and the line that are wrong."""
     # Without `files`, those that it names are not read: it can be looked at, not carried out.
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"{path} is no plan: it has more than {MOST_BYTES:,} bytes")
+    content = read_bounded(path, MOST_BYTES, "plan")
     try:
         text = content.decode()
         table = tomllib.loads(text)

@@ -2,25 +2,24 @@
 
 import json
 import socket
-import threading
-import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint
-from typing import Any
+from typing import Any, cast
 
 import haply_pages as pages
 import numpy as np
 import pytest
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.server import ServerConnection, serve
+from websockets.frames import Frame, Opcode
+from websockets.http11 import Request
+from websockets.server import ServerProtocol
 
 from app.haptics.device import DeviceError, DeviceOptions, DeviceState, device_names, open_device
 from app.haptics.hand import HandScript
 from app.haptics.haply_device import HaplyDevice
 
-Answer = Callable[[int, str | bytes], Sequence[str | bytes] | None]
-"""What a service sends for a message, the first of which has the number 0; None closes."""
+Answer = Callable[[int, bytes], Sequence[str | bytes | float] | None]
+"""What a service sends for a message, the first of which has the number 0; a number is a pause
+before what follows, s, and None closes."""
 
 
 def inventory(page: str = pages.INVENTORY_35) -> dict[str, Any]:
@@ -35,37 +34,71 @@ def state(z: float = 0.15, **others: Any) -> str:
     return json.dumps({**message, **others})
 
 
-@contextmanager
-def service(answer: Answer, first: str = pages.INVENTORY_35) -> Generator[tuple[str, list[Any]]]:
-    """A service of ours; gives its address and what it gets."""
-    heard: list[str | bytes] = []
+class Service:
+    """A service and the driver's socket to it, in one thread, with the clock of both.
 
-    def attend(connection: ServerConnection) -> None:
-        try:
-            connection.send(first)
-            for number, content in enumerate(connection):
-                heard.append(content)
-                answers = answer(number, content)
+    Time passes only while the driver waits, and what the service answers comes `ANSWERS_IN` later.
+    """
+
+    ANSWERS_IN = 2e-4
+
+    def __init__(self, answer: Answer, first: str = pages.INVENTORY_35) -> None:
+        self.now = 100.0
+        self.heard: list[bytes] = []
+        self.closed = False
+        self._answer, self._first = answer, first
+        self._protocol = ServerProtocol()
+        self._arriving: list[tuple[float, bytes]] = []
+        self._patience = 0.0
+
+    def sendall(self, data: bytes) -> None:
+        protocol, when = self._protocol, self.now + self.ANSWERS_IN
+        protocol.receive_data(data)
+        for event in protocol.events_received():
+            if isinstance(event, Request):
+                protocol.send_response(protocol.accept(event))
+                protocol.send_text(self._first.encode())
+            elif isinstance(event, Frame) and event.opcode in (Opcode.TEXT, Opcode.BINARY):
+                self.heard.append(bytes(event.data))
+                answers = self._answer(len(self.heard) - 1, bytes(event.data))
                 if answers is None:
-                    return
-                for each in answers:
-                    connection.send(each)
-        except ConnectionClosed:
-            pass
+                    protocol.send_close(1000)
+                for each in answers or ():
+                    if isinstance(each, str):
+                        protocol.send_text(each.encode())
+                    elif isinstance(each, bytes):
+                        protocol.send_binary(each)
+                    else:
+                        when += each
+        if content := b"".join(protocol.data_to_send()):
+            self._arriving.append((when, content))
 
-    with serve(attend, "127.0.0.1", 0, compression=None) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            yield f"ws://127.0.0.1:{server.socket.getsockname()[1]}", heard
-        finally:
-            server.shutdown()
-            thread.join()
+    def recv(self, most: int) -> bytes:
+        if not self._arriving or self._arriving[0][0] > self.now + self._patience:
+            self.now += self._patience
+            raise TimeoutError
+        when, content = self._arriving.pop(0)
+        self.now = max(self.now, when)
+        assert len(content) <= most
+        return content
+
+    def settimeout(self, seconds: float) -> None:
+        self._patience = seconds
+
+    def setsockopt(self, *_: int) -> None: ...
+
+    def close(self) -> None:
+        self.closed = True
+
+    def opened(self, period: float = 1e-3) -> HaplyDevice:
+        return HaplyDevice(
+            DeviceOptions(ADDRESS, period), clock=lambda: self.now,
+            connect=lambda *_: cast(socket.socket, self),
+        )  # fmt: skip
 
 
-def opened(address: str) -> HaplyDevice:
-    # A period so long that a loaded machine's pauses are not taken for the service's.
-    return HaplyDevice(DeviceOptions(address, 0.5))
+ADDRESS = "ws://127.0.0.1:10001"
+STILL = np.zeros(3)
 
 
 @pytest.mark.parametrize(
@@ -76,16 +109,14 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
     name = inventory(page)["inverse3"][0]["device_id"].encode()
     force = np.array([0.0, 3.0, 3.0] if b"values" in wanted else [0.0, 0.0, 1.5])
     answer = state().replace("049D", name.decode())
-    with service(lambda *_: [answer], page) as (address, heard):
-        device, into = opened(address), DeviceState()
-        assert device.exchange(np.zeros(3), into)
-        assert device.exchange(force, into)
-        assert into.position.tolist() == [0.0, -0.12, 0.15]
-        device.close()
-        end = time.monotonic() + 10.0
-        while len(heard) < 3 and time.monotonic() < end:  # the service hears it in its own thread
-            time.sleep(0.01)
-    first, second, last = [each.encode() if isinstance(each, str) else each for each in heard]
+    service = Service(lambda *_: [answer], page)
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
+    assert device.exchange(force, into)
+    assert into.position.tolist() == [0.0, -0.12, 0.15]
+    device.close()
+    assert service.closed
+    first, second, last = service.heard
     assert b'"session":{"configure":{"profile":{"name":' in first
     assert second == wanted.replace(b"049D", name)
     assert json.loads(last)["inverse3"][0]["commands"]["set_cursor_force"].popitem()[1] == {
@@ -107,57 +138,54 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
     ],
 )
 def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> None:
-    spoilt = threading.Event()
-
-    def answer(number: int, _: str | bytes) -> list[str | bytes]:
-        return [bad if spoilt.is_set() else state(0.15 + 1e-4 * min(number, 50))]
-
-    with service(answer) as (address, _):
-        device, into = opened(address), DeviceState()
-        try:
-            # On a busy machine a state is late at times, and is not taken.
-            assert any(device.exchange(np.zeros(3), into) for _ in range(50))
-            place, said = into.position[2], ""
-            spoilt.set()
-            for _ in range(50):
-                assert not device.exchange(np.zeros(3), into)
-                said = device.trouble() or ""
-                if any(word in said for word in says.split("|")):
-                    break
-            assert any(word in said for word in says.split("|")), said
-            assert into.position[2] == place
-            spoilt.clear()
-            assert any(device.exchange(np.zeros(3), into) for _ in range(50))
-        finally:
-            device.close()
+    service = Service(lambda number, _: [bad if number == 1 else state(0.15 + 1e-4 * number)])
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
+    assert not device.exchange(STILL, into)
+    said = device.trouble() or ""
+    assert any(word in said for word in says.split("|")), said
+    assert device.trouble() is None
+    assert into.position[2] == 0.15
+    assert any(device.exchange(STILL, into) for _ in range(2))  # back from a jump is another one
+    assert into.position[2] == pytest.approx(0.15 + 1e-4 * (len(service.heard) - 1))
 
 
-def test_late_and_missing_answers_give_no_state_no_hang_and_no_force() -> None:
-    def answer(number: int, _: str | bytes) -> list[str | bytes]:
-        if number == 1:
-            time.sleep(0.06)
-        return [] if number == 2 else [state(0.15 + 1e-3 * number)]
+def forces_heard(service: Service) -> list[float]:
+    commands = [json.loads(each)["inverse3"][0]["commands"] for each in service.heard]
+    return [each["set_cursor_force"]["vector"]["z"] for each in commands]
 
-    with service(answer) as (address, heard):
-        device, into = HaplyDevice(DeviceOptions(address, 0.001)), DeviceState()
-        force = np.array([0.0, 0.0, 1.0])
-        while not device.exchange(np.zeros(3), into):
-            pass
-        begun = time.perf_counter()
-        assert not device.exchange(force, into)  # answered too late
-        assert time.perf_counter() - begun < 0.05
-        fresh: list[bool] = []
-        while len(fresh) < 60 and not (fresh and fresh[-1]):
-            fresh.append(device.exchange(force, into))
-        assert into.position[2] == 0.15 or fresh[-1]
-        for _ in range(30):
-            device.exchange(force, into)
-        device.close()
-    # What is sent to a service that is behind has no force in it.
-    sent = [json.loads(each)["inverse3"][0]["commands"]["set_cursor_force"]["vector"]["z"]
-            for each in heard]  # fmt: skip
-    assert sent[1] == 1.0
-    assert sent[2] == 0.0
+
+def test_a_late_answer_is_no_state_and_what_is_sent_meanwhile_has_no_force() -> None:
+    service = Service(lambda number, _: [0.06, state(0.2)] if number == 1 else [state()])
+    device, into = service.opened(), DeviceState()
+    force = np.array([0.0, 0.0, 1.0])
+    assert device.exchange(STILL, into)
+    begun = service.now
+    assert not device.exchange(force, into)
+    assert device.trouble() == "no state within 4 ms"
+    assert service.now - begun == pytest.approx(0.004)  # four periods, and no longer
+    fresh = [device.exchange(force, into) for _ in range(25)]
+    assert into.position[2] == 0.15
+    assert not any(fresh[:14])  # until it came, after 60 ms
+    assert fresh[-1]
+    # One with the force before it was late, a sign of life each 20 ms, and forces again at last.
+    assert forces_heard(service)[:6] == [0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def test_a_missing_answer_ends_the_force_and_never_hangs() -> None:
+    # All that come after it then answer an older message than the last.
+    service = Service(lambda number, _: [] if number == 1 else [state()])
+    device, into = service.opened(), DeviceState()
+    force = np.array([0.0, 0.0, 1.0])
+    assert device.exchange(STILL, into)
+    begun, said = service.now, list[str | None]()
+    for _ in range(250):
+        assert not device.exchange(force, into)
+        said.append(device.trouble())
+    assert service.now - begun < 250 * 0.0042
+    assert set(said) == {"no state within 4 ms"}
+    assert forces_heard(service)[1:3] == [1.0, 0.0]
+    assert not any(forces_heard(service)[2:])
 
 
 def test_states_in_another_order_and_ones_that_nobody_asked_for() -> None:
@@ -166,24 +194,24 @@ def test_states_in_another_order_and_ones_that_nobody_asked_for() -> None:
     stranger = json.loads(other)["inverse3"][0]
     stranger["device_id"], stranger["state"]["cursor_position"]["z"] = "FFFF", 0.3
     both["inverse3"].insert(0, stranger)
-
-    with service(lambda n, _: [json.dumps(both)] * (2 if n == 0 else 1)) as (address, _):
-        device, into = opened(address), DeviceState()
-        assert device.exchange(np.zeros(3), into)
-        time.sleep(0.05)
-        assert device.exchange(np.zeros(3), into)
-        assert into.position[2] == 0.15
-        device.close()
+    unasked = json.dumps(both).replace("0.15", "0.151")
+    service = Service(lambda n, _: [json.dumps(both), *([unasked] if n == 0 else [])])
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
+    assert device.trouble() == "a state that answers no message"
+    assert into.position[2] == 0.15
+    assert device.exchange(STILL, into)
+    assert into.position[2] == 0.15
+    device.close()
 
 
 def test_a_service_that_goes_away_ends_it_with_its_name() -> None:
-    into = DeviceState()
-    with service(lambda n, _: [state()] if n == 0 else None) as (address, _):
-        device = opened(address)
-        assert device.exchange(np.zeros(3), into)
-        with pytest.raises(DeviceError, match=f"{address} has gone"):
-            device.exchange(np.zeros(3), into)
-        device.close()
+    service = Service(lambda n, _: [state()] if n == 0 else None)
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
+    with pytest.raises(DeviceError, match=f"{ADDRESS} has gone"):
+        device.exchange(STILL, into)
+    device.close()
 
 
 def test_what_is_no_service_is_said_before_anything_is_felt() -> None:
@@ -191,10 +219,10 @@ def test_what_is_no_service_is_said_before_anything_is_felt() -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         with pytest.raises(DeviceError, match="serve-virtual"):
-            opened(f"ws://127.0.0.1:{port}")
+            HaplyDevice(DeviceOptions(f"ws://127.0.0.1:{port}", 0.001))
     for first, says in ((json.dumps({"inverse3": []}), "no Inverse3"), ("hello", "not a message")):
-        with service(lambda *_: [], first) as (address, _), pytest.raises(DeviceError, match=says):
-            opened(address)
+        with pytest.raises(DeviceError, match=says):
+            Service(lambda *_: [], first).opened()
 
 
 def test_devices_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
