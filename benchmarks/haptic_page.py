@@ -98,7 +98,7 @@ class Led:
 
 
 def serve(where: Where, address: str | None) -> None:
-    """Serve a trainer; at a line on stdin, print its ticks and the servo's report."""
+    """Serve a trainer; at each of two lines on stdin, print its ticks; then the servo's report."""
     settings = LoopSettings(hold=where == "pull")
 
     def servo(setting: FeltSetting) -> ServoProcess:
@@ -115,11 +115,13 @@ def serve(where: Where, address: str | None) -> None:
     trainer = Trainer(shipped_organ(), port=0, mode=where, haptics=kept)
     trainer.warm_up.done.wait()
     print(trainer.address, flush=True)
-    sys.stdin.readline()
-    drawn = max(trainer.frames.values(), default=0)
-    told = {"ticks": trainer.timer.ticks, "missed": trainer.timer.missed, "drawn": drawn}
+    for _ in range(2):
+        sys.stdin.readline()
+        drawn = max(trainer.frames.values(), default=0)
+        told = {"ticks": trainer.timer.ticks, "missed": trainer.timer.missed, "drawn": drawn}
+        print(msgspec.json.encode(told).decode(), flush=True)
     trainer.stop()
-    print(msgspec.json.encode({**told, "servo": made[0].report}).decode(), flush=True)
+    print(msgspec.json.encode(made[0].report).decode(), flush=True)
 
 
 def beside_page(
@@ -137,13 +139,19 @@ def beside_page(
     ):  # fmt: skip
         assert trainer.stdin is not None
         assert trainer.stdout is not None
+
+        def ask() -> dict[str, int]:
+            print(file=trainer.stdin, flush=True)
+            return msgspec.json.decode(told.readline())
+
+        told = trainer.stdout
         browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
         try:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(PATIENCE_MS)
-            page.goto(f"{trainer.stdout.readline().strip()}/?fixedDpr=1")
+            page.goto(f"{told.readline().strip()}/?fixedDpr=1")
             page.get_by_role("dialog").get_by_role("button", name="Start").click()
-            start = time.monotonic()
+            before, start = ask(), time.monotonic()
             page.evaluate(f"() => {{ window.bdPictures = ({PICTURES})({seconds}); }}")
             peer = beside()
             while time.monotonic() - start < seconds:
@@ -151,21 +159,20 @@ def beside_page(
                 page.keyboard.press("r")  # a new duct, held by all of its strands
             pictures = float(page.evaluate("() => window.bdPictures"))
             lasted = time.monotonic() - start
-            print(file=trainer.stdin, flush=True)
-            told: dict[str, Any] = msgspec.json.decode(trainer.stdout.readline())
+            after = ask()
+            report = msgspec.json.decode(told.readline(), type=ServoReport | None)
         finally:
             browser.close()
             trainer.terminate()
     figures: dict[str, Any] = {
         "pictures the page drew a second": pictures,
-        "pictures the trainer sent a second": told["drawn"] / lasted,
-        "ticks missed, %": 100.0 * told["missed"] / max(told["ticks"] + told["missed"], 1),
+        "pictures the trainer sent a second": (after["drawn"] - before["drawn"]) / lasted,
+        "ticks a second": (after["ticks"] - before["ticks"]) / lasted,
     }
-    if address is None:
+    if report is None:
         bare = peer()
         return {**figures, "over 1.5 ms, %": bare["missed_percent"],
                 "period, 99.9 %, us": bare["period_p99_9_us"]}  # fmt: skip
-    report = msgspec.convert(told["servo"], ServoReport)
     return {
         "step, median, us": report.step_us.median,
         "step, 99.9 %, us": report.step_us.p99_9,

@@ -3,7 +3,17 @@
 The hook hangs on its hand by a spring, the virtual coupling, and is solved with beam and strands: a
 period is one real-time tick of `physics.bed.BeamOnBed`. What the duct has stored and spent is known
 at the beginning of the last tick; the hands' work since then is added to it, so that energy that
-the tick itself has made shows a period later. Another hand that no device has, the trainer page's,
+the tick itself has made shows a period later.
+
+Energy of a tick. It leads the coupling's end from z_0 to z_1 while the node stands at x_0, books
+K (z_1 - x_0) as the force at its end, and takes one Newton step to x_1. The hand feels
+K (z_1 - x_1). So the beam's books have more work than the hands by the sum of
+K (x_1 - x_0) . (z_1 - z_0)/2, and what relaxes in the step is in their `snap`. The difference is
+`released`:
+
+    W = stored + spent + released,  released = snap - (W_booked - W) - W of the last tick
+
+to what the trapezoidal rule leaves `open`. Another hand that no device has, the trainer page's,
 may hold the duct or part strands meanwhile: `Touch` says how, some thirty times a second.
 """
 
@@ -94,9 +104,11 @@ class FeltBed:
             self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
         books = self.beam.books
         self._spent_at_first = books.stored + books.dissipated + books.drag
-        self._booked = books.work  # by the couplings, and before
-        self.stored = self.spent = 0.0
-        self._released = 0.0  # by letting go, mJ
+        self._snap_at_first = books.snap
+        self._booked = self._booked_at_first = books.work  # by the couplings, and before
+        self._felt = 0.0  # work of the hands by the forces that they feel, mJ
+        self.stored = self.spent = self.released = 0.0
+        self._let_go = 0.0  # energy lost by letting go, mJ
         self.torn, self._steps = False, 0
 
     def touch(self, touch: Touch) -> None:
@@ -159,12 +171,15 @@ class FeltBed:
             self._hands[hook] = hands[hook]
         books = beam.books
         self.stored = books.stored + work
+        self._felt += work
         # Not `books.snap`: a tick moves the coupling's end before the beam follows, and books the
         # spring's energy that this frees. The hand holds its force meanwhile and has not given it.
         # What the other hand has put in is no work of these.
         others = 0.0 if self._touch is None else books.work - self._booked
-        spent = books.dissipated + books.drag + self._released
+        spent = books.dissipated + books.drag + self._let_go
         self.spent = spent - others - self._spent_at_first
+        staggered = self._booked - self._booked_at_first - self._felt
+        self.released = books.snap - self._snap_at_first - self._let_go - staggered - work
         if broken:
             self.torn = True
             self.spent += self.stored
@@ -193,19 +208,22 @@ class FeltBed:
         if node is not None and not holds:
             before = beam.books.snap
             beam.let_go(node)
-            self._released += beam.books.snap - before
+            self._let_go += beam.books.snap - before
             self._nodes[hook] = None
         elif node is None and holds and not self._slipped[hook]:
             tip = self.tips[hook]
             station = self.grasps[hook]
             if self.free:
                 station = min(max(float(tip[0]), 0.0), beam.beam.span)
+            before = beam.books.open
             try:
                 node = self._nodes[hook] = beam.take(station, stiffness=self.coupling)
             except ValueError:
                 if not self.free:
                     raise
                 self._slipped[hook] = True  # until it tries again
+            # The node moves to the hook, which changes the discrete energy a little.
+            self._snap_at_first += beam.books.open - before
             # The hand's way counts from here.
             self._taken[hook] = tip if node is None else beam.places[node]
             self._hands[hook] = self._reacts[hook] = 0.0

@@ -44,6 +44,7 @@ class FeltModel(Protocol):
     tips: NDArray[np.float64]  # (H, 3) the same from the first clamp, of a duct in space
     stored: float  # energy of the duct and of the couplings
     spent: float  # energy that tears and parted strands have taken
+    released: float  # energy that its steps have released to nobody
     torn: bool
     grasps: tuple[float, ...]  # of the hooks, mm from the first clamp
     pushes: bool  # whether they push as well as pull
@@ -100,7 +101,7 @@ class FeltDuct:
         self.threshold, self.coupling = threshold, coupling
         self.forces, self.elastic_forces = np.zeros((hands, 3)), np.zeros((hands, 3))
         self.hooks = self.tips = np.zeros((hands, 3))
-        self.stored = self.spent = 0.0
+        self.stored = self.spent = self.released = 0.0
         self.torn = False
         self.pushes = self.free = False
         self._steps = 0
@@ -133,7 +134,7 @@ class FeltDuct:
         """Make the duct whole and let go of it."""
         for array in (self.forces, self.elastic_forces, self.hooks):
             array[:] = 0.0
-        self.stored = self.spent = 0.0
+        self.stored = self.spent = self.released = 0.0
         self.torn, self._steps = False, 0
         self._held[:] = [False] * len(self._held)
         if self._solver is not None:
@@ -157,7 +158,11 @@ class FeltDuct:
             return
         try:
             broken = self._solve(heights)
-        except NoEquilibrium:  # further than the law carries
+        except NoEquilibrium:  # further than the law carries; until then the force stayed
+            for hook, height in enumerate(heights):
+                force = float(self.forces[hook, UP])
+                before = float(self.hooks[hook, UP]) + self._compliance * force
+                self.stored += force * (height - before)
             broken = True
         self.elastic_forces[:] = self.forces
         if broken:

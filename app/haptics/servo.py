@@ -195,9 +195,11 @@ class Servo:
         loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
         scale = loop.settings.scale
         assist, held = loop.assist_work / scale, (model.stored + model.spent) / scale
-        residual = float(books[MODELLED]) - (held - assist)
+        released = model.released / scale
+        residual = float(books[MODELLED]) - (held + released - assist)
         energy = Energies(
-            float(books[WORK]), model.stored / scale, model.spent / scale, float(books[SAMPLED]),
+            float(books[WORK]), model.stored / scale, model.spent / scale, released,
+            float(books[SAMPLED]),
             float(books[BRAKED]), float(books[WITHHELD]), assist,
             abs(residual) / self._peak if self._peak else 0.0, float(books[LEAST]),
             float(books[ALLOWED]),

@@ -136,7 +136,7 @@ def _book(
             along += way * before
             ways[LED_NOW, h, j] = way
     ahead, behind = math.sqrt(ahead), math.sqrt(behind)
-    goes_on = along > ALONG * ahead * behind
+    goes_on = not pushes and along > ALONG * ahead * behind
     for h in range(ways.shape[1]):
         for j in range(3):
             first, last, way = ways[PULLED, h, j], elastic[h, j], ways[LED_NOW, h, j]

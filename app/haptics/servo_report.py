@@ -48,7 +48,8 @@ class Energies(Struct, frozen=True):
 
     work_of_hands: float  # what they put in, less what they got
     stored: float  # in the duct and its couplings
-    torn: float  # what tears took
+    torn: float  # what tears and parted strands took
+    released: float  # what steps in a bed released to nobody
     sampling: float  # what holding a force for a period takes (below zero: generates)
     controller: float  # what the passivity controller took
     limits: float  # what the bounds of the force took
@@ -122,7 +123,8 @@ class ServoReport(Struct, frozen=True):
             ("largest force", f"{self.largest_force_N:.3f} N, "
              f"{self.largest_force_step_N:.3f} N from one period to the next"),
             ("work of the hands", f"{energy.work_of_hands:.6g} mJ"),
-            ("stored", f"{energy.stored:.6g} mJ, taken by a tear {energy.torn:.6g} mJ"),
+            ("stored", f"{energy.stored:.6g} mJ, taken by tears {energy.torn:.6g}, "
+             f"released {energy.released:.6g} mJ"),
             ("sampling", f"{energy.sampling:.6g} mJ; controller {energy.controller:.6g}, "
              f"limits {energy.limits:.6g} mJ"),
             ("books", f"close to {energy.residual_of_peak:.1e} of the peak; least margin "

@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
 from app.haptics.device_run import read_device_run
@@ -57,25 +59,27 @@ class Felt:
     forces: np.ndarray[tuple[int], np.dtype[np.float64]]
     given: np.ndarray[tuple[int, int], np.dtype[np.float64]]
     books: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    left: np.ndarray[tuple[int], np.dtype[np.float64]]  # of the work on the model, by its own books
 
 
 def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
          seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0,
          stalled: Callable[[int], bool] = lambda _: False) -> Felt:  # fmt: skip
-    settings = LoopSettings(rate, scale)
-    device = VirtualDevice(DeviceOptions("", settings.period, script))
-    loop = ServoLoop((chosen or choice()).felt(coupling), settings, device.limits)
-    state, rows = DeviceState(), round(seconds * rate)
-    hooks, forces = np.zeros(rows), np.zeros(rows)
+    how = LoopSettings(rate, scale)
+    device = VirtualDevice(DeviceOptions("", how.period, script))
+    loop = ServoLoop((chosen or choice()).felt(coupling, how.period), how, device.limits)
+    model, state, rows = loop.model, DeviceState(), round(seconds * rate)
+    hooks, forces, left = np.zeros(rows), np.zeros(rows), np.zeros(rows)
     given, books = np.zeros((rows, 3)), np.zeros((rows, 8))
     for row in range(rows):
         device.exchange(loop.given[0], state)
         units = np.rint(state.position[None, :] / PLACE_UNIT).astype(np.int64)
         if not stalled(row):  # otherwise the device goes on under the last force
             loop.step(units, [FRESH | LIVE])
-        hooks[row], forces[row] = loop.model.hooks[0, 2], loop.model.forces[0, 2]
+        hooks[row], forces[row] = model.hooks[0, 2], model.forces[0, 2]
         given[row], books[row] = loop.given[0], loop.regulator.books
-    return Felt(loop, device, hooks, forces, given, books)
+        left[row] = books[row, MODELLED] - (model.stored + model.spent + model.released) / scale
+    return Felt(loop, device, hooks, forces, given, books, left)
 
 
 @pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
@@ -91,21 +95,66 @@ def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
     assert np.abs(run.given[:, 2] + run.forces).max() < 0.05
 
 
-@pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
-@pytest.mark.parametrize("path", [THERE_AND_BACK, TO_THE_TEAR])
-@pytest.mark.parametrize("rate", [1000, 4000])
-def test_the_work_of_the_hand_is_stored_or_dissipated(
-    theory: Theory, path: tuple[Waypoint, ...], rate: int
+def ways(most: float) -> st.SearchStrategy[tuple[Waypoint, ...]]:
+    """Paths with reversals, some faster than a hand; below rest the hook is slack."""
+    place = st.tuples(*[st.floats(-3.0, 3.0)] * 2, st.floats(-3.0, most))
+    leg = st.tuples(st.floats(0.02, 0.4), place)
+
+    def path(legs: list[tuple[float, tuple[float, float, float]]]) -> tuple[Waypoint, ...]:
+        times = np.cumsum([0.1] + [seconds for seconds, _ in legs]).tolist()
+        places = [(0.0, 0.0, 0.0), *(place for _, place in legs)]
+        return tuple(Waypoint(at, to) for at, to in zip(times, places, strict=True))
+
+    return st.lists(leg, min_size=2, max_size=4).map(path)
+
+
+def hands(most: float = 25.0) -> st.SearchStrategy[HandScript]:
+    """Hands of ten times the duct's stiffness, with a tremor, which react late, on late devices."""
+    return st.builds(
+        lambda path, tremor, reaction, latency: hand(
+            path, device={"latency_ms": latency}, tremor_mm=tremor, reaction_delay_ms=reaction,
+            stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
+        ),
+        ways(most), st.floats(0.0, 0.3), st.sampled_from([1.0, 5.0]), st.sampled_from([0.0, 1.0]),
+    )  # fmt: skip
+
+
+def unexplained(run: Felt) -> float:
+    """What the books leave of the hand's work, over all periods, in parts of its peak."""
+    books, left = run.books, run.left
+    named = books[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
+    peak = max(float(np.abs(books[:, WORK]).max()), 1e-3)
+    assert np.abs(books[:, WORK] - named).max() < 1e-12 * max(peak, 1.0)
+    return float(np.abs(left).max()) / peak
+
+
+@settings(deadline=None, max_examples=12)
+@given(
+    script=hands(),
+    theory=st.sampled_from([Cubic(), Exact(), Exact(NeoHooke())]),
+    rate=st.sampled_from([1000, 4000]),
+)
+@example(hand(TO_THE_TEAR, tremor_mm=0.1), Exact(NeoHooke()), 1000)
+@example(hand(THERE_AND_BACK, tremor_mm=0.1), Exact(), 4000)
+def test_the_work_of_any_hand_is_stored_or_dissipated_to_a_millionth(
+    script: HandScript, theory: Theory, rate: int
 ) -> None:
-    run = felt(hand(path, tremor_mm=0.1), choice(theory), rate=rate, seconds=2.7)
-    books, model = run.books, run.loop.model
-    peak = books[:, WORK].max()
-    assert peak > 3.0
-    assert model.torn == (path is TO_THE_TEAR)
-    last = books[-1]
-    assert last[MODELLED] == pytest.approx(model.stored + model.spent, abs=1e-6 * peak)
-    named = last[MODELLED] + last[SAMPLED] + last[BRAKED] + last[WITHHELD]
-    assert last[WORK] == pytest.approx(named, abs=1e-12 * peak)
+    seconds = min(script.path[-1].time_s + 0.1, 2.7)
+    run = felt(script, choice(theory), rate=rate, seconds=seconds)
+    assert unexplained(run) < 1e-6
+    if script.path is TO_THE_TEAR:
+        assert run.loop.model.torn
+        assert run.books[:, WORK].max() > 3.0
+
+
+@settings(deadline=None, max_examples=5)
+@given(script=hands(12.0), bed=st.sampled_from(["firm", "loose"]))
+def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
+    script: HandScript, bed: str
+) -> None:
+    """To what the trapezoidal rule of the bed's own books leaves open where strands part."""
+    run = felt(script, in_bed(bed), seconds=script.path[-1].time_s + 0.1)
+    assert unexplained(run) < 1e-5
 
 
 def test_what_the_motors_did_is_what_the_loop_has_booked() -> None:
@@ -311,9 +360,9 @@ def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
     assert model.parted > 200
     assert not model.torn
     assert model.stored < 0.01
-    # With less than a hundredth of its work left to what one Newton step a period cannot balance.
     peak = run.books[:, WORK].max()
-    assert run.books[-1, MODELLED] == pytest.approx(model.spent, abs=0.01 * peak)
+    assert unexplained(run) < 1e-5
+    assert abs(model.released) < 0.01 * peak  # by one Newton step a period
     assert model.spent > 0.3 * peak
     assert run.books[:, MADE].max() < 0.02
     assert run.books[:, LEAST].min() > -0.02
