@@ -120,7 +120,7 @@ class DrivingPoints:
         return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _rigid_transforms(
     positions: NDArray[np.float64],
     along: NDArray[np.float64],

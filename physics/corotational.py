@@ -49,7 +49,7 @@ CONVERGED = 1e-9
 its square, is exact to rounding."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def element_state(
     rest: NDArray[np.float64], moved: NDArray[np.float64], ea: float, ei: float, energetic: bool
 ) -> NDArray[np.float64]:
@@ -79,7 +79,7 @@ def element_state(
     return state
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _balance(
     rest: NDArray[np.float64],
     moved: NDArray[np.float64],
@@ -143,7 +143,7 @@ def _balance(
                 tangent[e + 1, 1, i, j] += row[i + 3, j + 3]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _hold(
     tangent: NDArray[np.float64],
     right: NDArray[np.float64],
@@ -157,7 +157,7 @@ def _hold(
     right[node, freedom] = change
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _eliminate(tangent: NDArray[np.float64], right: NDArray[np.float64]) -> bool:
     """Replace the right side by the solution of the tangent's equations; False if singular."""
     # The blocks after the diagonal are overwritten by the diagonal's inverse times them.
@@ -203,7 +203,7 @@ def _eliminate(tangent: NDArray[np.float64], right: NDArray[np.float64]) -> bool
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _carry(
     rest: NDArray[np.float64],
     ea: float,
@@ -231,7 +231,7 @@ def _carry(
         carried[e, 1] = state[e, 5] + d_shear
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _newton(
     rest: NDArray[np.float64],
     moved: NDArray[np.float64],
@@ -289,7 +289,7 @@ def _newton(
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pull_from_rest(
     rest: NDArray[np.float64],
     ea: float,

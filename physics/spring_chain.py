@@ -22,7 +22,7 @@ from kernel_cache import njit
 __all__ = ["euler", "leapfrog", "runge_kutta", "settle", "spring_forces"]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def spring_forces(
     rest: NDArray[np.float64],
     axial: NDArray[np.float64],
@@ -65,7 +65,7 @@ def spring_forces(
         tension, moment = next_tension, next_moment
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def euler(
     rest: NDArray[np.float64],
     axial: NDArray[np.float64],
@@ -92,7 +92,7 @@ def euler(
                 moved[n, i] += step * before
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def leapfrog(
     rest: NDArray[np.float64],
     axial: NDArray[np.float64],
@@ -132,7 +132,7 @@ def leapfrog(
                     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def runge_kutta(
     rest: NDArray[np.float64],
     axial: NDArray[np.float64],
@@ -174,7 +174,7 @@ def runge_kutta(
         velocity[:] = start_velocity + step * sum_velocity
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def settle(
     rest: NDArray[np.float64],
     axial: NDArray[np.float64],

@@ -263,7 +263,7 @@ def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> ND
     return np.clip(heights / farthest[ring], -1.0, 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _write(
     normal: NDArray[np.float64],
     bending: NDArray[np.float64],
@@ -287,7 +287,7 @@ def _write(
         out[v] = part * (low + w * (high - low))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _write_in_space(
     stresses: NDArray[np.float64],
     element: NDArray[np.int32],

@@ -285,7 +285,7 @@ def _fan(ring: NDArray[np.int32], centre: NDArray[np.int32]) -> NDArray[np.int32
     return np.stack([ring, np.roll(ring, -1), centre], 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _blend(
     rest: NDArray[np.float32],
     starts: NDArray[np.intp],

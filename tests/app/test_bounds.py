@@ -16,14 +16,19 @@ import viser
 from hostile import ATTACKS, kept_share
 from program import refused
 from test_guard import TOKEN, UPGRADE, Answer
-from viser._messages import CommandTriggerMessage
+from viser._messages import CommandTriggerMessage, Message
 from websockets import Subprotocol
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from app.trainer.server.bounds import Bounds, Connections, socket_options
 from app.trainer.server.guard import Guard
-from app.trainer.viser_bridge import page_message_decoder, start_server, stop_server
+from app.trainer.viser_bridge import (
+    page_message_decoder,
+    start_server,
+    stop_server,
+    viser_message,
+)
 from benchmarks.page_protocol import CAMERA
 from benchmarks.served_trainer import served_trainer
 
@@ -84,14 +89,20 @@ def closed_with(opened: Any) -> int:
 
 @pytest.mark.parametrize(
     "message",
-    [CAMERA, VALUE, DRAG, START, PART, CAMERA | {"image_height": 713.5},
+    [CAMERA, VALUE, DRAG, DRAG | {"instance_index": 3, "owner": "a"}, START, PART,
+     CAMERA | {"image_height": 713.5},
+     {"type": "ScenePointerMessage", "event_type": "rect-select", "ray_origin": None,
+      "ray_direction": (1, 0, 0), "screen_pos": ((0, 1), (0.5, 2)), "modifier": None},
      VALUE | {"updates": {"value": [0.1, 3]}}, VALUE | {"updates": {"value": "words"}},
      {"type": "CommandTriggerMessage", "uuid": "a"},
      {"type": "LocalStorageGetItemResponseMessage", "value": None, "error": None,
       "request_uuid": "a"}],
 )  # fmt: skip
-def test_what_pages_send_is_taken(message: dict[str, Any]) -> None:
-    page_message_decoder().decode(ENCODE(message))
+def test_what_pages_send_is_taken_as_viser_takes_it(message: dict[str, Any]) -> None:
+    raw = ENCODE(message)
+    taken, wanted = viser_message(page_message_decoder().decode(raw)), Message.deserialize(raw)
+    assert taken == wanted
+    assert repr(taken) == repr(wanted)  # with each number's type
 
 
 HOSTILE = [

@@ -5,6 +5,7 @@ import re
 import signal
 import socket
 import subprocess
+import threading
 import time
 import urllib.request
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from viser import CameraHandle, ClientHandle
 
 from app.simulation import Phase, Session
 from app.trainer.server import trainer as server
+from app.trainer.server.frame_budget import FrameBudget
 from app.trainer.server.trainer import AddressTakenError, Trainer
 from organ_geometry.organ_file import write_organ
 from physics import Beam, Cubic, TautString
@@ -405,6 +407,7 @@ class Ticked:
         self.client = client
         self.ticks = 0
         self.closed = False
+        self.state = SimpleNamespace(watching=False)
 
     def tick(self, seconds: float, *, draws: bool) -> None:
         self.ticks += 1
@@ -446,7 +449,7 @@ def test_sessions_go_on_whatever_viser_raises(
     assert [view.ticks for view in broken] == [1, 1, 1]
     stopped = [f"the session of client {number} has stopped" for number in others]
     said = [each.getMessage() for each in caplog.records if each.name == server.__name__]
-    assert [each for each in said if each in stopped] == stopped
+    assert sorted(each for each in said if each in stopped) == stopped
     assert sorted(each for each in said if each not in stopped) == [
         f"{what} has failed; the sessions go on"
         for what in (
@@ -456,6 +459,31 @@ def test_sessions_go_on_whatever_viser_raises(
             "the end of sessions that were left",
         )
     ]
+
+
+def test_sessions_are_stepped_side_by_side_and_who_watches_one_after_them(
+    trainer: Trainer,
+) -> None:
+    together = threading.Barrier(2)
+    order: list[str] = []
+
+    def view(name: str, *, watching: bool = False) -> Any:
+        def tick(_: float, *, draws: bool) -> None:
+            assert draws
+            if not watching:
+                together.wait(timeout=30.0)
+            order.append(name)
+
+        return SimpleNamespace(tick=tick, state=SimpleNamespace(watching=watching))
+
+    views = {1: view("teacher", watching=True), 2: view("trainee"), 3: view("trainee")}
+    stepping = Trainer.__new__(Trainer)
+    vars(stepping).update(
+        vars(trainer), _views=views, _budget=FrameBudget(), _threads=2, _hand=None
+    )
+    stepping._tick(1.0 / 30.0)
+    assert order == ["trainee", "trainee", "teacher"]
+    assert set(views) == {1, 2, 3}  # none has raised
 
 
 def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:

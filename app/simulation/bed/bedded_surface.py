@@ -102,7 +102,7 @@ class BeddedSurface:
         return stations, ends, ends + (strands.feet - strands.ends) @ frame.T
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _follow(
     driven: Floats,
     positions: Floats,

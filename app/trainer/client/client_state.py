@@ -82,6 +82,11 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         return self._playback
 
     @property
+    def watching(self) -> bool:
+        """Whether the session that is shown is another page's."""
+        return isinstance(self._playback, LivePlayback)
+
+    @property
     def shown(self) -> SessionT:
         """The session that is shown: the client's own, or the replay's."""
         playback = self._playback

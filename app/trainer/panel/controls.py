@@ -131,6 +131,7 @@ class Choice(Generic[Value]):
             for value, (text, hint) in options.items()
         ]
         self._row = gui.add_html("")
+        self._shown: tuple[Value, bool] | None = None
 
     @staticmethod
     def _command(
@@ -149,6 +150,9 @@ class Choice(Generic[Value]):
 
     def show(self, chosen: Value, *, active: bool = True) -> None:
         """Show which one is chosen, and whether this row is the one in use."""
+        if self._shown == (chosen, active):
+            return
+        self._shown = chosen, active
         buttons = "".join(
             f"<button type='button' data-command='{number}' title='{html.escape(hint, quote=True)}'"
             f" aria-pressed='{'true' if value == chosen else 'false'}'>{html.escape(text)}</button>"
@@ -156,8 +160,7 @@ class Choice(Generic[Value]):
         )
         look = f"bd-choice{'' if active else ' bd-idle'}{' bd-large' if self._large else ''}"
         name = "" if self._hidden else f"<span>{html.escape(self._label)}</span>"
-        set_if_changed(
-            self._row,
-            content=f"<div class='{look}' role='group' aria-label='{html.escape(self._label)}'>"
-            f"{name}<div>{buttons}</div></div>",
+        self._row.content = (
+            f"<div class='{look}' role='group' aria-label='{html.escape(self._label)}'>"
+            f"{name}<div>{buttons}</div></div>"
         )

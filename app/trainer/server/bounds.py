@@ -23,7 +23,7 @@ from websockets.frames import CloseCode, Frame, Opcode
 from websockets.protocol import Event
 
 from app.trainer.server.sessions import MOST_SESSIONS
-from app.trainer.viser_bridge import page_message_decoder
+from app.trainer.viser_bridge import page_message_decoder, viser_message
 
 __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
 
@@ -239,7 +239,7 @@ class PageConnection(ServerConnection):
         super().process_event(event)
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """Return the next message that a page may send."""
+        """Return the next message that a page may send, as viser's own."""
         while True:
             raw = await self._next(decode)
             try:
@@ -254,7 +254,7 @@ class PageConnection(ServerConnection):
                     await super().recv(decode)
             self._hear()
             if passes:
-                return raw
+                return viser_message(message)
 
     async def recv_text(self) -> str:
         """Return the next text, of a page that is not viser's."""

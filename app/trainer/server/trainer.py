@@ -1,15 +1,21 @@
-"""The trainer's server: how it starts, one session per client, and one clock for all."""
+"""The trainer's server: how it starts, one session per client, and one clock for all.
+
+In each tick some threads step the sessions: what is compiled runs without the interpreter's lock,
+so that a class keeps more than one core at work.
+"""
 
 import contextlib
 import ctypes
 import logging
+import os
 import socket
 import ssl
 import threading
 import time
-from collections.abc import Awaitable, Callable, Generator, Mapping
+from collections.abc import Awaitable, Callable, Generator, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import cast
+from typing import TypeAlias, cast
 
 import viser
 from websockets.asyncio.server import ServerConnection
@@ -44,6 +50,7 @@ from app.trainer.viser_bridge import (
     start_server,
     stop_server,
     tab_keeps,
+    wakes_once,
 )
 from organ_geometry import Organ
 
@@ -54,6 +61,8 @@ LONGEST_TICK = 0.1
 
 LONGEST_STANDING = 5.0
 """s without a tick after which the trainer is not healthy."""
+MOST_THREADS = 4
+"""Threads that step sessions: more would only wait for the interpreter's lock."""
 EXPIRY_SECONDS = 10.0
 """s between two searches for sessions that have expired."""
 STORAGE_SECONDS = 1.0
@@ -62,6 +71,9 @@ LOST = (
     "The one that this page had is gone: the trainer was started anew, or the page was away for "
     "more than ten minutes."
 )
+
+_Turn: TypeAlias = tuple[int, ClientView, bool]
+"""A client's number and view, and whether it is drawn in this tick."""
 
 log = logging.getLogger(__name__)
 
@@ -204,6 +216,8 @@ class Trainer:
         self._server.on_client_disconnect(self._disconnect)
         self._faults: set[str] = set()
         self._expiry = time.monotonic() + EXPIRY_SECONDS
+        self._threads = min(os.cpu_count() or 1, MOST_THREADS)
+        self._helpers = ThreadPoolExecutor(self._threads, thread_name_prefix="sessions")
         self._clock = threading.Thread(target=self._run, name="sessions", daemon=True)
         self._clock.start()
 
@@ -254,6 +268,7 @@ class Trainer:
         self._stopping.set()
         self.warm_up.stop()
         self._clock.join(timeout=5.0)
+        self._helpers.shutdown(wait=False, cancel_futures=True)
         if self._hand is not None:
             self._hand.stop()
         with self._views_lock:
@@ -381,11 +396,30 @@ class Trainer:
         self._budget.begin_tick(self.timer.load)
         if self._hand is not None:
             self._attend(self._hand, views[0][1].state if views else None)
+        own: list[_Turn] = []
+        watching: list[_Turn] = []
         for place, (number, view) in enumerate(views):
-            try:
-                view.tick(seconds, draws=self._budget.draws(place))
-            except Exception:
-                self._drop(number, view)
+            turn = number, view, self._budget.draws(place)
+            (watching if view.state.watching else own).append(turn)
+        waiting = iter(own)
+        helpers = [
+            self._helpers.submit(self._step, waiting, seconds)
+            for _ in range(min(self._threads, len(own)) - 1)
+        ]
+        self._step(waiting, seconds)
+        for helper in helpers:
+            helper.result()
+        # Each shows the session of another page, which nobody steps now.
+        self._step(iter(watching), seconds)
+
+    def _step(self, waiting: Iterator[_Turn], seconds: float) -> None:
+        """Step what is still waiting, beside other threads that take from the same turns."""
+        with wakes_once(self._server):
+            for number, view, draws in waiting:
+                try:
+                    view.tick(seconds, draws=draws)
+                except Exception:
+                    self._drop(number, view)
 
     def _drop(self, number: int, view: ClientView) -> None:
         """Close a view whose tick has raised: its client has just gone, or there is a fault."""

@@ -196,7 +196,7 @@ def _ring_reach(
     return spread(rings.max(axis=1)), spread(-rings.min(axis=1))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _press(
     vertices: NDArray[np.float32],
     shade: NDArray[np.float32],
@@ -246,7 +246,7 @@ def _press(
         shade[v] *= 1.0 - 0.62 * along_wire * np.exp(-gap * gap)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _press_rods(
     vertices: NDArray[np.float32],
     shade: NDArray[np.float32],

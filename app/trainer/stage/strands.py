@@ -183,7 +183,7 @@ def film_pairs(along: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArra
     return np.concatenate(pairs)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32]) -> None:
     for n in range(s.x.shape[0]):
         for i in range(s.first[n], s.first[n + 1]):

@@ -22,7 +22,7 @@ from app.trainer.viser_bridge.page import (
     take_arrows,
     watch_pace,
 )
-from app.trainer.viser_bridge.page_messages import page_message_decoder
+from app.trainer.viser_bridge.page_messages import page_message_decoder, viser_message
 from app.trainer.viser_bridge.private_api import (
     close_page,
     connection_of,
@@ -32,6 +32,7 @@ from app.trainer.viser_bridge.private_api import (
     start_server,
     stop_server,
     stream,
+    wakes_once,
 )
 from app.trainer.viser_bridge.recording import recording_page, write_caption
 
@@ -61,6 +62,8 @@ __all__ = [
     "stream",
     "tab_keeps",
     "take_arrows",
+    "viser_message",
+    "wakes_once",
     "watch_pace",
     "write_caption",
 ]

@@ -8,8 +8,9 @@ import threading
 import time
 import warnings
 from collections.abc import Awaitable, Callable, Generator, Iterable, Mapping, Sequence
+from functools import cache
 from itertools import islice
-from typing import Any, cast
+from typing import Any, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -17,11 +18,18 @@ import viser
 import websockets.asyncio.server
 import zstandard
 from numpy.typing import NDArray
-from viser import _messages  # pyright: ignore[reportPrivateUsage]
+from viser import _messages, infra  # pyright: ignore[reportPrivateUsage]
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
 from viser.infra import _infra  # pyright: ignore[reportPrivateUsage]
 from viser.infra._async_message_buffer import (  # pyright: ignore[reportPrivateUsage]
     AsyncMessageBuffer,
+)
+from viser.infra._messages import (  # pyright: ignore[reportPrivateUsage]
+    _prepare_for_serialization as prepared,  # pyright: ignore[reportPrivateUsage, reportUnknownVariableType]
+)
+from viser.infra._messages import (  # pyright: ignore[reportPrivateUsage]
+    get_type_hints_cached,
+    wire_field_names,
 )
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import WebSocketException
@@ -40,6 +48,7 @@ __all__ = [
     "start_server",
     "stop_server",
     "stream",
+    "wakes_once",
 ]
 
 PAGE_MESSAGES = (
@@ -213,6 +222,7 @@ async def _send_messages(
         return
     compress = zstandard.ZstdCompressor(level=1).compress
     buffer.message_event = _LoopEvent()
+    buffer.event_loop = cast(asyncio.AbstractEventLoop, _Waker(buffer.event_loop))
     while not buffer.done:
         window = _taken(buffer)
         if not window:
@@ -225,8 +235,56 @@ async def _send_messages(
             await asyncio.sleep(buffer.window_duration_sec)
 
 
+async def _take_messages(
+    connection: ServerConnection,
+    handle: Callable[[Any], None],
+    kind: type[infra.Message],
+) -> None:
+    """Hand over the messages of one page, which its connection may have decoded already."""
+    while True:
+        came: Any = await connection.recv()
+        handle(kind.deserialize(came) if isinstance(came, bytes) else came)
+
+
+class _Waker:
+    """A page's loop, woken once for all that a thread sends while it `wakes_once`."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    def call_soon_threadsafe(self, callback: Callable[[], object]) -> None:
+        """Have the loop call back, soon or when the thread that sends is done."""
+        later: list[Callable[[], object]] | None = getattr(_sending, "later", None)
+        if later is None:
+            self._loop.call_soon_threadsafe(callback)
+        else:
+            later.append(callback)
+
+
+_sending = threading.local()
+
+
+@contextlib.contextmanager
+def wakes_once(server: viser.ViserServer) -> Generator[None]:
+    """Let what this thread sends to pages meanwhile go out together, by one call of the loop."""
+    _sending.later = later = list[Callable[[], object]]()
+    try:
+        yield
+    finally:
+        del _sending.later
+        if later:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                server.get_event_loop().call_soon_threadsafe(_call_all, later)
+
+
+def _call_all(callbacks: Iterable[Callable[[], object]]) -> None:
+    for callback in callbacks:
+        callback()
+
+
 _send_to_all = _infra._message_producer  # pyright: ignore[reportPrivateUsage]
 _infra._message_producer = _send_messages  # pyright: ignore[reportPrivateUsage]
+_infra._message_consumer = _take_messages  # pyright: ignore[reportPrivateUsage]
 
 
 def _taken(buffer: AsyncMessageBuffer) -> Sequence[Any]:
@@ -270,20 +328,48 @@ _encode = msgspec.msgpack.Encoder().encode
 
 def _plain(message: Any, arrays: list[memoryview]) -> dict[str, Any]:
     """Return what viser's `as_serializable_dict` does, without its look at every type."""
-    if type(message) is not _messages.SceneNodeUpdateMessage:
-        return message.as_serializable_dict(arrays)
-    ((name, value),) = message.updates.items()
-    if not (isinstance(value, np.ndarray) and value.flags.c_contiguous):
-        return message.as_serializable_dict(arrays)
-    array = cast("NDArray[np.generic]", value)
-    arrays.append(array.data)
-    placed = {"__binary_index": len(arrays) - 1, "dtype": array.dtype.str}
-    return {
-        "type": "SceneNodeUpdateMessage",
-        "name": message.name,
-        "updates": {name: placed},
-        "owner": message.owner,
-    }
+    plain: dict[str, Any] = {}
+    for name, hint, own in _fields(cast(type[Any], type(message))):
+        value: object = getattr(message, name)
+        kind = type(value)
+        if kind is str or value is None or kind is own:
+            plain[name] = value
+        elif kind is dict:
+            plain[name] = {
+                key: each if type(each) in _AS_THEY_ARE else prepared(each, Any, arrays)
+                for key, each in cast("dict[str, Any]", value).items()
+            }
+        elif (
+            own is tuple
+            and kind is tuple
+            and all(type(one) is float for one in cast(tuple[object, ...], value))
+        ):
+            plain[name] = value
+        else:
+            plain[name] = prepared(value, hint, arrays)
+    plain["type"] = type(message).__name__
+    return plain
+
+
+_AS_THEY_ARE = frozenset({str, float, int, bool, type(None)})
+
+
+@cache
+def _fields(kind: type[Any]) -> list[tuple[str, Any, type | None]]:
+    """Return a message's fields with their types, and the type that goes out as it is, if any."""
+    hints = get_type_hints_cached(kind)
+    return [
+        (
+            name,
+            hints[name],
+            hints[name]
+            if hints[name] in (float, int, bool)
+            else tuple
+            if get_origin(hints[name]) is tuple and set(get_args(hints[name])) == {float}
+            else None,
+        )
+        for name in wire_field_names(kind)
+    ]
 
 
 def stream(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> None:
