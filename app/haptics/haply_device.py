@@ -235,6 +235,9 @@ class HaplyDevice:
         for grip in message.wireless_verse_grip:
             if grip.device_id == self._grip and grip.state is not UNSET:
                 state.buttons = grip.state.pressed
+        wired = message.verse_grip
+        if not self._grip and wired and wired[0].state is not UNSET:
+            state.buttons = int(wired[0].state.button)
         return True
 
     def _gone(self, why: str) -> DeviceError:

@@ -256,12 +256,26 @@ class Grip(Struct):
         return Grip(self.device_id, _GripConfig(), self.state, self.status)
 
 
+class _WiredState(Struct):
+    button: bool = False
+    hall: int = 0
+    orientation: Quaternion = field(default_factory=Quaternion)
+
+
+class WiredGrip(Struct):
+    """A VerseGrip on a cable, with one button."""
+
+    device_id: str
+    state: _WiredState | UnsetType = UNSET
+
+
 class ServiceMessage(Struct):
     """An inventory or a state: what the service sends."""
 
     session_id: int | UnsetType = UNSET
     inverse3: list[Inverse] = field(default_factory=list[Inverse])
     wireless_verse_grip: list[Grip] = field(default_factory=list[Grip])
+    verse_grip: list[WiredGrip] | UnsetType = UNSET
 
 
 class ForceCommand(Struct):

@@ -75,5 +75,26 @@ PROFILE_35 = (
 """*Tutorial 01*: the first message of a session."""
 PLACE_35 = (
     b'{"inverse3":[{"device_id":"049D","commands":{"set_cursor_position":'
-    b'{"position":{"x":0.0,"y":-0.12,"z":0.16}}}}]}'
+    b'{"position":{"x":0.0,"y":-0.12,"z":0.15}}}}]}'
 )
+"""*Control Commands* of 3.5: one place, without blanks."""
+QUICK_35 = (
+    b'{"inverse3": [{"device_id": "049D", "commands": {"set_cursor_force": '
+    b'{"vector": {"x": 0, "y": 0, "z": 0}}}}]}'
+)
+"""The *Quick Example* of the SDK's first page, 3.5, as Python writes it."""
+OTHERS_35 = (
+    b'{"inverse3":[{"device_id":"049D","commands":{"set_angular_torques":'
+    b'{"torques":{"a0":0.0,"a1":0.0,"a2":0.0}}}}]}',
+    b'{"inverse3":[{"device_id":"049D","commands":{"set_angular_position":'
+    b'{"angles":{"a0":30.0,"a1":45.0,"a2":60.0}}}}]}',
+    b'{"inverse3":[{"device_id":"049D","commands":{"probe_position":{}}}]}',
+)
+"""*Control Commands* and *Simulation Channel* of 3.5: what moves no simulated cursor."""
+WIRED_GRIP = """
+{"device_id": "61548", "config": {"port": "COM3", "type": "verse_grip"},
+ "state": {"button": false, "hall": 0, "orientation":
+  {"x": -0.5019531, "y": 0.8632202, "z": -0.048095703, "w": -0.022338867}},
+ "status": {"error": 0, "ready": true}}
+"""
+"""*HTTP* of 3.4: a member of `verse_grip`."""

@@ -150,6 +150,25 @@ def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> N
     assert into.position[2] == pytest.approx(0.15 + 1e-4 * (len(service.heard) - 1))
 
 
+def test_the_button_of_a_wired_grip_and_states_that_leave_out_what_is_usual_are_read() -> None:
+    message = json.loads(state())
+    message["verse_grip"] = [json.loads(pages.WIRED_GRIP)]
+    grip, told = message["verse_grip"][0]["state"], message["inverse3"][0]["state"]
+    told["transform"] = {}  # its members are left out where they are the identity
+    del told["current_angular_torques"], told["body_orientation"]
+
+    def answer(number: int, _: bytes) -> list[str]:
+        grip["button"] = number % 2 == 1
+        return [json.dumps(message)]
+
+    device, into = Service(answer).opened(), DeviceState()
+    pressed: list[int] = []
+    for _ in range(3):
+        assert device.exchange(STILL, into)
+        pressed.append(into.buttons)
+    assert pressed == [0, 1, 0]
+
+
 def forces_heard(service: Service) -> list[float]:
     commands = [json.loads(each)["inverse3"][0]["commands"] for each in service.heard]
     return [each["set_cursor_force"]["vector"]["z"] for each in commands]

@@ -51,6 +51,16 @@ def test_a_published_command_is_read_whole(page: bytes) -> None:
     assert msgspec.json.encode(read_client_message(page)) == page
 
 
+@pytest.mark.parametrize("page", [pages.QUICK_35, *pages.OTHERS_35])
+def test_a_published_command_without_a_force_is_answered_and_moves_nothing(page: bytes) -> None:
+    virtual, clock = service(force_rate_limit_N_per_s=1e6)
+    virtual.answer(page, 1)
+    clock.now += 0.005
+    state = told(virtual.answer(page, 1))["inverse3"][0]["state"]
+    assert state["cursor_position"] == dict(zip("xyz", START, strict=True))
+    assert state["control_mode"] == "idle"
+
+
 class Clock:
     """A clock that goes when it is told to."""
 
@@ -143,8 +153,9 @@ def test_what_is_no_message_takes_the_force_away_and_is_still_answered(content: 
 
 def test_a_cursor_is_led_to_a_place_and_a_preset_moves_the_origin() -> None:
     virtual, clock = service()
+    place = pages.PLACE_35.replace(b"0.15", b"0.16")
     for _ in range(2000):
-        virtual.answer(pages.PLACE_35, 1)
+        virtual.answer(place, 1)
         clock.now += 0.001
     assert told(virtual.state(1))["inverse3"][0]["state"]["cursor_position"]["z"] == pytest.approx(
         0.16, abs=1e-4
