@@ -376,12 +376,19 @@ def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
     assert words in refused(("trainer", *arguments))
 
 
+@pytest.mark.parametrize("answers", [True, False])
 def test_a_tab_that_closes_while_it_connects_leaves_nothing(
-    trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch, answers: bool
 ) -> None:
-    """viser calls in a pool: a client may be disconnected before its view is made."""
-    view = Ticked()
-    monkeypatch.setattr(server, "ClientView", lambda *_, **__: view)
+    """A client may be disconnected before its view is made, or before it has said a word."""
+    view, there = Ticked(), {10**6: object()} if answers else {}
+
+    def made(*_: object, **__: object) -> Ticked:
+        there.clear()
+        return view
+
+    monkeypatch.setattr(server, "ClientView", made)
+    monkeypatch.setattr(trainer._server, "get_clients", lambda: there)
     monkeypatch.setattr(server, "prepare_page", lambda _: None)
     monkeypatch.setattr(server, "kept_by_tab", lambda _: None)
     monkeypatch.setattr(server, "asked_by_address", lambda *_: None)
@@ -389,11 +396,15 @@ def test_a_tab_that_closes_while_it_connects_leaves_nothing(
     monkeypatch.setattr(server, "tab_keeps", lambda _, token: tokens.append(token))
     storage = SimpleNamespace(get_item=lambda *_: "1")  # it has seen the first minute
     gone = cast("ClientHandle", SimpleNamespace(client_id=10**6, local_storage=storage))
+    before = len(trainer._kept)
     trainer._disconnect(gone)
     trainer._connect(gone)
     assert gone.client_id not in trainer._views
     assert gone.client_id not in trainer._tokens
-    assert view.closed
+    assert view.closed == answers
+    if not answers:
+        assert (tokens, len(trainer._kept)) == ([], before)
+        return
     (token,) = tokens
     again, _ = trainer._kept.claim(token)  # another, were it not left
     trainer._kept.leave(again)

@@ -181,6 +181,7 @@ class Trainer:
         self._views: dict[int, ClientView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
+        self._making = threading.Lock()
         self._kept = Sessions(lambda: Practice(organ, preset), most=bounds.most_clients)
         self._workers = Workers(build_process=build_process or BuildProcess())
         self._stopping = threading.Event()
@@ -289,6 +290,8 @@ class Trainer:
             with explained(client, "Preparing your duct."):
                 prepare_page(client)
                 before = kept_by_tab(client)
+                if number not in self._server.get_clients():
+                    return  # it has left without an answer
                 lost = before is not None and before not in self._kept
                 token, practice = self._kept.claim(before)
                 tab_keeps(client, token)
@@ -298,15 +301,18 @@ class Trainer:
                 elif practice.mode is None:
                     asked = asked_by_address(client, "mode")
                     practice.mode = asked if asked in MODES else self._mode
-                view = ClientView(
-                    client,
-                    practice,
-                    self._workers,
-                    self._look,
-                    exercise_inputs=self._exercise_inputs,
-                    ready=self.warm_up.wait,
-                    furnish=furnish,
-                )
+                self.warm_up.wait(practice.mode)
+                # One page at a time: many that open together would leave no time to the clock.
+                with self._making:
+                    view = ClientView(
+                        client,
+                        practice,
+                        self._workers,
+                        self._look,
+                        exercise_inputs=self._exercise_inputs,
+                        ready=self.warm_up.wait,
+                        furnish=furnish,
+                    )
                 if watched is not None:
                     watched.begin(view)
                 elif lost:
