@@ -33,6 +33,8 @@ from physics.quantity import positive
 
 __all__ = ["FeltBed"]
 
+Array = NDArray[np.float64]
+
 STRESS_STEPS = 10
 """Steps between two checks of the stresses in the duct's wall."""
 
@@ -49,6 +51,49 @@ def _worst_stress(section: NDArray[np.float64], wall: NDArray[np.float64]) -> fl
             total = section[e, normal] / wall[e + end, 0] + math.sqrt(a * a + b * b)
             worst = max(worst, total)
     return worst
+
+
+@njit(cache=True, nogil=True)
+def _feel(
+    nodes: NDArray[np.int64],
+    x: Array,
+    react: Array,
+    load: Array,
+    coupling: float,
+    hands: Array,
+    hands_before: Array,
+    taken: Array,
+    reacts: Array,
+    forces: Array,
+    hooks: Array,
+    tips: Array,
+) -> tuple[float, float]:
+    """Fill forces and places of the hooks; return the hands' work, and as the beam books it."""
+    # `nodes` are those that the hooks hold, below zero for none. Sums of three are BLAS's, whose
+    # last digits runs of before this was compiled have.
+    work = booked = 0.0
+    way, felt, accounted = np.empty(3), np.empty(3), np.empty(3)
+    for hook in range(nodes.shape[0]):
+        node = nodes[hook]
+        if node < 0:
+            for j in range(3):
+                forces[hook, j] = hooks[hook, j] = 0.0
+                tips[hook, j] = taken[hook, j] + hands[hook, j]
+            continue
+        for j in range(3):
+            way[j] = hands[hook, j] - hands_before[hook, j]
+            hands_before[hook, j] = hands[hook, j]
+            reaction = react[node, j] + load[node, j]
+            accounted[j] = reacts[hook, j] + reaction
+            reacts[hook, j] = reaction
+            tips[hook, j] = x[node, j]
+            hooks[hook, j] = x[node, j] - taken[hook, j]
+            force = coupling * (hands[hook, j] - hooks[hook, j])
+            felt[j] = forces[hook, j] + force
+            forces[hook, j] = force
+        work += 0.5 * np.dot(felt, way)
+        booked += 0.5 * np.dot(accounted, way)
+    return work, booked
 
 
 class FeltBed:
@@ -95,6 +140,7 @@ class FeltBed:
         """Go back to the first state, with no hook on the duct."""
         self.beam = copy.deepcopy(self._at_first)
         self._nodes: list[int | None] = [None] * len(self.grasps)
+        self._held_nodes = np.full(len(self.grasps), -1)
         self._slipped = [False] * len(self.grasps)  # hooks that found nothing to take
         for array in (self.forces, self.elastic_forces, self.hooks, self._hands, self._reacts):
             array[:] = 0.0
@@ -139,9 +185,10 @@ class FeltBed:
             np.add(self._taken, hands, self.tips)
             return
         self._steps += 1
-        beam, work = self.beam, 0.0
+        beam = self.beam
         for hook in range(len(self._nodes)):
             node = self._change_hold(hook, bool(held[hook]))
+            self._held_nodes[hook] = -1 if node is None else node
             if node is not None:
                 beam.lead(node, self._taken[hook] + hands[hook])
         if self._touch_steps:
@@ -153,22 +200,13 @@ class FeltBed:
             )
         except NoEquilibrium:
             broken = True
-        for hook, node in enumerate(self._nodes):
-            if node is None:
-                self.forces[hook] = self.elastic_forces[hook] = self.hooks[hook] = 0.0
-                self.tips[hook] = self._taken[hook] + hands[hook]
-                continue
-            way = hands[hook] - self._hands[hook]
-            react = beam.hand_force(node)
-            self._booked += 0.5 * float((self._reacts[hook] + react) @ way)
-            self._reacts[hook] = react
-            self.tips[hook] = beam.places[node]
-            self.hooks[hook] = beam.places[node] - self._taken[hook]
-            before = self.forces[hook].copy()
-            self.forces[hook] = self.coupling * (hands[hook] - self.hooks[hook])
-            self.elastic_forces[hook] = self.forces[hook]
-            work += 0.5 * float((before + self.forces[hook]) @ way)
-            self._hands[hook] = hands[hook]
+        state = beam.state
+        work, booked = _feel(
+            self._held_nodes, state.x, state.react, state.load, self.coupling, hands, self._hands,
+            self._taken, self._reacts, self.forces, self.hooks, self.tips,
+        )  # fmt: skip
+        self._booked += booked
+        self.elastic_forces[:] = self.forces
         books = beam.books
         self.stored = books.stored + work
         self._felt += work

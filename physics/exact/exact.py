@@ -227,16 +227,14 @@ class ExactPull(Pull):
     def lift(self, deflection: float, compliance: float) -> tuple[float, float, float]:
         """Hold by one grip in one compiled call; return force, deflection and strain energy."""
         # `deflection`, mm, is that of the grip, of a `compliance`, mm/N.
-        unit, line = self._force_unit, self._line
-        line[at.COMPLIANCE] = compliance * unit / self._span
+        self._line[at.COMPLIANCE] = compliance * self._force_unit / self._span
         outcome, energy = _lift(
             self._state, self._fibres, self._grasp, self._part, deflection / self._span
         )
         self._read()
         if outcome != at.FOUND:
             raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
-        energy *= unit * self._span * (2.0 if self._half else 1.0)
-        return self.force, self.deflection, energy
+        return self.force, self.deflection, self._energy(energy)
 
     def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
         """Set the compliance of a grip; return what is prescribed and of which kind."""
@@ -259,7 +257,9 @@ class ExactPull(Pull):
     def strain_energy(self) -> float:
         """Strain energy of the beam, N mm."""
         self._fill_points()
-        energy = sampling.strain_energy(self._state, self._fibres, self._part)
+        return self._energy(sampling.strain_energy(self._state, self._fibres, self._part))
+
+    def _energy(self, energy: float) -> float:
         return energy * self._force_unit * self._span * (2.0 if self._half else 1.0)
 
     def _fill_points(self) -> None:
