@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from browser import (
+    PATIENCE,
     TrainerPage,
     close_browser,
     newest,
@@ -37,7 +38,7 @@ def take(tab: TrainerPage, path: Path) -> None:
     last = b""
     for _ in range(40):
         time.sleep(1.0)
-        now = tab.page.screenshot(type="jpeg", quality=88)
+        now = tab.page.screenshot(type="jpeg", quality=88, timeout=5.0 * PATIENCE)
         if now == last:
             break
         last = now

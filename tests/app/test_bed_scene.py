@@ -255,6 +255,21 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
             "() => Array.from("
             "window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.position)"
         )
+        # In their first picture, too, films are where the threads are: the page may rest after it.
+        moved, together = page.evaluate(
+            """() => {
+                const old = window.bluntdissectStrands.drawn.get('/bed/strands');
+                const { source, bed } = old, made = new old.constructor(source, bed);
+                made.update(0, window.__viserMutable.cameraControl.camera);
+                const [films, threads] = [made.films, made.ribbons].map(
+                    each => each.mesh.matrixWorld.toArray());
+                made.remove();
+                return [source.matrixWorld.toArray().some((x, k) => x !== (k % 5 ? 0 : 1)),
+                    films.every((x, k) => x === threads[k])];
+            }"""
+        )
+        assert moved
+        assert together
         assert not errors, errors
     finally:
         context.close()

@@ -101,6 +101,13 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
             assert tab.figure(name) == pytest.approx(value, rel=1e-4, abs=1e-9), name
         assert reading.forces[0][2] > 0.1
         expect(tab.readout).to_contain_text(f"of {reading.strands}")
+        ((ago, left, right, distance, limit),) = tab.charts()
+        assert ago[-1] == 0.0
+        assert len(ago) > 5
+        assert left[-1] == pytest.approx(np.linalg.norm(reading.forces[0]), rel=1e-4)
+        assert set(right) == {0.0}
+        assert distance[-1] == pytest.approx(100.0 * reading.distance_to_break, rel=1e-4)
+        assert set(limit) == {None}
 
         # The hook lets go with the mouse; what has parted stays parted.
         tab.page.mouse.up()
@@ -119,6 +126,8 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         assert float(session.reading().forces[0][0]) > 0.0
         tab.page.mouse.up()
         tab.wait_until(lambda: session.reading().held == (False, False))
+        tab.tick("Plot")
+        tab.wait_until(lambda: not tab.charts())
 
 
 def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
@@ -420,6 +429,7 @@ def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections:
         view.session.choose_instrument(1, exercise.instruments[0])
         tab.page.locator("[data-testid=readout][data-hidden='1']").wait_for()
         expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
+        tab.wait_until(lambda: not tab.charts())
         tab.press("Pull")  # an exercise is not left by the way
         expect(tab.page.get_by_text("An exercise goes on until it is over")).to_be_visible()
         assert newest_dissection(dissections) is view

@@ -8,6 +8,7 @@ from app.simulation.bed import BedReading, Instrument
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
+from app.trainer.panel.dissect_plot import DissectPlot
 from app.trainer.scene.bed_scene import Colours
 
 __all__ = ["HandsTab"]
@@ -75,6 +76,7 @@ class HandsTab:
             )
             for name in HANDS
         ]
+        self._plot = DissectPlot(gui)
         on_input(self._jaws, lambda value: state.open_jaws(number(value)))
         on_input(self._depth, lambda value: state.show(into_picture=value is True))
         on_click(self._pause, lambda: state.set_paused(not state.paused))
@@ -101,3 +103,4 @@ class HandsTab:
         set_if_changed(self._reset, visible=live)
         self._colours.show(state.colours)
         set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")
+        self._plot.show(state.shown, reading, figures=state.figures_visible)

@@ -158,7 +158,7 @@ def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
         word, colour = ("Passed", _PASSED) if outcome.passed else ("Not passed", _FAILED)
         reason = outcome.reason
     return (
-        f"<div data-testid='outcome' data-outcome='{word}' style='padding:0 12px 8px'>"
+        f"<div data-testid='outcome' data-outcome='{word}' style='padding:0 12px 16px'>"
         "<div style='display:flex;justify-content:space-between;align-items:center'>"
         f"<span style='font-size:14px;opacity:.8'>{html.escape(title)}</span>"
         f"<span style='border:1px solid {colour};color:{colour};border-radius:99px;"
@@ -234,7 +234,7 @@ def _row_html(
     cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
     if limits:
         limit = limits.get(row.key)
-        cells.append("" if limit is None else figure(row.factor * limit))
+        cells.append("" if limit is None else _figure(row, limit))
     meaning = html.escape(row.meaning, quote=True)
     figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)
     unit = f" <span style='white-space:nowrap'>({row.unit})</span>" if row.unit else ""
@@ -261,7 +261,13 @@ def _shown(row: _Row, measures: _AnyMeasures) -> str:
     if row.key == "smoothness" and values == (None,) and getattr(measures, "path_length_mm", 0.0):
         return TOO_SHORT
     least = 0.0 if row.key == DISTANCE else -math.inf
-    return " / ".join(figure(None if v is None else row.factor * max(v, least)) for v in values)
+    return " / ".join(_figure(row, None if v is None else max(v, least)) for v in values)
+
+
+def _figure(row: _Row, value: float | None) -> str:
+    if isinstance(value, int):
+        return f"{value:,}"  # it counts
+    return figure(None if value is None else row.factor * value)
 
 
 def _tear_html(measures: Measures) -> str:

@@ -11,6 +11,12 @@ from app.simulation import ApproachBreak, Exercise, Series, loading_rates
 from app.simulation.bed import BedExercise, DissectionSeries
 
 __all__ = [
+    "AXIS_COLOUR",
+    "DISTANCE_COLOUR",
+    "GRID",
+    "HAND_COLOURS",
+    "LIMIT_COLOUR",
+    "TO_BREAK",
     "Curve",
     "add_dissection_plots",
     "add_series_plots",

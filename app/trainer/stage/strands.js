@@ -286,7 +286,8 @@
         for (let f = 0; f < fibres; f++) {
           const spread = f ? 0.85 : 0;
           const o = k => spread * dice(i, 10 * f + k);
-          const A = [given[a] + o(1), given[a + 1] + o(2), given[a + 2]];
+          // Some threads hold higher up the wall: no line parts tissue and duct.
+          const A = [given[a] + o(1), given[a + 1] + o(2), given[a + 2] + 1.5 * Math.max(0, o(8))];
           const B = [foot[b] + 2.2 * o(3), foot[b + 1] + 1.6 * o(4), foot[b + 2]];
           const M = [middle[b] + 0.5 * o(5), middle[b + 1] + 0.5 * o(6), middle[b + 2] + 0.3 * o(7)];
           const width = widths[i] * (f ? 0.45 : 1) * (1 - 0.25 * clamp(taut, 0, 1));
@@ -337,8 +338,8 @@
       const { position, normal, color } = this.ribbons, { eye } = this, half = POINTS / 2;
       const whole = taut !== PARTED, pull = whole ? clamp(taut, 0, 1) : 0;
       // Light of tissue: rosy and dull where slack, white and opaque where taut.
-      const red = 0.80 + 0.28 * pull, green = 0.50 + 0.52 * pull, blue = 0.42 + 0.54 * pull;
-      const alpha = (f ? 0.75 : 1) * (whole ? 0.52 + 0.48 * pull : 0.85);
+      const red = 0.66 + 0.42 * pull, green = 0.37 + 0.65 * pull, blue = 0.29 + 0.67 * pull;
+      const alpha = (f ? 0.75 : 1) * (whole ? 0.5 + 0.5 * pull : 0.85);
       for (let k = 0; k < POINTS; k++) {
         const k0 = !whole && k === half ? k : Math.max(k - 1, 0);
         const k1 = !whole && k === half - 1 ? k : Math.min(k + 1, POINTS - 1);
@@ -364,7 +365,7 @@
           normal[p + 2] = 0.75 * vz + 0.65 * s * sz;
           const q = p / 3 * 4;
           color[q] = red; color[q + 1] = green; color[q + 2] = blue;
-          color[q + 3] = cut ? 0 : alpha;
+          color[q + 3] = cut ? 0 : alpha * (1 - 0.75 * (k / (POINTS - 1)) ** 6);  // into the bed
         }
       }
     }
@@ -407,10 +408,10 @@
             normal[p + 1] = side * 0.8;
             normal[p + 2] = 0.55;
             const q = p / 3 * 4;
-            color[q] = 0.85 + 0.2 * pull; color[q + 1] = 0.55 + 0.4 * pull; color[q + 2] = 0.48 + 0.42 * pull;
+            color[q] = 0.68 + 0.37 * pull; color[q + 1] = 0.39 + 0.56 * pull; color[q + 2] = 0.31 + 0.59 * pull;
             const gone = !wi && !wj && (r === ROWS >> 1 || r + 1 === ROWS >> 1);
-            color[q + 3] = gone ? 0 : (0.24 + 0.14 * pull + 0.14 * Math.abs(dice(i, 93)))
-              * (wi || wj ? 1 : 0.8);
+            color[q + 3] = gone ? 0 : (0.3 + 0.16 * pull + 0.1 * Math.abs(dice(i, 93)))
+              * (wi || wj ? 1 : 0.8) * (1 - 0.85 * t ** 3);  // it runs out into the bed
           }
         }
       }
@@ -420,7 +421,8 @@
     // Brings the picture up to now; returns whether something still moves by itself.
     update(now, camera) {
       const p = camera.position.clone();
-      this.ribbons.mesh.updateWorldMatrix(true, false);
+      // New ones come after the renderer has placed what it draws in this picture.
+      for (const { mesh } of [this.films, this.ribbons]) mesh.updateWorldMatrix(true, false);
       this.ribbons.mesh.worldToLocal(p.setFromMatrixPosition(camera.matrixWorld));
       const away = Math.hypot(p.x - this.eye[0], p.y - this.eye[1], p.z - this.eye[2]);
       if (this.bed.columns && !this.ground) this.stale = true;

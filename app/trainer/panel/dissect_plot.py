@@ -1,0 +1,118 @@
+"""The plot beside a dissection: both hands' forces and the distance to break, the last seconds."""
+
+import math
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.simulation.bed import HANDS, BedReading, BedSession
+from app.trainer.panel.controls import on_input, set_if_changed
+from app.trainer.panel.plots import (
+    AXIS_COLOUR,
+    DISTANCE_COLOUR,
+    GRID,
+    HAND_COLOURS,
+    LIMIT_COLOUR,
+    TO_BREAK,
+    key_html,
+    line,
+)
+
+__all__ = ["DissectPlot"]
+
+SECONDS = 20.0
+"""Length of the plot, s."""
+MOST_POINTS = 220
+"""Points kept: some more than a panel shows that is updated ten times a second."""
+ABOVE = 1.08
+"""Height of an axis over its largest figure."""
+FORCES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Largest figures of the axis of the forces, N: the first that holds what is shown."""
+_PERCENT = "%"
+_NOTHING = (np.zeros(1),) * (3 + HANDS)
+
+
+class DissectPlot:
+    """One client's plot; while it is hidden, none of its data are sent to the page."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._wanted = gui.add_checkbox(
+            "Plot", initial_value=True, hint="Forces and distance to break, the last 20 seconds"
+        )
+        names = ("left hand (N)", "right hand (N)")
+        hands = [line(*each, 2.0) for each in zip(names, HAND_COLOURS, strict=True)]
+        distance = line(TO_BREAK, DISTANCE_COLOUR, 2.0)
+        limit = line("limit (%)", LIMIT_COLOUR, 1.5, (6, 4))
+        distance["scale"] = limit["scale"] = _PERCENT
+        # Rows: time of the run, s; each hand's force, N; distance to break, %; its limit, %.
+        self._rows = np.full((3 + HANDS, MOST_POINTS), np.nan)
+        self._run: object = None
+        self._top = FORCES[0]
+        self._chart = gui.add_uplot(
+            _NOTHING,
+            (uplot.Series(label="s ago"), *hands, distance, limit),
+            scales=_scales(self._top),
+            axes=(
+                uplot.Axis(stroke=AXIS_COLOUR, size=26, grid=GRID),
+                uplot.Axis(stroke=AXIS_COLOUR, size=38, grid=GRID),
+                uplot.Axis(
+                    stroke=AXIS_COLOUR,
+                    size=38,
+                    scale=_PERCENT,
+                    side=1,
+                    grid=uplot.Axis_Grid(show=False),
+                ),
+            ),
+            legend=uplot.Legend(show=False),
+            aspect=2.2,
+        )
+        marks = [*hands, distance]
+        self._keys = key_html(marks), key_html([*marks, limit])
+        self._key = gui.add_html(self._keys[0])
+        on_input(self._wanted, lambda _: self._draw())
+
+    def show(self, session: BedSession, reading: BedReading, *, figures: bool) -> None:
+        """Add what the instruments show now; forget all where figures are hidden."""
+        run, rows = session.run, self._rows
+        if not figures or run is not self._run or run.seconds < rows[0, -1]:  # or gone back in time
+            rows.fill(np.nan)
+        self._run = run
+        set_if_changed(self._wanted, visible=figures)
+        if figures:
+            exercise = run.exercise
+            rows[:, :-1] = rows[:, 1:]
+            rows[0, -1] = run.seconds
+            rows[1:-2, -1] = np.linalg.norm(reading.forces, axis=1)
+            rows[-2, -1] = 100.0 * max(0.0, reading.distance_to_break)
+            rows[-1, -1] = math.nan if exercise is None else 100.0 * (1.0 - exercise.share_limit)
+        self._draw()
+
+    def _draw(self) -> None:
+        visible = self._wanted.visible and self._wanted.value
+        if visible != self._chart.visible:
+            self._chart.visible = self._key.visible = visible
+            if not visible:
+                self._chart.data = _NOTHING
+        if not visible:
+            return
+        times, now = self._rows[0], self._rows[0, -1]
+        first = int(np.argmax(times >= now - SECONDS))
+        if first and np.isfinite(times[first - 1]):  # nothing is added while nothing moves
+            first -= 1
+        drawn = self._rows[:, first:]
+        highest = float(drawn[1:-2].max(initial=0.0))
+        top = next((each for each in FORCES if each >= highest), highest)
+        if top != self._top:
+            self._top = top
+            self._chart.scales = _scales(top)
+        self._chart.data = (drawn[0] - now, *drawn[1:])
+        set_if_changed(self._key, content=self._keys[bool(np.isfinite(drawn[-1, -1]))])
+
+
+def _scales(top: float) -> dict[str, uplot.Scale]:
+    return {
+        "x": uplot.Scale(time=False, range=(-SECONDS, 0.0)),
+        "y": uplot.Scale(range=(0.0, ABOVE * top)),
+        _PERCENT: uplot.Scale(range=(0.0, 100.0 * ABOVE)),
+    }
