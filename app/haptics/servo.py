@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.haptics.device import Device, DeviceError, DeviceState
 from app.haptics.device_run import Recorder
@@ -64,6 +65,8 @@ class Servo:
     ) -> None:
         self.devices, self.loop = devices, loop
         self.recorder = Recorder(len(devices)) if keeps else None
+        self._states = [DeviceState() for _ in devices]
+        self._received, self._alive = [0.0] * len(devices), [0.0] * len(devices)
         self._periods = 0
         self._period, self._step = TimeHistogram(), TimeHistogram()
         self._exchange, self._answer = TimeHistogram(), TimeHistogram()
@@ -103,17 +106,13 @@ class Servo:
         stopped: Callable[[], str | None],
         watched: Callable[[], None] | None,
     ) -> str:
-        clock, loop, devices = time.perf_counter, self.loop, self.devices
-        period, stale = loop.settings.period, loop.settings.stale_seconds
-        states = [DeviceState() for _ in devices]
-        units = np.zeros((len(devices), 3), np.int64)
-        inputs = [0] * len(devices)
+        clock, loop = time.perf_counter, self.loop
+        period, hands = loop.settings.period, len(self.devices)
+        units, inputs = np.zeros((hands, 3), np.int64), [0] * hands
         before = loop.given.copy()
         every = max(1, loop.settings.rate // CHECKS_PER_SECOND)
         start = due = last = clock()
-        received = [start] * len(devices)
-        alive = [start] * len(devices)
-        count = 0
+        self._received, self._alive = [start] * hands, [start] * hands
         while True:
             while (wait := due - clock()) > SPIN_SECONDS:
                 time.sleep(wait - SPIN_SECONDS)
@@ -121,7 +120,7 @@ class Servo:
                 loop.rehearse()
             while (now := clock()) < due:
                 pass
-            if count:
+            if self._periods:
                 self._period.add(now - last)
                 self._missed += now - last > MISSED * period
             last = now
@@ -130,52 +129,51 @@ class Servo:
             if seconds is not None and now - start >= seconds:
                 why = "its time is over"
                 break
-            for hand, device in enumerate(devices):
-                sent = clock()
-                if count:
-                    self._answer.add(sent - received[hand])
-                try:
-                    fresh = device.exchange(loop.given[hand], states[hand])
-                except (DeviceError, OSError) as error:
-                    self._seconds = clock() - start
-                    return str(error)
-                got = received[hand] = clock()
-                self._exchange.add(got - sent)
-                no_number = fresh and not np.isfinite(states[hand].position).all()
-                fresh = fresh and not no_number
-                bits = states[hand].buttons & (LIVE - 1)
-                if fresh:
-                    units[hand] = np.rint(states[hand].position * (1.0 / PLACE_UNIT))
-                    alive[hand] = got
-                    bits |= FRESH
-                if got - alive[hand] <= stale:
-                    bits |= LIVE
-                inputs[hand] = bits
-                if not fresh:
-                    self._stale += 1
-                    trouble = NO_NUMBER if no_number else device.trouble() or "no state"
-                    self._troubles[trouble] += 1
-                    if got - alive[hand] > SILENT_SECONDS:
-                        self._seconds = got - start
-                        return f"no state of {device.name} for {SILENT_SECONDS:g} s: {trouble}"
+            try:
+                for hand in range(hands):
+                    inputs[hand] = self._exchange_with(hand, units)
+            except (DeviceError, OSError) as error:
+                why = str(error)
+                break
             stepping = clock()
             loop.step(units, inputs)
             self._step.add(clock() - stepping)
             if self.recorder is not None:
                 self.recorder.keep(units, inputs, loop.given)
-            self._periods += 1
-            self._watch(before, count, every)
+            self._watch(before, every)
             if watched is not None:
                 watched()
-            count += 1
+            self._periods += 1
             due += period
             if clock() - due > BEHIND * period:
                 due = clock()
         self._seconds = clock() - start
         return why
 
-    def _watch(self, before: "np.ndarray[tuple[int, int], np.dtype[np.float64]]", count: int,
-               every: int) -> None:  # fmt: skip
+    def _exchange_with(self, hand: int, units: NDArray[np.int64]) -> int:
+        """Give a device its force and fill in where it is; return its hand's bits."""
+        clock, device, state = time.perf_counter, self.devices[hand], self._states[hand]
+        sent = clock()
+        if self._periods:
+            self._answer.add(sent - self._received[hand])
+        fresh = device.exchange(self.loop.given[hand], state)
+        got = self._received[hand] = clock()
+        self._exchange.add(got - sent)
+        no_number = fresh and not np.isfinite(state.position).all()
+        bits = state.buttons & (LIVE - 1)
+        if fresh and not no_number:
+            units[hand] = np.rint(state.position * (1.0 / PLACE_UNIT))
+            self._alive[hand] = got
+            return bits | FRESH | LIVE
+        self._stale += 1
+        trouble = NO_NUMBER if no_number else device.trouble() or "no state"
+        self._troubles[trouble] += 1
+        silent = got - self._alive[hand]
+        if silent > SILENT_SECONDS:
+            raise DeviceError(f"no state of {device.name} for {SILENT_SECONDS:g} s: {trouble}")
+        return bits | LIVE if silent <= self.loop.settings.stale_seconds else bits
+
+    def _watch(self, before: NDArray[np.float64], every: int) -> None:
         """Record the largest force, its largest change, and forces to compare afterwards."""
         loop = self.loop
         for hand in range(len(self.devices)):
@@ -185,7 +183,7 @@ class Servo:
             self._jump = max(self._jump, float(change @ change))
             old[:] = given
         self._peak = max(self._peak, abs(float(loop.regulator.books[WORK])))
-        if count % every == 0 and len(self._checks) < MOST_CHECKS:
+        if self._periods % every == 0 and len(self._checks) < MOST_CHECKS:
             model = loop.model
             if model.hooks[0, 2] > 0.0 and not model.torn:
                 self._checks.append((float(model.hooks[0, 2]), float(model.forces[0, 2])))

@@ -42,9 +42,8 @@ hand without states for some periods is caught up with in such steps."""
 
 
 # Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets
-# of the hooks, mm: where those ways began, now, a period ago, and on the way between; and of the
-# last step of the model: how far
-# the hands drew, mm, the forces at its beginning and those a step before, N.
+# of the hooks, mm: where those ways began, now, a period ago, and on the way between; then of the
+# model's last step: how far the hands drew, mm, forces at its beginning and a step before, N.
 PLACE, ORIGIN, LED_FROM, LED, LED_BEFORE, LED_NOW, DRAWN, PULLED, PULLED_BEFORE, ROWS = range(10)
 ALONG = 0.5
 """Cosine between two steps of the hands up to which the second goes on from the first."""
