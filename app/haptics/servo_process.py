@@ -47,7 +47,7 @@ NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
 TIP, FORCE, PEAK, STATION, ROW = 0, 3, 6, 7, 8
 POLL_PERIODS = 8
 """Periods between two reads of the pipe."""
-STOP_SECONDS = 1.0
+STOP_SECONDS = 5.0
 """Time in which a servo reports when it is stopped."""
 OPEN_SECONDS = 30.0
 """Time in which a device must be open, s; compilation takes most of it."""

@@ -414,6 +414,10 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
         assert servo.ended is None
     finally:
         servo.stop()
+    assert servo.report is not None
+    assert servo.report.ended_by == servo.ended == "the trainer has ended"
+    assert servo.report.periods > 500
+    assert servo.report.step_us.median > 0.0
 
 
 def test_a_device_that_cannot_be_opened_is_said_in_the_trainers_words() -> None:

@@ -258,6 +258,9 @@ def test_a_hand_is_read_from_its_file_or_refused_by_name(tmp_path: Path) -> None
         file.write_text(wrong)
         with pytest.raises(ValueError, match=says):
             read_hand(file)
+    file.write_bytes(b"#" * 1_000_001)
+    with pytest.raises(ValueError, match="is no hand: it has more than 1,000,000 bytes"):
+        read_hand(file)
     with pytest.raises(ValueError, match="cannot read"):
         read_hand(tmp_path / "none.toml")
 
