@@ -49,7 +49,7 @@ screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium
 	@$(BIN)/python tests/app/film.py docs/images/dissection.webp
 	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
 
-soak: $(VENV)/.soak  ## attack a trainer, kill writers, mutate files; write docs/reliability.md (an hour)
+soak: $(VENV)/.soak  ## attack and load a trainer, kill writers, mutate files; write docs/reliability.md (2 hours)
 	@PYTHONPATH=. $(BIN)/python tests/app/soak.py $(ARGS)
 
 licences: $(AUDIT)/.done $(VENV)/.tests  ## list the licences of all dependencies; GPL and AGPL fail

@@ -1,6 +1,7 @@
 """A page without a picture: a websocket connection that speaks viser's protocol."""
 
 import itertools
+import urllib.request
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,7 +10,7 @@ import viser
 import websockets.asyncio.client
 import zstandard
 
-__all__ = ["Page", "connected", "hand_forces"]
+__all__ = ["Page", "connected", "cookie_of", "hand_forces"]
 
 SLIDERS = ("Force", "Jaws")
 """What a page's own slider is called, of a pull and of a dissection."""
@@ -27,13 +28,20 @@ CAMERA: dict[str, Any] = {
 }
 
 
-def connected(address: str) -> websockets.asyncio.client.connect:
+def cookie_of(link: str) -> str:
+    """Return the cookie that a link gives a browser."""
+    with urllib.request.urlopen(link) as answer:
+        return answer.headers["Set-Cookie"].partition(";")[0]
+
+
+def connected(address: str, cookie: str = "") -> websockets.asyncio.client.connect:
     """Return a connection to a trainer, to be entered."""
     return websockets.asyncio.client.connect(
         address.replace("http", "ws", 1),
         subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
         max_size=None,
         compression=None,
+        additional_headers={"Cookie": cookie} if cookie else None,
     )
 
 
@@ -47,12 +55,19 @@ class Page:
         self._held = False
         self._unpack = zstandard.ZstdDecompressor()
 
-    async def open(self) -> None:
-        """Say that a page is there, and wait for its first slider and its reset button."""
+    async def open(self, mode: str | None = None, name: str | None = None) -> None:
+        """Say that a page is there, and wait for its first slider and its reset button.
+
+        Its address asks for a `mode`, if one is given; in a class it joins with a `name`.
+        """
         await self._send(CAMERA)
-        while not (self._slider and self._reset):
+        field = join = ""
+        while not (self._slider and self._reset and (name is None or (field and join))):
             for message in await self.messages():
                 kind = message["type"]
+                label = message.get("props", {}).get("label")
+                field = message["uuid"] if label == "Your name" else field
+                join = message["uuid"] if label == "Join the class" else join
                 if kind == "GuiSliderMessage" and message["props"]["label"].startswith(SLIDERS):
                     self._slider = message["uuid"]
                 if message.get("name") == "/organ/grip" and "owner" in message:
@@ -63,10 +78,13 @@ class Page:
                     answer = {
                         "type": "LocalStorageGetItemResponseMessage",
                         "request_uuid": message["request_uuid"],
-                        "value": None,
+                        "value": mode,
                         "error": None,
                     }
                     await self._send(answer)
+        if name is not None:
+            await self._update(field, name)
+            await self._update(join, True)
 
     async def pull_with(self, force: float) -> None:
         """Move the force slider."""
@@ -112,7 +130,7 @@ class Page:
             for message in await self.messages()
         )
 
-    async def _update(self, widget: str, value: float) -> None:
+    async def _update(self, widget: str, value: float | str) -> None:
         update = {"type": "GuiUpdateMessage", "uuid": widget, "updates": {"value": value}}
         await self._send(update)
 

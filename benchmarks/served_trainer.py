@@ -3,9 +3,11 @@
 import gc
 import subprocess
 import sys
+import tempfile
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -38,8 +40,9 @@ class Takings(msgspec.Struct, frozen=True):
 class Served:
     """A trainer's process, seen from outside."""
 
-    def __init__(self, process: "subprocess.Popen[str]", address: str) -> None:
-        self._process, self.address = process, address
+    def __init__(self, process: "subprocess.Popen[str]", link: str) -> None:
+        self._process, self.link = process, link
+        self.address = link.partition("/?")[0]
 
     def takings(self) -> Takings:
         """Ask the trainer."""
@@ -51,21 +54,23 @@ class Served:
 
 
 @contextmanager
-def served_trainer(*, mode: "Mode" = "pull", traced: bool = False) -> Iterator[Served]:
-    """Run a trainer in a process of its own, whose pages open in a mode."""
+def served_trainer(
+    *, mode: "Mode" = "pull", traced: bool = False, of_class: bool = False
+) -> Iterator[Served]:
+    """Run a trainer in a process of its own, whose pages open in a mode, if need be of a class."""
     # A client that leaves while it is being drawn is a warning of viser's, here by intent.
     command = [sys.executable, "-W", "ignore::UserWarning", "-m", "benchmarks.served_trainer", mode]
     with subprocess.Popen(
-        [*command, *(["--traced"] if traced else [])],
+        [*command, *(["--traced"] if traced else []), *(["--class"] if of_class else [])],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
         try:
-            address = process.stdout.readline().strip() if process.stdout else ""
-            if not address:
+            link = process.stdout.readline().strip() if process.stdout else ""
+            if not link:
                 raise RuntimeError("the trainer did not start")
-            yield Served(process, address)
+            yield Served(process, link)
         finally:
             process.terminate()
 
@@ -94,12 +99,20 @@ def main() -> None:
         tracemalloc.start()
     from app.trainer.server.trainer import Trainer
 
-    trainer = Trainer(shipped_organ(), port=0, mode="pull" if "pull" in sys.argv else "dissect")
-    trainer.warm_up.done.wait()
-    print(trainer.address, flush=True)
-    for _ in sys.stdin:
-        print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)
-    trainer.stop()
+    organ, lesson = shipped_organ(), None
+    with tempfile.TemporaryDirectory() as folder:
+        if "--class" in sys.argv:
+            from app.classroom.store import ClassStore
+            from app.trainer.classroom.lesson import Lesson
+
+            lesson = Lesson(ClassStore.new(Path(folder, "class.sqlite"), "Measured"), organ)
+        mode: Mode = "pull" if "pull" in sys.argv else "dissect"
+        trainer = Trainer(organ, port=0, mode=mode, lesson=lesson)
+        trainer.warm_up.done.wait()
+        print(trainer.link, flush=True)
+        for _ in sys.stdin:
+            print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)
+        trainer.stop()
 
 
 if __name__ == "__main__":

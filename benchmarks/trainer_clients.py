@@ -1,6 +1,7 @@
 """Steps per second of the trainer with many clients, their frames, and processor time.
 
-`python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect (or pull) for 60 s.
+`python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect for 60 s; `pull`, `mixed`
+(every other page pulls) and `class` (mixed, trainees of a class who have joined it) are the others.
 
 Clients are pages without a picture (`page_protocol`): they move the force slider, or lift the duct
 off its bed, as a trainee would and count the frames of the duct that come back. One more client
@@ -14,19 +15,22 @@ import math
 import sys
 import time
 import timeit
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
 from benchmarks.duct import DUCT
-from benchmarks.page_protocol import Page, connected, hand_forces
+from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
 if TYPE_CHECKING:
     from app.trainer.client.client_state import Mode
 
-__all__ = ["CLIENTS", "client_figures", "pulling"]
+__all__ = ["CLIENTS", "Mix", "client_figures", "counted", "pulling"]
+
+Mix = Literal["pull", "dissect", "mixed", "class"]
+"""What clients do; every other one of a mix, or of a class, pulls."""
 
 CLIENTS = (1, 8, 16)
 SECONDS = 10.0
@@ -41,12 +45,17 @@ STILL_SECONDS = 0.15
 
 
 async def pulling(
-    address: str, start: asyncio.Event, stop: asyncio.Event, mode: "Mode" = "pull"
+    address: str,
+    start: asyncio.Event,
+    stop: asyncio.Event,
+    mode: "Mode" = "pull",
+    trainee: tuple[str, str] | None = None,
 ) -> tuple[int, float]:
-    """Pull or dissect as one client does."""
-    async with connected(address) as connection:
+    """Pull or dissect as one client does, in a class as a trainee by a cookie and a name."""
+    cookie, name = trainee or ("", None)
+    async with connected(address, cookie) as connection:
         page = Page(connection)
-        await page.open()
+        await page.open(mode, name)
 
         async def pull() -> None:
             for force in hand_forces():
@@ -72,23 +81,32 @@ async def pulling(
         return frames, longest
 
 
-async def _counted(
-    served: Served, clients: int, seconds: float, mode: "Mode" = "pull"
+async def counted(
+    served: Served, clients: int, seconds: float, mix: "Mix" = "pull"
 ) -> dict[str, float]:
-    """Return the figures of some clients that pull at once."""
+    """Return the figures of some clients at once; memory grows from the first minute on."""
     start, stop = asyncio.Event(), asyncio.Event()
-    pages = [
-        asyncio.create_task(pulling(served.address, start, stop, mode)) for _ in range(clients)
-    ]
+    pages: list[asyncio.Task[tuple[int, float]]] = []
+    for number in range(clients):
+        mode: Mode = "pull" if mix == "pull" or (mix != "dissect" and number % 2) else "dissect"
+        trainee = None
+        if mix == "class":
+            trainee = await asyncio.to_thread(cookie_of, served.link), f"Trainee {number + 1}"
+        pages.append(asyncio.create_task(pulling(served.address, start, stop, mode, trainee)))
     while len((await asyncio.to_thread(served.takings)).frames) < clients:
+        if failed := [page for page in pages if page.done()]:
+            failed[0].result()
         await asyncio.sleep(0.1)
     await asyncio.sleep(SETTLING)
     before = await asyncio.to_thread(served.takings)
     start.set()
-    began = time.perf_counter()
-    await asyncio.sleep(seconds)
+    began, own = time.perf_counter(), time.process_time()
+    first = min(60.0, 0.5 * seconds)
+    await asyncio.sleep(first)
+    settled = await asyncio.to_thread(served.takings)
+    await asyncio.sleep(seconds - first)
     after = await asyncio.to_thread(served.takings)
-    elapsed = time.perf_counter() - began
+    elapsed, own = time.perf_counter() - began, time.process_time() - own
     stop.set()
     came = await asyncio.gather(*pages)
     ticks, missed = after.ticks - before.ticks, after.missed - before.missed
@@ -102,7 +120,10 @@ async def _counted(
         f"frames_per_second_{clients}": min(frames for frames, _ in came) / elapsed,
         f"longest_gap_ms_{clients}": 1e3 * max(gap for _, gap in came),
         f"processor_percent_{clients}": 100.0 * processor / elapsed,
+        f"clients_processor_percent_{clients}": 100.0 * own / elapsed,
         f"resident_mb_{clients}": after.resident_bytes / 1e6,
+        f"memory_grown_percent_{clients}": 100.0
+        * (after.resident_bytes / settled.resident_bytes - 1.0),
     }
 
 
@@ -154,15 +175,15 @@ def client_figures() -> dict[str, float]:
         answers = asyncio.run(answer_seconds(served.address, LATENCY_MOVES))
         figures["answer_ms_95"] = 1e3 * float(np.percentile(answers, 95))
         for clients in CLIENTS:
-            figures |= asyncio.run(_counted(served, clients, SECONDS))
+            figures |= asyncio.run(counted(served, clients, SECONDS))
     return figures
 
 
 def main() -> None:
-    """Print the figures of some clients in one mode."""
-    mode: Mode = "dissect" if sys.argv[1] == "dissect" else "pull"
-    with served_trainer(mode=mode) as served:
-        figures = asyncio.run(_counted(served, int(sys.argv[2]), float(sys.argv[3]), mode))
+    """Print the figures of some clients."""
+    mix = cast("Mix", sys.argv[1])
+    with served_trainer(of_class=mix == "class") as served:
+        figures = asyncio.run(counted(served, int(sys.argv[2]), float(sys.argv[3]), mix))
     for name, figure in (machine_speed() | figures).items():
         print(f"{name}: {figure:.3g}")
 

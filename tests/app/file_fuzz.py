@@ -1,4 +1,4 @@
-"""Mutated organ, run, preset, image and spacing files: read, and what was read is used.
+"""Mutated organ, run, preset, image, spacing and exercise files: read, and what was read is used.
 
 `python tests/app/file_fuzz.py KIND RUNS` has atheris (libFuzzer) mutate good files, led by lines
 that they reach. It ends in an error at the first that is neither taken nor refused in words,
@@ -14,12 +14,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
+from typing import Any
 
-import atheris  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
 import cv2
 import numpy as np
 from program import run
 
+from app.classroom import exercise_file
+from app.classroom.exercise_file import GOALS, read_exercise, template
 from app.command_line.load import shipped_organ
 from app.simulation import preset, run_log
 from app.simulation.bed import read_any_run
@@ -29,13 +31,13 @@ from organ_geometry import read_image_stack
 from organ_geometry.images import image_files, spacing_file, stack_reader
 from organ_geometry.organ_file import organ_code, organ_file, organ_from_bytes, symbol_coder
 
-__all__ = ["KINDS"]
+__all__ = ["KINDS", "organ_of"]
 
 SECONDS, MEGABYTES = 5.0, 1024
 LONGEST = 4096  # bytes of a mutated file
 LED_BY = (
     organ_file, organ_code, symbol_coder, preset, run_log, bed_run_log, image_files,
-    spacing_file, stack_reader,
+    spacing_file, stack_reader, exercise_file,
 )  # fmt: skip
 """Modules whose lines lead the mutations; compiled code cannot."""
 REPLAYED = 300  # ticks at most of a run that is made again
@@ -75,12 +77,19 @@ def use_spacing(content: bytes, folder: Path) -> None:
     _stack(folder, _image(0), content)
 
 
+def use_exercise(content: bytes, folder: Path) -> None:
+    """Read an exercise, and ask what it says of a duct."""
+    del folder
+    read_exercise(content.decode("utf-8", "replace")).on(shipped_organ(), None)
+
+
 KINDS: dict[str, tuple[Callable[[bytes, Path], None], Callable[[], list[bytes]]]] = {
     "organ": (use_organ, lambda: [shipped_organ().encoded or b""]),
     "run": (use_run, lambda: [path.read_bytes() for path in sorted(RUNS.iterdir())]),
     "preset": (use_preset, lambda: [preset_toml(each) for each in presets().values()]),
     "image": (use_image, lambda: [_image(number) for number in range(3)]),
     "spacing": (use_spacing, lambda: [SPACING]),
+    "exercise": (use_exercise, lambda: [template(goal).encode() for goal in GOALS]),
 }
 """What is done with a file of each kind, and good ones to begin with."""
 
@@ -110,19 +119,14 @@ def _stack(folder: Path, content: bytes, spacing: bytes) -> None:
         path.unlink()
 
 
-def _mutated_organ(content: bytes, longest: int, seed: int) -> bytes:
-    """Mutate an organ file's numbers, and write the checksum that fits."""
-    del seed
-    packed = atheris.Mutate(content[4:], longest - 4)
+def organ_of(packed: bytes) -> bytes:
+    """Return an organ file of mutated numbers, with the checksum that fits."""
     start = b"\x89\xe3"
-    return (
-        start
-        + binascii.crc_hqx(packed, binascii.crc_hqx(start, 0xFFFF)).to_bytes(2, "big")
-        + packed
-    )
+    check = binascii.crc_hqx(packed, binascii.crc_hqx(start, 0xFFFF))
+    return start + check.to_bytes(2, "big") + packed
 
 
-def _lead() -> None:
+def _lead(atheris: Any) -> None:
     """Have the lines reached in `LED_BY` reported to atheris."""
     for module in LED_BY:
         for each in vars(module).values():
@@ -130,14 +134,16 @@ def _lead() -> None:
                 continue
             for function in (each, *vars(each).values()) if isinstance(each, type) else (each,):
                 if isinstance(function, FunctionType):
-                    atheris.instrument_func(function)  # pyright: ignore
+                    atheris.instrument_func(function)
 
 
 def main() -> None:
     """Fuzz one kind of file."""
+    import atheris  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
+
     kind, runs = sys.argv[1], int(sys.argv[2])
     use, seeds = KINDS[kind]
-    _lead()
+    _lead(atheris)
     with tempfile.TemporaryDirectory() as place:
         folder, corpus = Path(place, "used"), Path(place, "corpus")
         folder.mkdir()
@@ -171,9 +177,12 @@ def main() -> None:
                 sys.stdout.flush()
                 os._exit(0)
 
+        def mutated_organ(content: bytes, longest: int, _: int) -> bytes:
+            return organ_of(atheris.Mutate(content[4:], longest - 4))
+
         options = [f"-max_len={LONGEST}", "-seed=15", "-timeout=120", "-rss_limit_mb=0"]
         options += [f"-artifact_prefix={Path.cwd()}/build/", str(corpus)]
-        mutator = {"custom_mutator": _mutated_organ} if kind == "organ" else {}
+        mutator = {"custom_mutator": mutated_organ} if kind == "organ" else {}
         atheris.Setup([sys.argv[0], *options], try_one, **mutator)
         atheris.Fuzz()
 

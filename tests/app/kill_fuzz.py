@@ -2,6 +2,7 @@
 
 `python tests/app/kill_fuzz.py COUNT` forks COUNT processes and ends each with SIGKILL: half at a
 random moment, half as soon as an unfinished file is seen. A file must be the old or the new one.
+`kill_fuzz.py COUNT export` kills `export` only.
 """
 
 import os
@@ -44,6 +45,7 @@ def main() -> None:
             (organ, ["compress", images, "-o", organ]),
             (mesh, ["export", PHANTOM, "-o", mesh]),
         ]
+        jobs = [job for job in jobs if len(sys.argv) < 3 or job[1][0] == sys.argv[2]]
         whole: dict[Path, bytes] = {}
         seconds: dict[Path, float] = {}
         for path, arguments in jobs:
@@ -54,13 +56,14 @@ def main() -> None:
             whole[path], seconds[path] = path.read_bytes(), time.monotonic() - start
         half = seen = 0
         for number in range(count):
-            path, arguments = jobs[number % 2]
+            path, arguments = jobs[number % len(jobs)]
             path.write_bytes(b"old")
             child, start = _started(arguments), time.monotonic()
-            until = start + (chance.uniform(0.0, seconds[path]) if number % 4 < 2 else LONGEST)
+            waits = number // len(jobs) % 2 == 1
+            until = start + (LONGEST if waits else chance.uniform(0.0, seconds[path]))
             ended = False
             while time.monotonic() < until and not ended:
-                if number % 4 >= 2 and any(written.glob(".*.part")):
+                if waits and any(written.glob(".*.part")):
                     seen += 1
                     break
                 ended = os.waitpid(child, os.WNOHANG)[0] != 0
@@ -76,7 +79,8 @@ def main() -> None:
         left = {each.name for each in written.iterdir()} - {organ.name, mesh.name}
         left |= {each.name for each in Path(place).glob("bluntdissect-*")}
         print(
-            f"{count} of compress and export, {seen} with an unfinished file: {half} half files, "
+            f"{count} of {' and '.join(str(job[1][0]) for job in jobs)}, {seen} with an "
+            f"unfinished file: {half} half files, "
             f"{len(left)} left after the next start"
         )
         sys.exit(1 if half or left else 0)

@@ -1,11 +1,12 @@
 """Attack a trainer on loopback, bounded in count and time, and write down what came of it.
 
-`make soak` runs it and writes the figures, with date and versions, into docs/reliability.md;
-`make soak ARGS=0.1` has a tenth of the messages, requests and pages.
+`make soak` runs it and writes each figure, with its date and the load, into docs/reliability.md;
+`make soak ARGS="--scale 0.1"` has a tenth of all counts and times, `ARGS="requests clients"` those
+parts only.
 """
 
+import argparse
 import asyncio
-import itertools
 import os
 import platform
 import random
@@ -16,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import Any
 import msgspec
 import psutil
 import viser
+from bombs import MEGABYTES, SECONDS, used_bombs
 from class_saver import check_killed, killed_while_saving
 from hostile import ATTACKS, kept_share
 from program import command
@@ -32,15 +34,14 @@ from program import command
 from app.classroom.store import ClassStore
 from app.trainer.server.bounds import Bounds
 from benchmarks.page_protocol import CAMERA, Page, connected
+from benchmarks.served_trainer import served_trainer
+from benchmarks.trainer_clients import Mix, counted
 
 FIGURES = Path(__file__).parents[2] / "docs" / "reliability.md"
-MARK = "<!-- figures: all below is written by `make soak` -->\n"
 ENCODE = msgspec.msgpack.encode
-SCALE = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
 ORIGINS, HOSTS = 60, 60
-MESSAGES, REQUESTS, PAGES = (round(SCALE * most) for most in (10_000, 10_000, 200))
-KILLS = round(SCALE * 100)
-KILLS, FILES = round(SCALE * 200), round(SCALE * 4000)
+MESSAGES, REQUESTS, PAGES, KILLS, CLASS_KILLS, FILES = 10_000, 10_000, 1000, 200, 100, 4000
+CLIENTS, CLIENT_SECONDS = 32, 600.0
 PER_PAGE = 300  # Hostile messages of a page; what closes it is sent last
 SEED = 15
 
@@ -231,71 +232,145 @@ async def _opening(address: str) -> float:
     return time.monotonic() - start
 
 
-def killed_class() -> tuple[str, str]:
-    """Kill a process that saves a class's results, again and again."""
-    chance, acknowledged = random.Random(SEED), set[str]()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "class.sqlite"
-        ClassStore.new(path, "Killed").close()
-        for _ in range(KILLS):
-            acknowledged |= killed_while_saving(path, chance.uniform(0.0, 0.3))
-            check_killed(path, acknowledged)
-        size = path.stat().st_size / 1e6
-    return (
-        "kills of a class that saves results",
-        f"{KILLS}: {len(acknowledged):,} results acknowledged, none lost, {size:.0f} MB, sound",
-    )
-
-
-def soak() -> Iterator[tuple[str, str]]:
-    """Give each figure with its name."""
-    yield killed_class()
+@contextmanager
+def crowded_trainer() -> Iterator[Running]:
+    """Run a trainer that has as many sessions as it keeps, so that no later page adds to them."""
     # An address would otherwise open a page each half second only.
     with trainer("--most-per-address", 10**6) as running:
-        yield from foreign(running)
-        # As many sessions as are kept, so that no later page adds to them.
         asyncio.run(_visits(running.address, Bounds().most_clients + 16))
-        memory, files = running.memory(), running.files()
-        start, before = time.monotonic(), running.tracebacks()
-        ends = asyncio.run(hostile_messages(running, MESSAGES))
+        yield running
+
+
+def origins(scale: float) -> Iterator[tuple[str, str]]:
+    """Ask from elsewhere."""
+    del scale
+    with trainer() as running:
+        yield from foreign(running)
+
+
+def messages(scale: float) -> Iterator[tuple[str, str]]:
+    """Send hostile messages."""
+    count = round(scale * MESSAGES)
+    with crowded_trainer() as running:
+        memory, start = running.memory(), time.monotonic()
+        ends = asyncio.run(hostile_messages(running, count))
         yield (
             "hostile websocket messages",
-            f"{MESSAGES:,} of {sum(ends.values())} pages in {time.monotonic() - start:.0f} s: "
-            f"{running.tracebacks() - before} tracebacks, "
-            f"{running.memory() - memory:+.0f} MB, log {running.log_bytes():,} bytes, pages ended "
-            f"with {_counted(ends)}",
+            f"{count:,} of {sum(ends.values())} pages in {time.monotonic() - start:.0f} s: "
+            f"{running.tracebacks()} tracebacks, {running.memory() - memory:+.0f} MB, log "
+            f"{running.log_bytes():,} bytes, pages ended with {_counted(ends)}",
         )
-        memory, before = running.memory(), running.tracebacks()
-        answers = hostile_requests(running, REQUESTS)
+
+
+def requests(scale: float) -> Iterator[tuple[str, str]]:
+    """Send hostile requests."""
+    count = round(scale * REQUESTS)
+    with crowded_trainer() as running:
+        memory = running.memory()
+        answers = hostile_requests(running, count)
         yield (
             "hostile HTTP requests",
-            f"{REQUESTS:,}: {_counted(answers)} (0 is closed without an answer), "
-            f"{running.tracebacks() - before} tracebacks, {running.memory() - memory:+.0f} MB",
+            f"{count:,}: {_counted(answers)} (0 is closed without an answer), "
+            f"{running.tracebacks()} tracebacks, {running.memory() - memory:+.0f} MB",
         )
-        memory = running.memory()
-        asyncio.run(_visits(running.address, PAGES))
+
+
+def connects(scale: float) -> Iterator[tuple[str, str]]:
+    """Open pages and leave."""
+    count = round(scale * PAGES)
+    with crowded_trainer() as running:
+        memory, files = running.memory(), running.files()
+        asyncio.run(_visits(running.address, count))
         time.sleep(1.0)
         yield (
             "pages opened and closed",
-            f"{PAGES}: {running.memory() - memory:+.0f} MB (64 sessions are kept ten minutes), "
-            f"open files {files} before all of this, {running.files()} now",
+            f"{count:,}: {running.memory() - memory:+.0f} MB, open files {files} before, "
+            f"{running.files()} after",
         )
+
+
+def neighbours(scale: float) -> Iterator[tuple[str, str]]:
+    """Have others misbehave beside a page."""
+    times = max(1, round(3 * scale))
     with trainer() as running:
         for name in ATTACKS:
-            shares = [kept_share(running.address, name) for _ in range(3)]
+            shares = [kept_share(running.address, name) for _ in range(times)]
             yield (
                 f"{name}: a neighbour keeps of its frames",
-                f"{statistics.median(shares):.0%} (of three, {min(shares):.0%} to "
+                f"{statistics.median(shares):.0%} (of {times}, {min(shares):.0%} to "
                 f"{max(shares):.0%}); a page then opens in "
                 f"{asyncio.run(_opening(running.address)):.2f} s",
             )
 
 
-def files() -> Iterator[tuple[str, str]]:
-    """Kill what writes files, and mutate files that are read, each in processes of their own."""
-    yield "kill -9", _last_line("kill_fuzz.py", KILLS)
-    for kind in ("organ", "run", "preset", "image", "spacing"):
-        yield f"{kind} files mutated by atheris", _last_line("file_fuzz.py", kind, FILES)
+def bombs(scale: float) -> Iterator[tuple[str, str]]:
+    """Send archives and images that are larger than they look."""
+    del scale
+    used = list(used_bombs())
+    slow = [
+        f"{kind} takes {seconds:.0f} s" for kind, _, seconds, _ in used if not seconds <= SECONDS
+    ]
+    most = max(each[3] for each in used)
+    slow += [f"over {MEGABYTES:.0f} MB"] if most > MEGABYTES else []
+    yield (
+        "archive and image bombs",
+        f"{len(used)}: {sum(bool(words) for _, words, _, _ in used)} refused in words, "
+        f"{sum(not words for _, words, _, _ in used)} taken, "
+        f"{sum(words.startswith('FAULT') for _, words, _, _ in used)} faults; slowest "
+        f"{max(each[2] for each in used):.0f} s of processor, {most:.0f} MB at most"
+        f"{''.join(f'; {each}' for each in slow)}",
+    )
+
+
+def kills(scale: float) -> Iterator[tuple[str, str]]:
+    """Kill what writes files, and a process that saves a class's results."""
+    yield "kill -9", _last_line("kill_fuzz.py", round(scale * KILLS))
+    chance, acknowledged, count = random.Random(SEED), set[str](), round(scale * CLASS_KILLS)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "class.sqlite"
+        ClassStore.new(path, "Killed").close()
+        for _ in range(count):
+            acknowledged |= killed_while_saving(path, chance.uniform(0.0, 0.3))
+            check_killed(path, acknowledged)
+    yield (
+        "kill -9 of a class that saves",
+        f"{count}: {len(acknowledged):,} results acknowledged, none lost, the file sound",
+    )
+
+
+def files(scale: float) -> Iterator[tuple[str, str]]:
+    """Mutate files that are read, each kind in a process of its own."""
+    for kind in ("organ", "run", "preset", "image", "spacing", "exercise"):
+        yield (
+            f"{kind} files mutated by atheris",
+            _last_line("file_fuzz.py", kind, round(scale * FILES)),
+        )
+
+
+def clients(scale: float) -> Iterator[tuple[str, str]]:
+    """Have many at work."""
+    mixes: tuple[Mix, ...] = ("pull", "dissect", "class")
+    for mix in mixes:
+        with served_trainer(of_class=mix == "class") as served:
+            found = asyncio.run(counted(served, CLIENTS, scale * CLIENT_SECONDS, mix))
+        of = {name.removesuffix(f"_{CLIENTS}"): value for name, value in found.items()}
+        yield (
+            f"{CLIENTS} clients: {mix}",
+            f"{scale * CLIENT_SECONDS:.0f} s: {of['steps_per_second']:.1f} steps/s, at least "
+            f"{of['drawn_per_second']:.1f} pictures/s drawn and {of['frames_per_second']:.1f} "
+            f"come, longest gap {of['longest_gap_ms']:.0f} ms, {of['processor_percent']:.0f} % of "
+            f"a core and {of['clients_processor_percent']:.0f} % for the clients, "
+            f"{of['resident_mb']:.0f} MB, {of['memory_grown_percent']:+.1f} % after the first "
+            "minute",
+        )
+
+
+PARTS: dict[str, Callable[[float], Iterator[tuple[str, str]]]] = {
+    each.__name__: each
+    for each in (
+        origins, messages, requests, connects, neighbours, bombs, kills, files, clients,
+    )
+}  # fmt: skip
 
 
 def _last_line(script: str, *arguments: object) -> str:
@@ -310,20 +385,38 @@ def _counted(counts: Counter[Any]) -> str:
     return ", ".join(f"{count:,} x {what}" for what, count in sorted(counts.items(), key=str))
 
 
+def written(text: str, name: str, result: str, when: str) -> str:
+    """Return the page with a row of the table, in place of the one of that name."""
+    row = f"| {name} | {result} | {when} |"
+    lines = text.rstrip("\n").split("\n")
+    place = [number for number, line in enumerate(lines) if line.startswith(f"| {name} |")]
+    if place:
+        lines[place[0]] = row
+    else:
+        lines.append(row)
+    return "\n".join([*lines, ""])
+
+
 def main() -> None:
     """Write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--dry", action="store_true", help="write nothing down")
+    chosen = parser.parse_args()
+    if unknown := set(chosen.parts) - set(PARTS):
+        parser.error(f"there is no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     versions = ", ".join(f"{name} {version(name)}" for name in ("viser", "websockets", "msgspec"))
-    head = (
-        f"{time.strftime('%Y-%m-%d', time.gmtime())}, Python {platform.python_version()}, "
-        f"{versions}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start.\n\n"
-        "| what | result |\n|---|---|\n"
-    )
-    rows: list[str] = []
-    for name, result in itertools.chain(soak(), files()):
-        print(f"{name}: {result}", flush=True)
-        rows.append(f"| {name} | {result} |\n")
-    text = FIGURES.read_text(encoding="utf-8").partition(MARK)[0]
-    FIGURES.write_text(f"{text}{MARK}\n{head}{''.join(rows)}", encoding="utf-8")
+    print(f"Python {platform.python_version()}, {versions}, {os.cpu_count()} cores")
+    for part in chosen.parts or PARTS:
+        begun = time.monotonic()
+        for name, result in PARTS[part](chosen.scale):
+            when = f"{time.strftime('%Y-%m-%d', time.gmtime())}, load {os.getloadavg()[0]:.0f}"
+            print(f"{name}: {result} ({when})", flush=True)
+            if not chosen.dry:
+                text = FIGURES.read_text(encoding="utf-8")
+                FIGURES.write_text(written(text, name, result, when), encoding="utf-8")
+        print(f"[{part}: {time.monotonic() - begun:.0f} s]", flush=True)
 
 
 if __name__ == "__main__":
