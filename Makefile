@@ -64,7 +64,7 @@ lint: $(VENV)/.tests
 	@$(BIN)/ruff format --check .
 
 types: $(VENV)/.tests
-	@$(BIN)/pyright
+	@$(BIN)/pyright --threads 2
 
 layers: $(VENV)/.tests
 	@$(BIN)/lint-imports
