@@ -15,9 +15,11 @@ import pytest
 from playwright.sync_api import (
     Browser,
     BrowserContext,
+    Error,
     Locator,
     Page,
     Playwright,
+    Request,
     expect,
     sync_playwright,
 )
@@ -73,6 +75,7 @@ class _Shared:
 
     playwright: Playwright | None = None
     browsers: ClassVar[dict[bool, Browser]] = {}
+    idle: ClassVar[list[Page]] = []
 
 
 @contextmanager
@@ -113,6 +116,7 @@ def close_browser() -> None:
     for running in _Shared.browsers.values():
         running.close()
     _Shared.browsers.clear()
+    _Shared.idle.clear()
     if _Shared.playwright is not None:
         _Shared.playwright.stop()
     _Shared.playwright = None
@@ -127,20 +131,27 @@ def trainer_page(
     height: int = 800,
     first_minute: bool = False,
     query: str = "",
+    dots: float = 1.0,
 ) -> Iterator["TrainerPage"]:
     """A tab of its own on the trainer, with the duct in it; fails on any error in the page.
 
-    The first minute's lines are dismissed unless they are wanted.
+    The first minute's lines are dismissed unless they are wanted. The scene is drawn with so many
+    dots a pixel along each side: fewer cost a processor that draws less.
     """
-    context = new_context(browser, width, height)
-    page = context.new_page()
-    page.set_default_timeout(PATIENCE)
+    page = _empty_page(browser, width, height)
     errors: list[str] = []
     requests: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.on("request", lambda request: requests.append(request.url))
+
+    def note_error(error: Error) -> None:
+        errors.append(str(error))
+
+    def note_request(request: Request) -> None:
+        requests.append(request.url)
+
+    page.on("pageerror", note_error)
+    page.on("request", note_request)
     try:
-        page.goto(f"{address}/?fixedDpr=1{query}")
+        page.goto(f"{address}/?fixedDpr={dots:g}{query}")
         trainer = TrainerPage(page)
         trainer.wait_for_node("skin", 3 * PATIENCE)  # it may be compiling yet
         if not first_minute:
@@ -153,8 +164,40 @@ def trainer_page(
             if not url.startswith((address, address.replace("http", "ws", 1), "data:", "blob:"))
         ]
         assert not elsewhere, elsewhere
-    finally:
-        context.close()
+    except BaseException:
+        page.context.close()
+        raise
+    page.remove_listener("pageerror", note_error)
+    page.remove_listener("request", note_request)
+    _leave(page)
+
+
+def _empty_page(browser: Browser, width: int, height: int) -> Page:
+    """A tab that knows nothing of a trainer, left by a test if one was.
+
+    The trainer's program, of megabytes, is compiled once in a tab and not for each test.
+    """
+    for page in _Shared.idle:
+        if page.context.browser is browser and not page.is_closed():
+            _Shared.idle.remove(page)
+            page.set_viewport_size({"width": width, "height": height})
+            return page
+    page = new_context(browser, width, height).new_page()
+    page.set_default_timeout(PATIENCE)
+    return page
+
+
+def _leave(page: Page) -> None:
+    """Keep a tab for other tests, which find nothing of this one; close it if it has others."""
+    if len(page.context.pages) > 1:
+        page.context.close()
+        return
+    page.mouse.move(0, 0)
+    page.emulate_media(reduced_motion="null")
+    page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
+    page.goto("about:blank")
+    page.context.clear_cookies()
+    _Shared.idle.append(page)
 
 
 class TrainerPage:

@@ -211,7 +211,7 @@ def _tissue_row(tab: TrainerPage) -> float | None:
 
 def test_duct_is_seen(drawing_browser: Browser, trainer: Trainer) -> None:
     """The picture shows tissue where the duct is, and higher once it is pulled."""
-    with trainer_page(drawing_browser, trainer.address) as tab:
+    with trainer_page(drawing_browser, trainer.address, dots=0.5) as tab:
         heights: list[float] = []
         for force in (0.0, 3.0):
             tab.slide("Force F (N)", force)
