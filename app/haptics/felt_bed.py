@@ -253,15 +253,12 @@ class FeltBed:
             station = self.grasps[hook]
             if self.free:
                 station = min(max(float(tip[0]), 0.0), beam.beam.span)
-            before = beam.books.open
             try:
                 node = self._nodes[hook] = beam.take(station, stiffness=self.coupling)
             except ValueError:
                 if not self.free:
                     raise
                 self._slipped[hook] = True  # until it tries again
-            # The node moves to the hook, which changes the discrete energy a little.
-            self._snap_at_first += beam.books.open - before
             # The hand's way counts from here.
             self._taken[hook] = tip if node is None else beam.places[node]
             self._hands[hook] = self._reacts[hook] = 0.0
