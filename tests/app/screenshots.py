@@ -9,7 +9,6 @@ from browser import (
     PATIENCE,
     TrainerPage,
     close_browser,
-    newest,
     newest_dissection,
     running_browser,
     trainer_page,
@@ -17,10 +16,11 @@ from browser import (
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation import CAREFUL, Session, do_exercise
+from app.simulation import Feedback
+from app.simulation.bed import MANNERS, script
 from app.trainer.server.trainer import Trainer
 
-SIZES = {"wide": (1440, 900), "small": (1024, 768), "phone": (390, 844)}
+WIDE, PHONE = (1440, 900), (390, 844)
 
 
 def close_hint(tab: TrainerPage) -> None:
@@ -46,36 +46,26 @@ def take(tab: TrainerPage, path: Path) -> None:
     print(path)
 
 
-def take_comparison(tab: TrainerPage, folder: Path) -> None:
-    """Take the picture of a ghost and the chain."""
-    tab.open("Compare")
-    tab.choose("Ghost", "Exact beam, shear, neo-Hookean")
-    tab.tick("Chain")
-    tab.page.get_by_test_id("chain").wait_for()
-    take(tab, folder / "trainer-compare.jpg")
-    tab.tick("Chain")
-    tab.choose("Ghost", "None")
+def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
+    """Have good hands do an exercise, and take the picture of its result."""
+    with trainer_page(browser, trainer.address, width=WIDE[0], height=WIDE[1]) as tab:
+        state = newest_dissection(trainer).state
+        session = state.session
+        state.start_exercise(session.exercises_offered()[0], Feedback.CONTINUOUS)
+        exercise = session.run.exercise
+        assert exercise is not None
+        for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
+            session.advance()
+            if session.run.over:
+                break
+        tab.page.get_by_test_id("outcome").wait_for()
+        tab.page.get_by_role("tab", name="Over time").click()
+        take(tab, folder / "trainer-result.jpg")
 
 
-def take_exercise(tab: TrainerPage, session: Session, folder: Path) -> None:
-    """Do an exercise, and take the pictures of its result and of its replay."""
-    tab.open("Learn")
-    tab.choose("Exercise", "Approach the break")
-    tab.press("Start")
-    tab.page.get_by_test_id("exercise-state").wait_for()
-    do_exercise(session, CAREFUL)
-    tab.page.get_by_test_id("outcome").wait_for()
-    take(tab, folder / "trainer-result.jpg")
-    tab.press("Watch it again")
-    tab.slide("Time (s)", 1.0)
-    take(tab, folder / "trainer-replay.jpg")
-    tab.press("Leave the replay")
-    tab.open("Train")
-
-
-def take_dissection(trainer: Trainer, browser: Browser, size: str, folder: Path) -> None:
+def take_dissection(trainer: Trainer, browser: Browser, folder: Path, *, phone: bool) -> None:
     """Take pictures of a duct that a hook has half freed, with a dissector behind it."""
-    width, height = SIZES[size]
+    width, height = PHONE if phone else WIDE
     with trainer_page(browser, trainer.address, width=width, height=height) as tab:
         state = newest_dissection(trainer).state
         session = state.session
@@ -88,47 +78,35 @@ def take_dissection(trainer: Trainer, browser: Browser, size: str, folder: Path)
         tab.wait_until(lambda: session.duct.hands[1].arrived)
         session.open_jaws(1, 8.0)
         tab.wait_until(lambda: all(hand.arrived for hand in session.duct.hands))
-        name = "" if size == "wide" else f"-{size}"
-        take(tab, folder / f"trainer-dissect{name}.jpg")
-        if size == "wide":
+        take(tab, folder / f"trainer-dissect{'-phone' if phone else ''}.jpg")
+        if not phone:
             tab.press("Freed")
             take(tab, folder / "trainer-freed.jpg")
 
 
+def take_pull(trainer: Trainer, browser: Browser, folder: Path) -> None:
+    """Take the picture of a pull in the colours of its stress."""
+    width, height = WIDE
+    with trainer_page(
+        browser, trainer.address, width=width, height=height, query="&mode=pull"
+    ) as tab:
+        tab.slide("Force F (N)", 3.0)
+        tab.wait_for_force(3.0)
+        tab.page.keyboard.press("Escape")
+        tab.tick("Stress (H)")
+        take(tab, folder / "trainer-heat.jpg")
+
+
 def main(folder: Path) -> None:
-    """Take a picture of each state and size."""
+    """Take the pictures that the documents show."""
     folder.mkdir(parents=True, exist_ok=True)
     trainer = Trainer(phantom(), port=0)
     try:
         with running_browser(drawing=True) as browser:
-            for size, (width, height) in SIZES.items():
-                take_dissection(trainer, browser, size, folder)
-                with trainer_page(
-                    browser, trainer.address, width=width, height=height, query="&mode=pull"
-                ) as tab:
-                    if size == "wide":
-                        take(tab, folder / "trainer-rest.jpg")
-                        tab.open("Model")
-                        tab.tick("Points")
-                        take(tab, folder / "trainer-model.jpg")
-                        tab.tick("Points")
-                        tab.open("Train")
-                    tab.slide("Force F (N)", 3.0)
-                    tab.wait_for_force(3.0)
-                    name = "pulled" if size == "wide" else f"pulled-{size}"
-                    take(tab, folder / f"trainer-{name}.jpg")
-                    if size != "small":
-                        tab.page.keyboard.press("Escape")
-                        tab.tick("Stress (H)")
-                        name = "heat" if size == "wide" else f"heat-{size}"
-                        take(tab, folder / f"trainer-{name}.jpg")
-                        tab.tick("Stress (H)")
-                    if size == "wide":
-                        take_comparison(tab, folder)
-                        take_exercise(tab, newest(trainer).session, folder)
-                        tab.slide("Force F (N)", 3.7)
-                        tab.wait_for_phase("torn")
-                        take(tab, folder / "trainer-torn.jpg")
+            take_result(trainer, browser, folder)
+            take_pull(trainer, browser, folder)
+            for phone in (True, False):
+                take_dissection(trainer, browser, folder, phone=phone)
     finally:
         close_browser()
         trainer.stop()
