@@ -58,8 +58,9 @@ def replay(
     import msgspec
 
     from app.bounded_file import read_bounded
-    from app.simulation import MOST_BYTES, Replay, series_csv, versions
+    from app.simulation import MOST_BYTES, Replay, series_csv
     from app.simulation.bed import DissectionFile, DissectionReplay, dissection_csv, read_any_run
+    from app.versions import versions
 
     if output is not None:
         _check_output(output)

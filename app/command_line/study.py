@@ -103,6 +103,10 @@ def run(
 @study.command("report")
 def report(
     results: Annotated[Path, typer.Argument(help="The folder of a study's results.")],
+    preset: Annotated[
+        Path | None,
+        typer.Option(help="Write a preset, .toml, of the ducts: the trainer shows their band."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
     """Draw what comes of a study: report.html, and its figures in report.json.
@@ -112,13 +116,23 @@ def report(
     need("pyarrow", "scipy", "SALib", "matplotlib")
     from app.study.report import write_report
 
+    if preset is not None and preset.suffix.lower() != ".toml":
+        raise ValueError(f"--preset {preset} must end in .toml")
     found = write_report(results)
+    if preset is not None:
+        from app.simulation import preset_toml
+        from app.study.preset import preset_of_results
+        from organ_geometry import write_atomic
+
+        write_atomic(preset, preset_toml(preset_of_results(results)))
     if as_json:
         print(json.dumps(found))
         return
     for line in found["summary"]:
         print(line)
     print(f"\n{results / 'report.html'} and report.json are written")
+    if preset is not None:
+        print(f"{preset} has the ducts' tissue: open it under Model in the trainer")
 
 
 def need(*packages: str) -> None:

@@ -13,7 +13,6 @@ import io
 import math
 import os
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ import msgspec
 
 from app.compression.report import Facts
 from app.compression.stack_job import Failed, StackJob, try_stack
+from app.versions import versions
 from app.workers import by_dask, by_processes, cores
 from organ_geometry import write_atomic
 
@@ -52,7 +52,7 @@ def compress_all(
     done = {outcome.stack for outcome in outcomes}
     todo = [job for job in jobs if str(job.stack) not in done]
     if scheduler is not None:
-        solved = by_dask(try_stack, todo, scheduler, _versions)
+        solved = by_dask(try_stack, todo, scheduler, versions)
     else:
         solved = by_processes(try_stack, todo, min(len(todo), cores()), died=_died)
     with summary.open("ab") as file:
@@ -76,12 +76,8 @@ def _hash_of(job: StackJob) -> str:
     stack = job.stack.resolve()
     files = sorted(stack.rglob("*")) if stack.is_dir() else [stack]
     held = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
-    asked = (_versions(), held, job.output.name, job.read, job.reslice, job.trace, job.promise)
+    asked = (versions(), held, job.output.name, job.read, job.reslice, job.trace, job.promise)
     return hashlib.sha256(repr(asked).encode()).hexdigest()
-
-
-def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ("bluntdissect", "numpy", "numba")}
 
 
 def _read(summary: Path) -> dict[str, Facts]:

@@ -44,10 +44,10 @@ from app.simulation.run_log import (
     TheoryChoice,
     read_run,
     run_json,
-    versions,
 )
 from app.simulation.scripted_hand import CAREFUL, do_exercise
 from app.simulation.session import VERTICES, Session
+from app.simulation.spread import Spread
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 
 __all__ = [
@@ -93,6 +93,7 @@ __all__ = [
     "RunFileError",
     "Series",
     "Session",
+    "Spread",
     "Stresses",
     "SurfaceStress",
     "SwingingChain",
@@ -111,5 +112,4 @@ __all__ = [
     "series_csv",
     "tear_front",
     "tear_swing",
-    "versions",
 ]

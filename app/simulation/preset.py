@@ -37,6 +37,8 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "span_mm": (0.1, 1e4, "mm"),
     "diameter_mm": (0.01, 1e3, "mm"),
     "wall_mm": (1e-3, 1e3, "mm"),
+    "modulus_factor": (1.0, 100.0, ""),
+    "strength_factor": (1.0, 100.0, ""),
 }
 """Smallest and largest value and unit of each number of a preset."""
 
@@ -103,6 +105,9 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # at mid-span; each theory's threshold is fitted to it
     break_force_N: float | None = None  # noqa: N815
     break_stress_MPa: float | None = None  # the threshold in every theory  # noqa: N815
+    # geometric standard deviations between ducts, where they are known
+    modulus_factor: float | None = None
+    strength_factor: float | None = None
     # its appearance in the picture
     looks_like: Literal["bile duct", "gallbladder", "ureter", "rubber"] = "bile duct"
     source: str = "Yours: no source is given."  # where the figures come from
@@ -111,6 +116,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         _check(self, "modulus_MPa", "poisson_ratio", "break_force_N", "break_stress_MPa")
+        _check(self, "modulus_factor", "strength_factor")
         if (self.break_force_N is None) == (self.break_stress_MPa is None):
             raise ValueError("a preset must have either break_force_N or break_stress_MPa")
         if not self.name.strip():

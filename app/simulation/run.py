@@ -23,9 +23,9 @@ from app.simulation.run_log import (
     RunLog,
     RunStart,
     TheoryChoice,
-    versions,
 )
 from app.simulation.trial import Figures, Trial, trial_of
+from app.versions import versions
 from physics import BreakEvent, Theory
 
 __all__ = ["BaseRun", "Run", "StartingPoint", "Taken"]

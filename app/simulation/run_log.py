@@ -2,9 +2,7 @@
 
 import hashlib
 import math
-import platform
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Literal, Protocol, TypeVar
 
 import msgspec
@@ -35,7 +33,6 @@ __all__ = [
     "read_run",
     "run_json",
     "run_version",
-    "versions",
 ]
 
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
@@ -164,17 +161,6 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 smoothness=None if now.smoothness is None else measures.smoothness,
             )
         return (found.measures, found.outcome) == (measures, self.outcome)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of what a run is computed with."""
-    found = {"python": platform.python_version()}
-    for name in ("bluntdissect", "numpy", "numba"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "unknown"
-    return found
 
 
 def run_json(run: msgspec.Struct) -> bytes:

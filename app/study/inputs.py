@@ -53,7 +53,7 @@ DUCT_INPUTS: dict[str, Input] = {
     "theory": Input(words=("cubic", "string", "exact", "fem", "mass-spring")),
     "law": Input(words=("linear", "linear with shear", "neo-hooke")),
     "q": Input("", 0.0, 10.0),
-    **{name: _limited(name) for name in LIMITS},
+    **{name: _limited(name) for name in LIMITS if not name.endswith("_factor")},
     "grasp_mm": Input("mm", 1e-3, 1e4),
     "grasp_share": Input("", 0.001, 0.999),
     "force_N": Input("N", -1e6, 1e6),

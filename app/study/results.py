@@ -13,7 +13,7 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from app.simulation import versions
 from app.study.inputs import INPUTS
 from app.study.plan import Plan
+from app.versions import versions
 from organ_geometry import make_folder, write_atomic
 
 __all__ = ["ResultsFolder", "packed", "study_versions", "unit_of"]
@@ -55,9 +55,8 @@ def unit_of(name: str) -> str:
     return OUTPUT_UNITS.get(name, "")
 
 
-def study_versions() -> dict[str, str]:
-    """Return the versions of what a study is computed with."""
-    return versions() | {name: version(name) for name in ("scipy", "pyarrow")}
+study_versions = partial(versions, "scipy", "pyarrow")
+"""Returns the versions of what a study is computed with."""
 
 
 def packed(

@@ -266,6 +266,10 @@ def test_a_bed_is_chosen_with_its_source_and_its_number(
             session.duct.beam.strands.stations, same.duct.beam.strands.stations
         )
         expect(tab.page.get_by_test_id("duct")).to_contain_text(f"{firm.title}, bed 7")
+        band = tab.readout.get_by_test_id("band")
+        expect(band).to_have_count(0)
+        tab.tick("90 % band")
+        expect(band).to_contain_text("100 to 100 %, 90 % of ducts")  # at rest
 
 
 def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(

@@ -11,7 +11,7 @@ from own_organ import said
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation import OrganBeam, read_preset
+from app.simulation import OrganBeam, Spread, read_preset
 from app.trainer.server.trainer import Trainer
 from organ_geometry.organ_file import read_organ
 from physics import THEORIES
@@ -107,6 +107,17 @@ def test_page_and_solve_show_the_same_digits(
         words = said("solve", *given)
         assert f"{tab.figure('threshold-kpa'):.6g} kPa" in words
         assert f"{tab.figure('breaks-at-n'):.6g} N" in words
+        # Beside the distance, the band of ducts whose tissue differs.
+        tab.open("Model")
+        tab.tick("90 % band")
+        tab.slide("Modulus factor", 1.2)
+        low, high = Spread(1.2, Spread.of(session.duct.dissection.preset).strength_factor).band(
+            found["distance_to_break"]
+        )
+        band = tab.readout.get_by_test_id("band")
+        expect(band).to_have_attribute("data-low", f"{low:.6g}")
+        expect(band).to_have_attribute("data-high", f"{high:.6g}")
+        expect(band).to_contain_text(f"{100 * low:.0f} to {100 * high:.0f} %, 90 % of ducts")
 
 
 def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(

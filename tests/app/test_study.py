@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from program import command, refused, run
 
-from app.simulation import preset_named
+from app.simulation import Spread, preset_named, read_preset
 from app.study.distribution import Choices, distribution_of
 from app.study.ensemble import run_study
 from app.study.plan import read_plan
@@ -138,7 +138,14 @@ def test_a_linear_case_has_its_variance_and_bands(tmp_path: Path) -> None:
         '[inputs.poisson_ratio]\ndistribution = "uniform"\nlow = 0.1\nhigh = 0.4\n'
     )
     assert run("study", plan, "-o", tmp_path / "r").returncode == 0
-    told = json.loads(run("study", "report", tmp_path / "r", "--json").stdout)
+    own = tmp_path / "own.toml"
+    done = run("study", "report", tmp_path / "r", "--json", "--preset", own)
+    told = json.loads(done.stdout)
+    preset = read_preset(own.read_bytes(), own.name)
+    assert preset.break_stress_MPa == pytest.approx(1e-5, rel=1e-3)
+    spread = Spread.of(preset)
+    assert spread.modulus_factor == 1.0
+    assert spread.strength_factor == pytest.approx(np.exp(0.1), rel=6e-3)
     duct = preset_named("thesis-bile-duct").round_beam()
     event = break_of(Cubic().pull(duct, 0.5 * duct.span), 1e-5)
     assert event is not None

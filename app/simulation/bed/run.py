@@ -16,7 +16,8 @@ from app.simulation.bed.run_log import (
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Feedback
 from app.simulation.run import BaseRun
-from app.simulation.run_log import OrganIdentity, versions
+from app.simulation.run_log import OrganIdentity
+from app.versions import versions
 
 __all__ = ["DissectionRun"]
 

@@ -10,7 +10,7 @@ from typing import Any, Generic, Literal, TypeVar
 import viser
 
 from app.compression.build_process import BuildProcess
-from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session
+from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session, Spread
 from app.simulation.bed import BedSession, DissectionFile
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
@@ -65,6 +65,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self._playback: ReplayPlayback[SessionT] | None = None
         self._replayed: FileT | None = None
         self.plain = False
+        self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
         self.choose_mode: Callable[[Mode], None] = lambda _: None
         self.kept: Callable[[], None] = lambda: None
         self._paused = False
@@ -254,6 +255,11 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def show(self, *, plain: bool | None = None) -> None:
         """Choose what is shown; None leaves a choice as it is."""
         self.plain = self.plain if plain is None else plain
+        self._changed = True
+
+    def show_spread(self, spread: Spread | None) -> None:
+        """Choose the ducts of the band of the distance to break, or none."""
+        self.spread = spread
         self._changed = True
 
     @property

@@ -4,6 +4,7 @@ import html
 
 import numpy as np
 
+from app.simulation import Spread
 from app.simulation.bed import BedReading, BedSession
 from app.trainer.panel.controls import figure, term
 from app.trainer.panel.readout import (
@@ -38,7 +39,7 @@ def bed_phase(reading: BedReading) -> str:
     return "intact" if reading.torn_at is None else "torn"
 
 
-def bed_readout_html(reading: BedReading, state: str = "") -> str:
+def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None = None) -> str:
     """Return the read-out as HTML."""
     torn = reading.torn_at is not None
     forces = np.linalg.norm(reading.forces, axis=1)
@@ -80,7 +81,7 @@ def bed_readout_html(reading: BedReading, state: str = "") -> str:
         f" data-peak='{reading.peak_share:.6g}' data-worst-mm='{where:.6g}'"
         f" data-force-left-n='{forces[0]:.6g}' data-force-right-n='{forces[1]:.6g}'"
         f" data-into-strands-mj='{books.dissipated:.6g}' data-work-mj='{books.work:.6g}'"
-        f"{distance_html(distance, bed_zone(reading), state, mark)}"
+        f"{distance_html(distance, bed_zone(reading), state, spread, mark)}"
         f"<div data-testid='worst' style='font-size:12px;opacity:.85'>{place}.</div>"
         f"{cells_html(cells)}</div>"
     )

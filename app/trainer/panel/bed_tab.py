@@ -9,6 +9,7 @@ from app.simulation.bed import bed_presets
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.controls import heading, number, on_input, on_work, set_if_changed
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
+from app.trainer.panel.spread_box import SpreadBox
 
 __all__ = ["BedTab"]
 
@@ -52,6 +53,7 @@ class BedTab:
             initial_value=state.plain,
             hint="Two colours and no gloss, for a page that draws slowly",
         )
+        self._spread = SpreadBox(gui, state, lambda: state.session.duct.dissection.preset)
         self._about = gui.add_html("")
         self._shown: object = None
         on_work(self._bed, lambda _: self._choose_bed())
@@ -63,6 +65,7 @@ class BedTab:
         """Bring the inputs and the text in line with the session's bed and duct."""
         state = self._state
         set_if_changed(self._plain, value=state.plain)
+        self._spread.show()
         for handle in (self._bed, self._seed, self._preset):
             set_if_changed(handle, disabled=state.in_exercise or state.playback is not None)
         duct = state.session.duct

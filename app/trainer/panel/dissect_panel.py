@@ -71,7 +71,8 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         """Show a reading."""
         state, visible = self._state, self._state.figures_visible
         if visible:
-            readout, zone = bed_readout_html(reading, self._playing), bed_zone(reading)
+            readout = bed_readout_html(reading, self._playing, state.spread)
+            zone = bed_zone(reading)
         else:
             readout = hidden_bed_readout_html(reading)
             zone = "" if reading.torn_at is None else TORN

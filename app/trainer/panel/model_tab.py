@@ -17,6 +17,7 @@ from app.trainer.panel.controls import (
     set_if_changed,
 )
 from app.trainer.panel.preset_form import PresetForm
+from app.trainer.panel.spread_box import SpreadBox
 from app.trainer.panel.train_tab import slider_step
 
 __all__ = ["SIMPLE_PICTURE", "ModelTab"]
@@ -65,6 +66,7 @@ class ModelTab:
             hint="Two colours and no gloss, for a page that draws slowly",
         )
         gui.add_html(note(_POINTS))
+        self._spread = SpreadBox(gui, state, lambda: state.session.duct.dissection.preset)
         self._thresholds = gui.add_html("")
         self._about = gui.add_html(self._about_html())
         self._model: object = (session.duct.dissection, session.duct.theory)
@@ -80,6 +82,7 @@ class ModelTab:
         """Enable what can be chosen now."""
         state = self._state
         set_if_changed(self._plain, value=state.plain)
+        self._spread.show()
         free = reading.phase is Phase.INTACT and state.playback is None and not state.in_exercise
         for handle in (self._preset, self._threshold):
             set_if_changed(handle, visible=free)

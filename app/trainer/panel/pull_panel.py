@@ -61,7 +61,7 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
         state, shown, visible = self._state, self._state.shown, self._state.figures_visible
         heat = state.heat and visible
         self._show_common(
-            readout=readout_html(reading, self._playing)
+            readout=readout_html(reading, self._playing, state.spread)
             if visible
             else hidden_readout_html(reading.phase),
             duct=duct_html(shown, figures=visible),

@@ -2,7 +2,7 @@
 
 import html
 
-from app.simulation import Phase, Reading, Session
+from app.simulation import Phase, Reading, Session, Spread
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
 __all__ = [
@@ -28,6 +28,10 @@ STOP_BELOW = 0.15
 """Distances to break below which the word and the colour change."""
 
 SAFE, CAREFUL, STOP, TEARING, TORN = "Safe", "Careful", "Stop", "Tearing", "Torn"
+BAND = (
+    "Ducts of this shape, bent and stretched like this one, whose modulus and strength are within "
+    "the factors chosen"
+)
 DISTANCE = "1 less the highest stress by the threshold: 100 % is a slack duct, 0 % tears"
 FORCE = "The whole force of the grasper across the duct, newtons"
 DEFLECTION = "How far the duct is pulled out where the hook holds it"
@@ -63,7 +67,7 @@ def zone_told(phase: Phase) -> str:
     return {Phase.TEARING: TEARING, Phase.TORN: TORN}.get(phase, "")
 
 
-def readout_html(reading: Reading, state: str = "") -> str:
+def readout_html(reading: Reading, state: str = "", spread: Spread | None = None) -> str:
     """Return the read-out as HTML."""
     check, phase = reading.check, reading.phase
     torn = phase is Phase.TORN
@@ -97,12 +101,18 @@ def readout_html(reading: Reading, state: str = "") -> str:
         f" data-threshold-kpa='{check.threshold * KPA_PER_MPA:.6g}'"
         f" data-distance-to-break='{0.0 if torn else check.distance_to_break:.6g}'"
         f" data-breaks-at-n='{breaks_at}'"
-        f"{distance_html(None if torn else check.distance_to_break, zone(reading), state)}"
+        f"{distance_html(None if torn else check.distance_to_break, zone(reading), state, spread)}"
         f"{cells_html(rows)}</div>"
     )
 
 
-def distance_html(distance: float | None, word: str, state: str = "", mark: str = "") -> str:
+def distance_html(
+    distance: float | None,
+    word: str,
+    state: str = "",
+    spread: Spread | None = None,
+    mark: str = "",
+) -> str:
     """Return a read-out's head, from within its first `<div`; a torn duct has no distance."""
     colour = COLOURS[word]
     word = f"{state}: {word.lower()}" if state else word
@@ -114,6 +124,7 @@ def distance_html(distance: float | None, word: str, state: str = "", mark: str 
         else f"{figure}<span style='font-size:18px;font-weight:500'> %</span>"
     )
     label = "none, the duct is torn" if distance is None else f"{figure} %"
+    band = "" if distance is None or spread is None else _band(spread, left)
     return (
         f" role='group' aria-label='Distance to break {label}'"
         " style='padding:8px 14px 2px;font-variant-numeric:tabular-nums'>"
@@ -124,7 +135,19 @@ def distance_html(distance: float | None, word: str, state: str = "", mark: str 
         f"color:{colour}'>{big}</div></div>"
         f"<div style='border:1px solid {colour};color:{colour};border-radius:99px;"
         f"padding:2px 12px;font-weight:600;font-size:13px;margin-bottom:6px'>{word}</div></div>"
-        f"{_bar(100.0 * min(1.0, 1.0 - left), mark)}"
+        f"{band}{_bar(100.0 * min(1.0, 1.0 - left), mark)}"
+    )
+
+
+def _band(spread: Spread, distance: float) -> str:
+    """Return where the distance would be for nine of ten ducts, and how many were torn, as HTML."""
+    low, high = spread.band(distance)
+    torn = 100.0 * spread.torn(distance)
+    rest = f"; {torn:.0f} % would be torn" if torn >= 0.5 else ""
+    return (
+        f"<div data-testid='band' data-low='{low:.6g}' data-high='{high:.6g}'"
+        " style='font-size:12px;opacity:.85'>"
+        f"{term(f'{100.0 * low:.0f} to {100.0 * high:.0f} %, 90 % of ducts', BAND)}{rest}</div>"
     )
 
 
