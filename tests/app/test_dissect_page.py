@@ -270,6 +270,7 @@ def test_a_bed_is_chosen_with_its_source_and_its_number(
         expect(band).to_have_count(0)
         tab.tick("90 % band")
         expect(band).to_contain_text("100 to 100 %, 90 % of ducts")  # at rest
+        expect(tab.row("90 % band").locator("input")).to_be_checked()
 
 
 def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
