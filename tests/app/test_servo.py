@@ -123,7 +123,7 @@ def unexplained(run: Felt) -> float:
     """What the books leave of the hand's work, over all periods, in parts of its peak."""
     books, left = run.books, run.left
     named = books[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
-    peak = max(float(np.abs(books[:, WORK]).max()), 1e-3)
+    peak = max(float(np.abs(books[:, WORK]).max()), 1e-2)  # mJ; less is no pull
     assert np.abs(books[:, WORK] - named).max() < 1e-12 * max(peak, 1.0)
     return float(np.abs(left).max()) / peak
 
