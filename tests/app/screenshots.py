@@ -49,6 +49,7 @@ def take(tab: TrainerPage, path: Path) -> None:
 def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
     """Have good hands do an exercise, and take the picture of its result."""
     with trainer_page(browser, trainer.address, width=WIDE[0], height=WIDE[1]) as tab:
+        close_hint(tab)  # the result will lie over it
         state = newest_dissection(trainer).state
         session = state.session
         state.start_exercise(session.exercises_offered()[0], Feedback.CONTINUOUS)
