@@ -497,6 +497,16 @@ def test_sessions_are_stepped_side_by_side_and_who_watches_one_after_them(
     assert set(views) == {1, 2, 3}  # none has raised
 
 
+def test_memory_is_given_back_once_a_page_has_left(
+    trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = threading.Event()
+    monkeypatch.setattr(server, "_give_back", done.set)
+    trainer._disconnect(cast("ClientHandle", SimpleNamespace(client_id=10**6)))
+    monkeypatch.setattr(trainer, "_expiry", 0.0)
+    assert done.wait(30.0)
+
+
 def test_taken_port_is_an_error_in_the_library_too(trainer: Trainer) -> None:
     with pytest.raises(AddressTakenError, match=str(trainer.port)):
         Trainer(phantom(), port=trainer.port, look="plain")

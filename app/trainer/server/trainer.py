@@ -182,6 +182,7 @@ class Trainer:
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
         self._making = threading.Lock()
+        self._left = threading.Event()  # a page has left since memory was given back
         self._kept = Sessions(lambda: Practice(organ, preset), most=bounds.most_clients)
         self._workers = Workers(build_process=build_process or BuildProcess())
         self._stopping = threading.Event()
@@ -352,6 +353,7 @@ class Trainer:
         return None, lambda _: None
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
+        self._left.set()
         with self._views_lock:
             view = self._views.pop(client.client_id, None)
             token = self._tokens.pop(client.client_id, None)
@@ -394,6 +396,9 @@ class Trainer:
                 self._expiry = now + EXPIRY_SECONDS
                 with self._surviving("the end of sessions that were left"):
                     self._kept.expire()
+                if self._left.is_set():
+                    self._left.clear()
+                    self._helpers.submit(_give_back)
 
     def _tick(self, seconds: float) -> None:
         """Step every session, and draw those that the frame budget allows."""
@@ -456,6 +461,12 @@ def _share_arenas() -> None:
 
 
 _M_ARENA_MAX = -8  # malloc.h
+
+
+def _give_back() -> None:
+    """Give free memory back to the system: glibc keeps what lies between blocks in use."""
+    with contextlib.suppress(AttributeError, TypeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _seen(client: viser.ClientHandle) -> bool:
