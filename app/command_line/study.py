@@ -48,7 +48,11 @@ def run(
     ],
     workers: Annotated[
         int | None,
-        typer.Option(help="Processes on this machine.", show_default="one a core", min=1),
+        typer.Option(
+            help="Processes on this machine.",
+            show_default="one a core, none for a short study",
+            min=1,
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,

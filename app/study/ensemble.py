@@ -27,6 +27,8 @@ __all__ = ["Done", "Ensemble", "run_study"]
 
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
 """Rows of a block, about, by theory; of several the fewest."""
+BLOCKS_OF_WORKER = 16
+"""To start a process takes as long as so many blocks, about: fewer are not worth it."""
 
 Progress = Callable[[int, int], None]
 
@@ -141,7 +143,7 @@ def run_study(
     plan, folder
         The study, and where its results are written.
     workers
-        Processes on this machine; None: one a core.
+        Processes on this machine; None: one a core, of a short study this process alone.
     scheduler
         Address of a Dask scheduler, whose workers do the work instead.
     as_csv
@@ -176,9 +178,10 @@ def run_study(
     before = done = (study.blocks - len(todo)) * size
     if progress is not None:
         progress(min(done, plan.rows), plan.rows)
+    most = min(cores(), len(todo) // BLOCKS_OF_WORKER)
     if scheduler is not None:
         solved = by_dask(study.solve, todo, scheduler, study_versions)
-    elif (count := min(workers or cores(), len(todo))) <= 1:
+    elif (count := min(workers or most, len(todo))) <= 1:
         solved = ((block, study.solve(block)) for block in todo)
     else:
         solved = by_processes(study.solve, todo, count, died=_died)

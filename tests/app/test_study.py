@@ -6,13 +6,13 @@ import os
 import re
 import signal
 import subprocess
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from program import command, refused, run
+from program import refused, run
 
 from app.simulation import Spread, preset_named, read_preset
 from app.study.distribution import Choices, distribution_of
@@ -234,20 +234,32 @@ def test_results_are_the_same_to_the_bit_whatever_dies(tmp_path: Path) -> None:
     assert run_study(plan, tmp_path / "two").solved == 0
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from app.study.ensemble import run_study
+from app.study.plan import read_plan
+
+def kill(done, total):
+    if done > 2048:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+run_study(read_plan(Path(sys.argv[1])), Path(sys.argv[2]), workers=1, progress=kill)
+"""
+
+
 def test_a_killed_program_goes_on_where_it_was(tmp_path: Path) -> None:
-    plan = written(tmp_path, samples=8192)
+    plan = written(tmp_path, samples=4096)
     place = tmp_path / "killed"
-    with subprocess.Popen(command("study", plan, "-o", place, "--workers", 1)) as process:
-        until = time.monotonic() + 300.0
-        while len(list(place.glob("parts/*.parquet"))) < 1 and time.monotonic() < until:
-            time.sleep(0.02)
-        process.kill()
-    kept = list(place.glob("parts/*.parquet"))
-    assert kept
+    ended = subprocess.run([sys.executable, "-c", KILLED, plan, place], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert len(list(place.glob("parts/*.parquet"))) == 3
     assert not (place / "results.parquet").exists()
     done = json.loads(run("study", plan, "-o", place, "--workers", 1, "--json").stdout)
-    assert done["rows"] == 8192
-    assert done["solved_now"] == 8192 - 1024 * len(kept)
+    assert (done["rows"], done["solved_now"]) == (4096, 1024)
+    run_study(read_plan(plan), tmp_path / "alone", workers=1)
+    wanted = (tmp_path / "alone" / "results.parquet").read_bytes()
+    assert (place / "results.parquet").read_bytes() == wanted
     said = refused(["study", written(tmp_path, samples=65), "-o", place])
     assert "holds results of another plan" in said
 
