@@ -106,7 +106,9 @@ def pulled_in_real_time(seed: int) -> float:
     ends = ENDS[int(random.choice(4, p=[0.7, 0.1, 0.1, 0.1]))]
     beam = SpaceBeam.of(DUCT, elements=int(random.integers(8, 41)), ends=ends)
     layer = bed(random, 600)
-    live = BeamOnBed(beam, layer.strands_under(beam), floor=layer.floor_under(beam), rods=1)
+    live = BeamOnBed(
+        beam, layer.strands_under(beam), floor=layer.floor_under(beam), rods=1, retrace=True
+    )
     hooks = {
         live.take(at, stiffness=float(random.choice([np.inf, 1.0, 5.0]))): points(random, 1)[0]
         for at in grasps(random, 0)

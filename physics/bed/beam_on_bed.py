@@ -111,6 +111,9 @@ class BeamOnBed:
         How many rods there may be.
     plane
         Whether nothing moves along y, nor turns about x and z.
+    retrace
+        Whether real-time ticks whose energy the trapezoidal rule leaves open are followed along
+        their way in shorter parts, some milliseconds in the worst of them. What moves is the same.
     """
 
     def __init__(
@@ -121,6 +124,7 @@ class BeamOnBed:
         floor: Floats | None = None,
         rods: int = 0,
         plane: bool = False,
+        retrace: bool = False,
     ) -> None:
         strands = Strands.none() if strands is None else strands
         nodes, elements = beam.stations.size, beam.stations.size - 1
@@ -214,8 +218,13 @@ class BeamOnBed:
             g_before=blank(six),
             load_before=blank(three),
             pull_before=blank((rods, 3)),
+            g_middle=blank(six),
+            pull_middle=blank((rods, 3)),
+            damage_before=blank(strands.count),
+            side_before=blank((rods, strands.count), np.int64),
             sums=blank(kernels.SUM_ROWS),
         )
+        self.state.sums[kernels.RETRACED] = retrace
         self._gross = 0.0
         # The largest stiffness of the strands at one node, N/mm.
         self._tightest = float(
@@ -391,8 +400,7 @@ class BeamOnBed:
 
     def _account(self) -> None:
         """Bring the energy balance up to now, before hands or the beam change."""
-        kernels.assemble(self.state, kernels.STANDING, 0.0)
-        kernels.account(self.state)
+        kernels.account(self.state, kernels.STANDING, 0.0)
 
     def _changed(self) -> float:
         """Account for a change without motion; return the energy that it has added, mJ."""

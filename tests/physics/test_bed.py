@@ -431,10 +431,15 @@ def test_no_pull_is_lost(seed: int, at: float, way: tuple[float, float, float]) 
     balanced(history)
 
 
-@pytest.mark.parametrize("seed", [26, 56, 327, 569, 814])
+@pytest.mark.parametrize("seed", [26, 56, 113, 327, 569, 814])
 def test_rods_among_strands_lose_no_pull(seed: int) -> None:
-    """Ends inside rods, a slow way off a saddle, a leap to another shape; one that hangs free."""
+    """Ends inside rods, a slow way off a saddle, strands that push, a leap; one that hangs free."""
     assert pulled_through_equilibria(seed) < OPEN
+
+
+@pytest.mark.parametrize("seed", [5, 33, 53])
+def test_a_tick_in_which_forces_jump_is_followed_along_its_way(seed: int) -> None:
+    assert pulled_in_real_time(seed) < OPEN
 
 
 @njit

@@ -1,6 +1,21 @@
-"""The energy balance: the hands' work, and what was stored, dissipated, released and dragged."""
+"""The energy balance: the hands' work, and what was stored, dissipated, released and dragged.
+
+From one assembly to the next nodes, springs' goals, dead forces and rods move along straight ways,
+x = x_0 + s dx (rotations by Cayley's map of s w), 0 <= s <= 1, at the damage and on the sides of
+rods that there were. Along it the energy U changes by the work of all forces,
+
+    U_1 - U_0 = int g . dx - int p . dr - int f . dl ...      (g gradient, p forces on rods)
+
+The part of held freedoms, of springs' goals, of dead forces and of rods is the hands' work; what
+free nodes lose goes to the drag, and the rest is released (`SNAP`). Each integral is taken by the
+trapezoidal rule; where U_1 - U_0 says that together they are off, as where a strand's end comes out
+of a rod and its force jumps, by Simpson's over shorter and shorter parts (`retrace`). Then
+strands jump on or off rods and damage grows, at places that stand still: what these change is the
+difference of two energies.
+"""
 
 from kernel_cache import njit
+from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.state import (
     BEAM,
     BENT_NOW,
@@ -9,65 +24,160 @@ from physics.bed.kernels.state import (
     DRAG,
     DRAG_NOW,
     LOST_NOW,
+    MOVED,
+    RETRACED,
+    ROD_DISSIPATED,
+    ROD_PARTED,
     ROD_WORK,
     SLIPPED_NOW,
     SNAP,
+    STANDING,
     STORED,
     STRANDS,
     WORK,
     State,
 )
+from physics.bed.kernels.step import copy_rows, move
+from physics.bed.kernels.vectors import inner
+
+CLOSED = 5e-5
+"""Part of the energies that move in a tick by which its balance may be off."""
+CLOSED_OF_ALL = 1e-8
+"""And part of all that is stored and dissipated."""
+ROUNDING = 1e-13
+"""And by rounding, mJ."""
+SHORTEST, MOST_TRIES, LONG = 2.0**-14, 100, 2.0**-5
+"""Shortest part of the way between two assemblies over which forces are integrated; how many parts
+are tried before all are `LONG` at least, whether they close or not: a bound of the cost."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def account(s: State) -> None:
-    """Account for the motion from the assembly before to the last one."""
-    # Trapezoidal rule in all that moved: nodes, springs' goals, rods. Held freedoms, springs, dead
-    # forces and rods take the hands' work; what free nodes lose goes to the drag and the rest is
-    # released (`SNAP`). Damage comes after the motion, so its end counts with what damage has taken
-    # off since (`shed`).
+@inner
+def account_part(s: State, size: float, first: float, middle: float, least: bool) -> bool:
+    """Account for the motion since the assembly before if it closes, or is the `least` part."""
+    # Weights of the forces at both ends and in the middle: the trapezoidal rule's, or Simpson's.
     sums = s.sums
-    work = lost = swept = unsure = 0.0
+    work = lost = swept = gross = unsure = 0.0
     for n in range(s.x.shape[0]):
         mask = s.held[n]
         for r in range(6):
-            f = s.g[n, r]
-            part = 0.5 * (s.g_before[n, r] + f + s.shed[n, r]) * s.moved[n, r]
-            change = 0.5 * abs((f + s.shed[n, r] - s.g_before[n, r]) * s.moved[n, r])
-            s.g_before[n, r] = f
+            f = first * (s.g_before[n, r] + s.g[n, r] + s.shed[n, r]) + middle * s.g_middle[n, r]
+            part = f * s.moved[n, r]
+            gross += abs(part)
             if (mask >> r) & 1:
                 work += part
             else:
                 lost -= part
-                unsure += change
+                change = s.g[n, r] + s.shed[n, r] - s.g_before[n, r]
+                unsure += 0.5 * abs(change * s.moved[n, r])
             if r < 3:
                 work += 0.5 * (s.load_before[n, r] + s.load[n, r]) * s.moved[n, r]
-                s.load_before[n, r] = s.load[n, r]
                 if not (mask >> r) & 1:
                     f = s.spring[n, r] * (s.goal[n, r] - s.x[n, r])
                     work += 0.5 * (s.react[n, r] + f) * (s.goal[n, r] - s.goal_from[n, r])
-                s.react[n, r] = f
-                s.goal_from[n, r] = s.goal[n, r]
-            s.moved[n, r] = 0.0
     for m in range(s.rods.shape[0]):
         for r in range(3):
             way = s.rods[m, r] - s.rods_from[m, r]
-            swept += 0.5 * (s.pull_before[m, r] + s.pull[m, r] + s.rods_shed[m, r]) * way
+            f = s.pull_before[m, r] + s.pull[m, r] + s.rods_shed[m, r]
+            part = (first * f + middle * s.pull_middle[m, r]) * way
+            gross += abs(part)
+            swept += part
+    swept += sums[BENT_NOW]
+    lost += sums[SLIPPED_NOW]
+    stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
+    missing = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    if sums[RETRACED] == 0.0:
+        # A jump, in which forces are anything but linear, takes all that is missing: where much is
+        # lost, or where the rule cannot tell what free nodes lose, so much do their forces change.
+        much = 1e-4 * (stored + sums[STORED] + sums[DISSIPATED])
+        if lost - sums[DRAG_NOW] > much or (unsure > much and 0.0 < missing - lost <= unsure):
+            lost = missing
+    missing -= lost
+    close = CLOSED_OF_ALL * size * (stored + sums[STORED] + sums[DISSIPATED])
+    close += CLOSED * gross + ROUNDING
+    if abs(missing) > close and not least:
+        return False
+    for n in range(s.x.shape[0]):
+        for r in range(6):
+            s.g_before[n, r] = s.g[n, r]
+            s.moved[n, r] = 0.0
+        for r in range(3):
+            s.load_before[n, r] = s.load[n, r]
+            if (s.held[n] >> r) & 1:
+                s.react[n, r] = s.g[n, r]
+            else:
+                s.react[n, r] = s.spring[n, r] * (s.goal[n, r] - s.x[n, r])
+            s.goal_from[n, r] = s.goal[n, r]
+    for m in range(s.rods.shape[0]):
+        for r in range(3):
             s.pull_before[m, r] = s.pull[m, r]
             s.rods_from[m, r] = s.rods[m, r]
-    swept += sums[BENT_NOW]
-    drag, lost = sums[DRAG_NOW], lost + sums[SLIPPED_NOW]
-    stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
-    # A jump, in which forces are anything but linear, takes all that is missing: where much is
-    # lost, or where forces on free nodes change so much that the rule cannot tell what they lose.
-    missing = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
-    much = 1e-4 * (stored + sums[STORED] + sums[DISSIPATED])
-    if lost - drag > much or (unsure > much and 0.0 < missing - lost <= unsure):
-        lost = missing
     sums[WORK] += work + swept
     sums[ROD_WORK] += swept
-    sums[DRAG] += drag
-    sums[SNAP] += lost - drag
+    sums[DRAG] += sums[DRAG_NOW]
+    sums[SNAP] += lost - sums[DRAG_NOW]
     sums[DISSIPATED] += sums[LOST_NOW]
     sums[STORED] = stored
-    sums[DRAG_NOW] = 0.0
+    sums[DRAG_NOW] = sums[MOVED] = 0.0
+    return True
+
+
+@inner
+def retrace(s: State) -> None:
+    """Account for the motion in as many parts as it takes, by Simpson's rule."""
+    turned = s.sums[MOVED]
+    x, q, moved, goal, load = s.x.copy(), s.q.copy(), s.moved.copy(), s.goal.copy(), s.load.copy()
+    goal_0, load_0 = s.goal_from.copy(), s.load_before.copy()
+    rods, rods_0 = s.rods.copy(), s.rods_from.copy()
+    done, size, tries = 0.0, 0.5, 0
+    while done < 1.0:
+        tries += 1
+        if tries > MOST_TRIES:
+            size = max(size, LONG)
+        size = min(size, 1.0 - done)
+        middle = done + 0.5 * size
+        for half in range(2):
+            part = done + size if half else middle
+            if turned > 0.0:
+                move(s, part * turned)
+            for n in range(s.x.shape[0]):
+                for r in range(3):
+                    s.goal[n, r] = goal_0[n, r] + part * (goal[n, r] - goal_0[n, r])
+                    s.load[n, r] = load_0[n, r] + part * (load[n, r] - load_0[n, r])
+            for m in range(rods.shape[0]):
+                for r in range(3):
+                    s.rods[m, r] = rods_0[m, r] + part * (rods[m, r] - rods_0[m, r])
+            assemble(s, STANDING, 0.0)
+            if not half:
+                copy_rows(s.g_middle, s.g)
+                copy_rows(s.pull_middle, s.pull)
+        for n in range(s.x.shape[0]):
+            square = moved[n, 3] ** 2 + moved[n, 4] ** 2 + moved[n, 5] ** 2
+            slower = 1.0 / (1.0 + 0.25 * middle * middle * square)  # spin of Cayley's map of s w
+            for r in range(3):
+                s.moved[n, r] = size * moved[n, r]
+                s.moved[n, 3 + r] = size * slower * moved[n, 3 + r]
+        least = size <= SHORTEST or tries > MOST_TRIES
+        if account_part(s, size, 1.0 / 6.0, 2.0 / 3.0, least):
+            done += size
+            size *= 2.0
+        else:
+            size *= 0.5
+    s.x[:], s.q[:], s.goal[:], s.load[:], s.rods[:] = x, q, goal, load, rods
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def account(s: State, kind: int, mix: float) -> None:
+    """Assemble, and account for all since the assembly before."""
+    sums = s.sums
+    dissipated, parted = sums[ROD_DISSIPATED], sums[ROD_PARTED]
+    s.damage_before[:] = s.damage
+    s.side_before[:] = s.side
+    assemble(s, kind, mix)
+    if account_part(s, 1.0, 0.5, 0.0, sums[RETRACED] == 0.0):
+        return
+    sums[ROD_DISSIPATED], sums[ROD_PARTED] = dissipated, parted
+    s.damage[:] = s.damage_before
+    s.side[:] = s.side_before
+    retrace(s)
+    assemble(s, kind, mix)
+    account_part(s, 0.0, 0.5, 0.0, True)

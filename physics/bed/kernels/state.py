@@ -15,17 +15,18 @@ STRAND_ROWS = 11
 # energy dissipated now, mJ; strands not parted; largest strand force and force scale, N. Since the
 # beginning: the energy balance of `Books`, mJ; and how many strands parted that lay on a
 # rod. Since the last assembly: the drag's share, and the
-# energy of strands that a rod's tip has come upon, or that have slipped off one, mJ.
+# energy of strands that a rod's tip has come upon, or that have slipped off one, mJ; and the part
+# of `step` by which nodes have moved. Whether the balance follows the way of a tick that is open.
 BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
 
 
 WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_PARTED, DRAG_NOW = range(8, 17)
 
 
-BENT_NOW, SLIPPED_NOW = range(17, 19)
+BENT_NOW, SLIPPED_NOW, MOVED, RETRACED = range(17, 21)
 
 
-SUM_ROWS = 19
+SUM_ROWS = 21
 
 
 # Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
@@ -91,4 +92,8 @@ class State(NamedTuple):
     g_before: Floats  # (N, 6) its gradient
     load_before: Floats  # (N, 3) its dead forces, N
     pull_before: Floats  # (M, 3) its forces on rods, N
+    g_middle: Floats  # (N, 6) both half-way
+    pull_middle: Floats
+    damage_before: Floats  # (S,)
+    side_before: Ints  # (M, S)
     sums: Floats

@@ -10,6 +10,9 @@ a = f'(u) - b, v = r x t and e = l - r the second derivatives are
     x x   a t t^T + b I     x w   a t v^T - b [r]     w w   a v v^T + b (sym(e r^T) - (e.r) I)
 
 They touch the block of the strand's node only, so the tangent stays block-tridiagonal (6 x 6).
+A strand that also pushes pulls along its way round a rod, u of that way, but pushes back straight,
+u of |l|: pushed along the way, whose slope falls where its end leaves the rod, it would come to
+rest in that kink, where no forces balance.
 """
 
 import math
@@ -59,6 +62,38 @@ def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
 
 
 @inner
+def push_straight(
+    s: State, n: int, way: Three, arm: Three, stiff: float, u: float, live: bool
+) -> float:
+    """Add the push of a strand of node n that lies round a rod; return its energy, mJ."""
+    length = math.sqrt(dot(way, way))
+    t = scaled(way, 1.0 / length)
+    v = cross(arm, t)
+    e = added(way, scaled(arm, -1.0))
+    f = stiff * u
+    b = max(f / length, 0.0) if live else f / length
+    a = stiff - b
+    both = (t[0], t[1], t[2], v[0], v[1], v[2])
+    c = s.diagonal[n]
+    for r in range(6):
+        s.g[n, r] += f * both[r]
+        for col in range(r + 1):
+            c[r, col] += a * both[r] * both[col]
+    c[3, 1] -= b * arm[2]
+    c[3, 2] += b * arm[1]
+    c[4, 0] += b * arm[2]
+    c[4, 2] -= b * arm[0]
+    c[5, 0] -= b * arm[1]
+    c[5, 1] += b * arm[0]
+    for r in range(3):
+        c[r, r] += b
+        c[3 + r, 3 + r] -= b * dot(e, arm)
+        for col in range(r + 1):
+            c[3 + r, 3 + col] += 0.5 * b * (e[r] * arm[col] + e[col] * arm[r])
+    return 0.5 * f * u
+
+
+@inner
 def strand_pass(s: State, kind: int, mix: float) -> None:
     """Add the strands' energy, gradient and tangent; damage goes by `mix` where it is DELAYED."""
     strand, damage, side = s.strand, s.damage, s.side
@@ -89,7 +124,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             lz = x2 + rz - strand[FOOT_Z, i]
             rod = -1
             pull = by_a = (0.0, 0.0, 0.0)
-            way = bow = 0.0
+            way = bow = short = 0.0
             if near:
                 foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
                 for m in range(s.rods.shape[0]):
@@ -105,9 +140,8 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         # strand slips off: the energy by which it jumps is booked.
                         straight_u = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
                         stiff = 0.5 * (1.0 - damage[i]) * strand[STIFF, i]
-                        bent_u = way - strand[LENGTH, i]
-                        if strand[PUSHES, i] == 0.0:
-                            straight_u, bent_u = max(straight_u, 0.0), max(bent_u, 0.0)
+                        straight_u = max(straight_u, 0.0)
+                        bent_u = max(way - strand[LENGTH, i], 0.0)
                         jump = stiff * (bent_u * bent_u - straight_u * straight_u)
                         s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
                     if kind == DELAYED:
@@ -122,16 +156,22 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 tx, ty, tz = by_a
                 il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
                 ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
+                if strand[PUSHES, i] != 0.0:
+                    short = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
+                    short = min(short, 0.0)
             else:
                 length = math.sqrt(lx * lx + ly * ly + lz * lz)
                 il = 1.0 / length
                 tx, ty, tz = lx * il, ly * il, lz * il
                 ux, uy, uz = lx - rx, ly - ry, lz - rz
             u = length - strand[LENGTH, i]
-            if u <= 0.0 and strand[PUSHES, i] == 0.0:
-                continue
             k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[PART, i]
             d = damage[i]
+            if short < 0.0:
+                stiff, straight, arm = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
+                energy += push_straight(s, n, straight, arm, stiff, short, kind == DELAYED)
+            if u <= 0.0 and (rod >= 0 or strand[PUSHES, i] == 0.0):
+                continue
             f = (1.0 - d) * k * u
             slope = (1.0 - d) * k
             stored = 0.5 * f * u
@@ -143,6 +183,11 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
                             new = 1.0
                         gone = 0.5 * k * u * u * (new - d)
+                        if short < 0.0:
+                            less, straight, arm = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
+                            change = push_straight(s, n, straight, arm, less, short, True)
+                            energy += change
+                            gone -= change
                         lost += gone
                         damage[i] = new
                         fall = k * u * (new - d)
@@ -340,6 +385,9 @@ def yielded(s: State) -> float:
                 full = 0.5 * s.strand[STIFF, i] * u0 * uf / (uf - u0)
                 before = u0 * uf / (uf - d * (uf - u0))
                 gone = full * (min(u, uf) - before)
+                if on_rod and s.strand[PUSHES, i] != 0.0:
+                    short = min(math.sqrt(dot(way, way)) - s.strand[LENGTH, i], 0.0)
+                    gone += 0.5 * s.strand[STIFF, i] * short * short * (goal - d)
                 lost += gone
                 s.damage[i] = goal
                 if on_rod:

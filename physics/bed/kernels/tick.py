@@ -8,7 +8,7 @@ so that one factorisation is nearly always enough: a fixed cost.
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
-from physics.bed.kernels.state import DELAYED, DRAG_NOW, ROD_ROWS, STANDING, State
+from physics.bed.kernels.state import DELAYED, DRAG_NOW, MOVED, ROD_ROWS, STANDING, State
 from physics.bed.kernels.step import TURN_LIMIT, copy_rows, keep_shape, largest_turn, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 
@@ -29,8 +29,7 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
             for r in range(ROD_ROWS):
                 s.rods[m, r] += part * (s.rods_to[m, r] - s.rods[m, r])
         for round_ in range(newton):
-            assemble(s, DELAYED if round_ == 0 else STANDING, mix)
-            account(s)
+            account(s, DELAYED if round_ == 0 else STANDING, mix)
             used = drag
             add_drag(s, used)
             copy_rows(s.step, s.g)
@@ -56,5 +55,5 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
                     s.moved[n, r] = way
                     if not (s.held[n] >> r) & 1:
                         dragged += used * way * way * (1.0 if r < 3 else size)
-            s.sums[DRAG_NOW] = dragged
+            s.sums[DRAG_NOW], s.sums[MOVED] = dragged, part_
     return True
