@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from shutil import which
 from typing import Any, Literal, cast
@@ -188,8 +188,8 @@ def beside_page(
     }
 
 
-def figures_beside_page(seconds: float) -> dict[str, dict[str, Any]]:
-    """Return the figures of each part, which takes so many seconds."""
+def figures_beside_page(seconds: float) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the figures of each part, which takes so many seconds."""
 
     def bare() -> Callable[[], Any]:
         process = subprocess.Popen(
@@ -198,21 +198,19 @@ def figures_beside_page(seconds: float) -> dict[str, dict[str, Any]]:
         )  # fmt: skip
         return lambda: msgspec.json.decode(process.communicate()[0])
 
-    figures: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / "hand.toml"
         script.write_text(hand())
         for where in ("pull", "dissect"):
-            figures[f"{where}, bare loop"] = beside_page(where, seconds, None, bare)
+            yield f"{where}, bare loop", beside_page(where, seconds, None, bare)
             with virtual_service(script) as address:
-                figures[f"{where}, servo"] = beside_page(where, seconds, address, lambda: None)
-    return figures
+                yield f"{where}, servo", beside_page(where, seconds, address, lambda: None)
 
 
 def main() -> None:
     """Measure, and print the figures with those that are to be reached."""
     console, seconds = Console(), 60.0 * float(sys.argv[1])
-    for part, figures in figures_beside_page(seconds).items():
+    for part, figures in figures_beside_page(seconds):
         console.print(f"\n{part}, {seconds:g} s", highlight=False)
         for name, value in figures.items():
             limit = LIMITS.get(name) if "servo" in part else None
