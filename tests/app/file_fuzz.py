@@ -181,7 +181,9 @@ def main() -> None:
             return organ_of(atheris.Mutate(content[4:], longest - 4))
 
         options = [f"-max_len={LONGEST}", "-seed=15", "-timeout=120", "-rss_limit_mb=0"]
-        options += [f"-artifact_prefix={Path.cwd()}/build/", str(corpus)]
+        found = Path.cwd() / "build"
+        found.mkdir(exist_ok=True)
+        options += [f"-artifact_prefix={found}/", str(corpus)]
         mutator = {"custom_mutator": mutated_organ} if kind == "organ" else {}
         atheris.Setup([sys.argv[0], *options], try_one, **mutator)
         atheris.Fuzz()
