@@ -7,6 +7,7 @@ too, it is that argument's fault.
 
 import multiprocessing
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -85,9 +86,17 @@ _function: Callable[[Any], Any] | None = None
 
 
 def _take(function: Callable[[Any], Any]) -> None:
-    """Keep the function in a worker."""
+    """Keep the function in a worker, which ends with the program, even one that is killed."""
     global _function
     _function = function
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # noqa: S101 (only workers come here)
+    parent.join()
+    os._exit(1)
 
 
 def _apply(argument: Any) -> Any:
