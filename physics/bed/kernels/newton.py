@@ -16,8 +16,7 @@ from physics.bed.kernels.step import (
     TURN_LIMIT,
     copy_rows,
     keep_shape,
-    largest_turn,
-    largest_way,
+    largest,
     move,
     slope_along,
 )
@@ -146,10 +145,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         if not found:
             return -1
         part = 1.0
-        turn = largest_turn(s)
+        turn = largest(s, 3)
         if turn > TURN_LIMIT:
             part = TURN_LIMIT / turn
-        far = largest_way(s)
+        far = largest(s, 0)
         # Nor does any node go farther in one step than a quarter of the beam.
         if part * far > 0.25 * span:
             part = 0.25 * span / far

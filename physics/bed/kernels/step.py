@@ -44,21 +44,11 @@ def move(s: State, part: float) -> None:
 
 
 @inner
-def largest_turn(s: State) -> float:
-    """Return the largest rotation of a node in the step, rad."""
+def largest(s: State, first: int) -> float:
+    """Return the largest displacement of a node in the step, mm (0), or rotation, rad (3)."""
     most = 0.0
     for n in range(s.x.shape[0]):
-        v = s.step[n, 3] ** 2 + s.step[n, 4] ** 2 + s.step[n, 5] ** 2
-        most = max(most, v)
-    return math.sqrt(most)
-
-
-@inner
-def largest_way(s: State) -> float:
-    """Return the largest displacement of a node in the step, mm."""
-    most = 0.0
-    for n in range(s.x.shape[0]):
-        v = s.step[n, 0] ** 2 + s.step[n, 1] ** 2 + s.step[n, 2] ** 2
+        v = s.step[n, first] ** 2 + s.step[n, first + 1] ** 2 + s.step[n, first + 2] ** 2
         most = max(most, v)
     return math.sqrt(most)
 

@@ -9,7 +9,7 @@ from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.state import DELAYED, DRAG_NOW, MOVED, ROD_ROWS, STANDING, State
-from physics.bed.kernels.step import TURN_LIMIT, copy_rows, keep_shape, largest_turn, move
+from physics.bed.kernels.step import TURN_LIMIT, copy_rows, keep_shape, largest, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 
 
@@ -44,7 +44,7 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
                 copy_rows(s.step, s.g)
                 hold_nodes(s, 1.0)
             keep_shape(s)
-            turn = largest_turn(s)
+            turn = largest(s, 3)
             part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
             move(s, part_)
             dragged = 0.0
