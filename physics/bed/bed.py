@@ -101,7 +101,8 @@ class Bed:
             value = finite(getattr(self, name), f"{name} of a bed", unit)
             if not 0.0 <= value <= most:
                 limit = "0 or more" if most == math.inf else f"from 0 to {most:g}"
-                raise ValueError(f"{name} of a bed must be {limit} {unit}, got {value:g}".strip())
+                said = f"{limit} {unit}".strip()
+                raise ValueError(f"{name} of a bed must be {said}, got {value:g}")
         if self.around is not None and not 0.0 <= self.around <= math.pi:
             raise ValueError(f"around of a bed must be from 0 to pi rad, got {self.around}")
         if self.two_sided and self.slack > 0.0:

@@ -97,10 +97,14 @@ def step_places(
     if isinstance(steps, tuple):
         counts = list(steps)
         if len(counts) != legs:
-            raise ValueError(f"{name} has {legs} legs and steps for {len(counts)}")
+            raise ValueError(
+                f"{name} has {legs} leg{'s' * (legs > 1)} and steps for {len(counts)}"
+            )
     else:
         if steps < legs:
-            raise ValueError(f"{name} of {legs} legs needs as many steps, got {steps}")
+            raise ValueError(
+                f"{name} of {legs} leg{'s' * (legs > 1)} needs as many steps, got {steps}"
+            )
         lengths = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
         counts = [1] * legs
         for _ in range(min(steps, MOST_STEPS + 1) - legs):

@@ -147,6 +147,25 @@ def test_presets_patches_hands_and_strands_together(tmp_path: Path) -> None:
     assert found["open_share"] < 1e-4
 
 
+def test_strands_of_a_two_sided_preset_push_as_they_pull(tmp_path: Path) -> None:
+    bed = """
+        [bed]
+        preset = "firm"
+        two_sided = true
+        slack_mm = 0.0
+        floor_N_mm2 = 0.0
+        around_deg = 0.0
+        fan_deg = 0.0
+        """
+    up, down = (
+        peeled(scene(tmp_path, BEAM, bed, HAND.replace("12.0", far).replace("= 12", "= 1")))
+        for far in ("0.001", "-0.001")
+    )
+    force = up["steps"][-1]["force_N"][2]
+    assert force > 1e-5
+    assert down["steps"][-1]["force_N"][2] == pytest.approx(-force, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
@@ -154,7 +173,8 @@ def test_presets_patches_hands_and_strands_together(tmp_path: Path) -> None:
         ((BEAM, BED.replace("0.12", "0.0"), HAND), "toughness of a bed must be above 0"),
         ((BEAM, BED.replace("0.3", "-0.3"), HAND), "stiffness of a bed must be above 0"),
         ((BEAM, BED.replace("45.0", "90.0"), HAND), "0 to 90 mm lies outside the beam"),
-        ((BEAM, BED + "scatter = -0.1\n", HAND), "scatter of a bed must be from 0 to 1"),
+        ((BEAM, BED + "scatter = -0.1\n", HAND), "scatter of a bed must be from 0 to 1, got -0.1"),
+        ((BEAM, '[bed]\npreset = "firm"\ntwo_sided = true', HAND), "two_sided bed cannot be slack"),
         ((BEAM, BED, HAND, HAND), "two hooks are on top of one another at 60 mm"),
         ((BEAM, BED, HAND.replace("60.0", "0.0")), "behind a clamp"),
         ((BEAM, BED, HAND.replace("60.0", "70.0")), "is not on the beam"),

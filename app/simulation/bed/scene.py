@@ -142,7 +142,7 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def made(self, beam: SpaceBeam) -> Bed:
         """Return the bed under a beam."""
         patches = tuple(Patch(each.from_mm, each.to_mm, each.factor) for each in self.patch)
-        own: dict[str, float] = {}
+        own: dict[str, float] = {"two_sided": True} if self.two_sided else {}
         for name, field, value in (
             ("softening", "softening", self.softening),
             ("floor_N_mm2", "floor", self.floor_N_mm2),
@@ -194,7 +194,6 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
                 stiffness=stiffness,
                 toughness=toughness,
                 stations=None if self.stations_mm is None else tuple(map(float, self.stations_mm)),
-                two_sided=self.two_sided,
                 patches=patches,
                 seed=self.seed,
             ),
