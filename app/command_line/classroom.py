@@ -82,8 +82,8 @@ def _open(
     tls = tls_context(certificate, key)
     ready_for_signals()
     from app.simulation import chosen_preset
-    from app.trainer.server.bounds import Bounds
-    from app.trainer.server.guard import is_loopback
+    from app.trainer.connections.bounds import Bounds
+    from app.trainer.connections.guard import is_loopback
 
     tissue = organ_from(organ)
     chosen = None if preset is None else chosen_preset(preset)

@@ -153,7 +153,7 @@ def trainer(
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
     from app.compression.build_process import BuildProcess
-    from app.trainer.server.bounds import Bounds
+    from app.trainer.connections.bounds import Bounds
 
     builds = BuildProcess(build_seconds, build_memory)
     bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
@@ -219,7 +219,7 @@ def serve(start: "Callable[[], Trainer]", say: "Callable[[Trainer], object]") ->
 
 def _given_token(file: Path | None) -> str | None:
     """Return the token of a file or the environment: a command line can be seen by all."""
-    from app.trainer.server.guard import TOKEN_VARIABLE
+    from app.trainer.connections.guard import TOKEN_VARIABLE
 
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None

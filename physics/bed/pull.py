@@ -97,9 +97,7 @@ def step_places(
     if isinstance(steps, tuple):
         counts = list(steps)
         if len(counts) != legs:
-            raise ValueError(
-                f"{name} has {legs} leg{'s' * (legs > 1)} and steps for {len(counts)}"
-            )
+            raise ValueError(f"{name} has {legs} leg{'s' * (legs > 1)} and steps for {len(counts)}")
     else:
         if steps < legs:
             raise ValueError(

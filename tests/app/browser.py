@@ -24,10 +24,10 @@ from playwright.sync_api import (
     sync_playwright,
 )
 
-from app.trainer.server.dissect_view import DissectView
-from app.trainer.server.pull_view import PullView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
+from app.trainer.view.dissect_view import DissectView
+from app.trainer.view.pull_view import PullView
 
 SWITCHES = [
     "--no-sandbox",

@@ -32,7 +32,7 @@ from hostile import ATTACKS, kept_share
 from program import command
 
 from app.classroom.store import ClassStore
-from app.trainer.server.bounds import Bounds
+from app.trainer.connections.bounds import Bounds
 from app.trainer.server.trainer import EXPIRY_SECONDS
 from benchmarks.page_protocol import CAMERA, Page, connected
 from benchmarks.served_trainer import served_trainer

@@ -21,8 +21,8 @@ from websockets import Subprotocol
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from app.trainer.server.bounds import Bounds, Connections, socket_options
-from app.trainer.server.guard import Guard
+from app.trainer.connections.bounds import Bounds, Connections, socket_options
+from app.trainer.connections.guard import Guard
 from app.trainer.viser_bridge import (
     page_message_decoder,
     start_server,

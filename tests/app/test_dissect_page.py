@@ -12,9 +12,9 @@ from simulated import phantom
 from app.simulation import Feedback
 from app.simulation.bed import MANNERS, BedSession, Hand, bed_named, script
 from app.trainer.client.dissect_state import NUDGE
-from app.trainer.server.dissect_view import DissectView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import Viewpoint
+from app.trainer.view.dissect_view import DissectView
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from prometheus_client.parser import text_string_to_metric_families
 from simulated import phantom
 
 from app.command_line.trainer import draw_link
-from app.trainer.server import guard
+from app.trainer.connections import guard
+from app.trainer.connections.guard import TOKEN_VARIABLE, Guard, is_loopback
 from app.trainer.server import trainer as server
-from app.trainer.server.guard import TOKEN_VARIABLE, Guard, is_loopback
 from app.trainer.server.metrics import trainer_metrics
 from app.trainer.server.trainer import Trainer, _own_address
 from app.trainer.viser_bridge import start_server, stop_server

@@ -11,8 +11,8 @@ from simulated import phantom
 from app.simulation import ApproachBreak, Session
 from app.trainer.client.client_state import Workers
 from app.trainer.client.pull_state import PullState
-from app.trainer.server.pull_view import PullView
 from app.trainer.stage.lighting import Look
+from app.trainer.view.pull_view import PullView
 
 
 class View(PullView):

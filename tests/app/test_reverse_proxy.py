@@ -19,8 +19,8 @@ from websockets import Subprotocol
 from websockets.sync.client import connect
 
 from app.command_line.trainer import tls_context
-from app.trainer.server.bounds import Bounds, Connections, socket_options
-from app.trainer.server.guard import Guard
+from app.trainer.connections.bounds import Bounds, Connections, socket_options
+from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.viser_bridge import start_server, stop_server
 

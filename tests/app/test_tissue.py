@@ -248,7 +248,7 @@ def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: B
 def test_slow_page_gets_the_simple_picture_and_a_way_back(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    least = "app.trainer.server.mode_view.LEAST_PICTURES"
+    least = "app.trainer.view.mode_view.LEAST_PICTURES"
     monkeypatch.setattr(least, 1000.0)  # no page draws as many
     trainer = Trainer(phantom(), port=0, mode="pull", look="auto")
     try:

@@ -10,9 +10,9 @@ from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation import Session
-from app.trainer.server.pull_view import PullView
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
+from app.trainer.view.pull_view import PullView
 
 CAMERA = """() => {
     const camera = window.__viserMutable.cameraControl, at = camera.camera.position.clone();

@@ -21,7 +21,7 @@ from viser._icons import svg_from_icon
 from viser.infra import _infra
 from websockets.asyncio.server import ServerConnection
 
-from app.trainer.server.guard import Guard
+from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
 from app.trainer.viser_bridge import (

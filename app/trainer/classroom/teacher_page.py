@@ -24,8 +24,8 @@ from app.classroom.exercise_file import GOALS, template
 from app.classroom.report import report_page, results_html, style
 from app.classroom.results import results, results_csv, results_json
 from app.trainer.classroom.lesson import Lesson
+from app.trainer.connections.bounds import PageConnection
 from app.trainer.panel.frame import DISCLAIMER
-from app.trainer.server.bounds import PageConnection
 
 __all__ = ["TeacherPage"]
 

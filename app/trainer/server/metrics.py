@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollector, generate_latest
 
-from app.trainer.server.bounds import Connections
+from app.trainer.connections.bounds import Connections
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 
 __all__ = ["trainer_metrics"]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
 
-__all__ = ["MOST_SESSIONS", "Sessions", "SessionsFullError"]
+from app.trainer.connections.bounds import MOST_CLIENTS
+
+__all__ = ["Sessions", "SessionsFullError"]
 
 KEPT_SECONDS = 600.0
 """s that a session waits for its page to come back."""
-MOST_SESSIONS = 64
 TOKEN_BYTES = 16
 
 
@@ -39,7 +40,7 @@ class Sessions(Generic[Kept]):
         self,
         make: Callable[[], Kept],
         *,
-        most: int = MOST_SESSIONS,
+        most: int = MOST_CLIENTS,
         kept_seconds: float = KEPT_SECONDS,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

@@ -30,16 +30,16 @@ from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.practice import Practice
 from app.trainer.client.pull_state import PullState
+from app.trainer.connections.bounds import Bounds, Connections, PageConnection, socket_options
+from app.trainer.connections.guard import Guard
 from app.trainer.panel.help import SEEN, show_first_minute
-from app.trainer.server.bounds import Bounds, Connections, PageConnection, socket_options
-from app.trainer.server.client_view import ClientView
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
-from app.trainer.server.guard import Guard
 from app.trainer.server.sessions import Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.lighting import LookChoice
+from app.trainer.view.client_view import ClientView
 from app.trainer.viser_bridge import (
     asked_by_address,
     close_page,

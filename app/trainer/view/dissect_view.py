@@ -4,8 +4,8 @@ from app.simulation.bed import BedReading
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.dissect_panel import DissectPanel
 from app.trainer.scene.bed_scene import BedScene
-from app.trainer.server.mode_view import ModeView
 from app.trainer.stage.lighting import Look
+from app.trainer.view.mode_view import ModeView
 
 __all__ = ["DissectView"]
 

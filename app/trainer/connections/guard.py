@@ -18,7 +18,7 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from app.trainer.server.bounds import Connections, PageConnection
+from app.trainer.connections.bounds import Connections, PageConnection
 
 __all__ = ["TOKEN_VARIABLE", "Answer", "Guard", "is_loopback"]
 

@@ -10,8 +10,8 @@ from app.trainer.client.pull_state import PullState
 from app.trainer.panel.pull_panel import PullPanel
 from app.trainer.scene.annotations import Annotations
 from app.trainer.scene.duct_scene import DuctScene
-from app.trainer.server.mode_view import ModeView
 from app.trainer.stage.lighting import Look, LookChoice
+from app.trainer.view.mode_view import ModeView
 
 __all__ = ["PullView"]
 

@@ -22,7 +22,6 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode, Frame, Opcode
 from websockets.protocol import Event
 
-from app.trainer.server.sessions import MOST_SESSIONS
 from app.trainer.viser_bridge import page_message_decoder, viser_message
 
 __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
@@ -33,6 +32,7 @@ MOST_ADDRESSES = 1000
 CLOSE_SECONDS = 0.5
 """s that a page may take to close its connection when asked."""
 LEAST_RATE = 10.0
+MOST_CLIENTS = 64
 MOST_FRAMES, FRAMES_PER_SECOND = 200.0, 10.0
 """Pings and small fragments of a page, at once and in the long run: browsers send hardly any."""
 SMALL_BYTES = 1024
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 class Bounds:
     """Limits of what is sent to the trainer."""
 
-    most_clients: int = MOST_SESSIONS  # Trainees at a time
+    most_clients: int = MOST_CLIENTS  # Trainees at a time
     most_per_address: int = 48  # Pages; a class behind one router has one address
     most_per_browser: int = 8  # Pages with the same cookie
     messages_per_second: float = 120.0  # Of a page, in the long run

@@ -11,9 +11,9 @@ from app.trainer.client.client_state import Mode, Workers, explained
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.practice import Practice
 from app.trainer.client.pull_state import PullState
-from app.trainer.server.dissect_view import DissectView
-from app.trainer.server.pull_view import PullView
 from app.trainer.stage.lighting import LookChoice
+from app.trainer.view.dissect_view import DissectView
+from app.trainer.view.pull_view import PullView
 from organ_geometry import Organ
 
 __all__ = ["ClientView"]

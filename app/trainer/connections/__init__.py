@@ -1,0 +1,1 @@
+"""Who may connect to the trainer, and what a connection may send."""
