@@ -181,8 +181,8 @@ class BedTrial(Trial[BeddedDuct]):
         if freed >= wanted.free_mm - 1e-6:
             return Outcome(
                 True,
-                f"Freed {freed:.0f} mm at no more than {100.0 * taker.peak:.0f} % of the wall's "
-                f"break.",
+                f"Freed the {freed:.0f} mm asked for, {taker.freed:.0f} mm in all, at no more than "
+                f"{100.0 * taker.peak:.0f} % of the wall's break.",
             )
         if self._ticks * TICK_SECONDS >= wanted.time_limit_s:
             return Outcome(False, f"The {wanted.time_limit_s:g} s were over with {self.standing}.")

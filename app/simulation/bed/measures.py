@@ -94,7 +94,7 @@ class DissectionMeasureTaker:
         self._measure_freed()
 
     def _measure_freed(self) -> None:
-        self._freed = self._duct.beam.freed
+        self.freed = self._duct.beam.freed
         self._parted_by_rods = self._duct.beam.parted_by_rods
         self.stretches = self._duct.freed_stretches()
 
@@ -189,7 +189,7 @@ class DissectionMeasureTaker:
         torn, work = self._torn, sum(self._work)
         return DissectionMeasures(
             time_s=self.ticks * TICK_SECONDS,
-            freed_mm=self._freed,
+            freed_mm=self.freed,
             longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
             strands=self._damage.size - self._before,
             strands_parted=self._parted - self._before,
