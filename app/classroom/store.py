@@ -257,7 +257,9 @@ class ClassStore:
         """Return all, in the order in which they came."""
         return [
             Person(*row)
-            for row in self._rows("SELECT id, name, joined_at FROM person ORDER BY joined_at, name")
+            for row in self._rows(
+                "SELECT id, name, joined_at FROM person ORDER BY joined_at, rowid"
+            )
         ]
 
     def name_person(self, browser: str, name: str) -> Person:
