@@ -188,8 +188,12 @@ def _empty_page(browser: Browser, width: int, height: int) -> Page:
 
 
 def _leave(page: Page) -> None:
-    """Keep a tab for other tests, which find nothing of this one; close it if it has others."""
-    if len(page.context.pages) > 1:
+    """Keep a tab for other tests, which find nothing of this one; close it if it has others.
+
+    One that draws is closed: the memory of its pictures is given back only then.
+    """
+    drawing = page.context.browser is _Shared.browsers.get(True)
+    if drawing or len(page.context.pages) > 1:
         page.context.close()
         return
     page.mouse.move(0, 0)

@@ -52,6 +52,8 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
         player = PlayerPage(page, path)
         for number, pictures in enumerate(player.passes(2)):
             for drawn in pictures:
+                if drawn.clock == 0.0 and not drawn.tops:
+                    continue  # viser clears the scene before it plays it again
                 assert drawn.lights == ["AmbientLight", "PointLight", "SpotLight"], drawn
                 assert not drawn.around, drawn
                 assert drawn.fog == pictures[0].fog, drawn
