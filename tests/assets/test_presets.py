@@ -29,6 +29,7 @@ REQUIRED = {
     "confidence_note",
 }
 BREAKS = {"break_force_N", "break_stress_MPa"}
+FACTORS = {"modulus_factor", "strength_factor"}
 
 
 def approx(value: float) -> Any:
@@ -43,7 +44,7 @@ def test_names_are_unique_and_the_default_comes_first() -> None:
 @pytest.mark.parametrize("preset", LIST, ids=BY_NAME)
 def test_a_preset_is_complete(preset: dict[str, Any]) -> None:
     assert preset.keys() >= REQUIRED
-    assert preset.keys() <= REQUIRED | BREAKS | {"looks_like"}
+    assert preset.keys() <= REQUIRED | BREAKS | FACTORS | {"looks_like"}
     assert len(preset.keys() & BREAKS) == 1
     for name in ("title", "description", "source", "confidence_note"):
         assert preset[name].strip() == preset[name] != ""
@@ -51,6 +52,8 @@ def test_a_preset_is_complete(preset: dict[str, Any]) -> None:
     assert preset["confidence"] in {"high", "medium", "low"}
     for name in {"modulus_MPa"} | (preset.keys() & BREAKS):
         assert preset[name] > 0.0
+    for name in preset.keys() & FACTORS:
+        assert preset[name] > 1.0
     assert 0.0 <= preset["poisson_ratio"] < 0.5
 
 
