@@ -203,8 +203,6 @@ def test_stage_adds_and_removes_its_nodes(scene: viser.SceneApi, look: str) -> N
     for _ in range(2):  # a second stage can be built where the first was
         stage = Stage(scene, span=50.8, radius=4.45, look="full" if look == "full" else "plain")
         assert all(scene.get_handle_by_name(f"/stage/{name}") is not None for name in names)
-        stage.hide_hook()
-        stage.show_hook()
         stage.remove()
         stage.remove()
         assert all(scene.get_handle_by_name(f"/stage/{name}") is None for name in names)

@@ -219,14 +219,6 @@ class Stage:
         if self._clamps[1].visible != shown:
             self._clamps[1].visible = shown
 
-    def show_hook(self) -> None:
-        """Show the hook."""
-        self._hook.visible = True
-
-    def hide_hook(self) -> None:
-        """Hide the hook."""
-        self._hook.visible = False
-
     def frame_camera(self, client: viser.ClientHandle) -> None:
         """Set the client's camera so that both clamps are in its picture."""
         settled = self._arrived and time.monotonic() - self._framed_at >= self._settling_time
