@@ -169,11 +169,15 @@ def retrace(s: State) -> None:
 def account(s: State, kind: int, mix: float) -> None:
     """Assemble, and account for all since the assembly before."""
     sums = s.sums
+    if sums[RETRACED] == 0.0:
+        assemble(s, kind, mix)
+        account_part(s, 1.0, 0.5, 0.0, True)
+        return
     dissipated, parted = sums[ROD_DISSIPATED], sums[ROD_PARTED]
     s.damage_before[:] = s.damage
     s.side_before[:] = s.side
     assemble(s, kind, mix)
-    if account_part(s, 1.0, 0.5, 0.0, sums[RETRACED] == 0.0):
+    if account_part(s, 1.0, 0.5, 0.0, False):
         return
     sums[ROD_DISSIPATED], sums[ROD_PARTED] = dissipated, parted
     s.damage[:] = s.damage_before
