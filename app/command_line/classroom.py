@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from app.command_line.load import PRESET_HELP, organ_from
-from app.command_line.trainer import draw_link, ready_for_signals, serve, tls_context
+from app.command_line.trainer import (
+    NET,
+    Certificate,
+    Key,
+    Look,
+    OrganFile,
+    Port,
+    TrustProxy,
+    draw_link,
+    ready_for_signals,
+    serve,
+    tls_context,
+)
 
 if TYPE_CHECKING:
     from app.classroom.store import ClassStore
@@ -17,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["program"]
 
-NET = "Other machines"
 LOOKS = ("auto", "full", "plain")
 
 program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
@@ -40,10 +51,8 @@ def _open(
     host: Annotated[
         str, typer.Option(help="Address to serve; 0.0.0.0 lets other machines in by the links.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
-    organ: Annotated[
-        Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
-    ] = None,
+    port: Port = 8080,
+    organ: OrganFile = None,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -51,30 +60,15 @@ def _open(
             show_default="of the shipped duct the first, of any other organ assumed-duct",
         ),
     ] = None,
-    look: Annotated[
-        str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
-    ] = "auto",
+    look: Look = "auto",
     most_clients: Annotated[int, typer.Option(help="Trainees at a time.")] = 64,
-    certificate: Annotated[
-        Path | None,
-        typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET),
-    ] = None,
-    key: Annotated[
-        Path | None,
-        typer.Option(
-            help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET
-        ),
-    ] = None,
+    certificate: Certificate = None,
+    key: Key = None,
     public_url: Annotated[
         str | None,
         typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
     ] = None,
-    trust_proxy: Annotated[
-        str | None,
-        typer.Option(
-            help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET
-        ),
-    ] = None,
+    trust_proxy: TrustProxy = None,
 ) -> None:
     """Serve a class until it is told to stop."""
     if trust_proxy is not None and public_url is None:

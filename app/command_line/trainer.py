@@ -19,10 +19,41 @@ if TYPE_CHECKING:
     from app.haptics.servo_process import FeltSetting, ServoProcess
     from app.trainer.server.trainer import Trainer
 
-__all__ = ["draw_link", "ready_for_signals", "serve", "tls_context", "trainer"]
+__all__ = [
+    "NET",
+    "Certificate",
+    "Key",
+    "Look",
+    "OrganFile",
+    "Port",
+    "TrustProxy",
+    "draw_link",
+    "ready_for_signals",
+    "serve",
+    "tls_context",
+    "trainer",
+]
 
 NET = "Other machines"
 BOUNDS = "Bounds of what clients may take"
+
+# Options that a class has, too.
+Port = Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")]
+OrganFile = Annotated[
+    Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
+]
+Look = Annotated[str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")]
+Certificate = Annotated[
+    Path | None, typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET)
+]
+Key = Annotated[
+    Path | None,
+    typer.Option(help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET),
+]
+TrustProxy = Annotated[
+    str | None,
+    typer.Option(help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET),
+]
 
 
 def trainer(
@@ -30,7 +61,7 @@ def trainer(
         str,
         typer.Option(help="Address to serve; any but loopback asks for a token."),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")] = 8080,
+    port: Port = 8080,
     token_file: Annotated[
         Path | None,
         typer.Option(
@@ -38,28 +69,14 @@ def trainer(
             show_default="of BLUNTDISSECT_TOKEN; else made where --host needs one",
         ),
     ] = None,
-    certificate: Annotated[
-        Path | None, typer.Option(help="PEM file of the certificate for TLS.", rich_help_panel=NET)
-    ] = None,
-    key: Annotated[
-        Path | None,
-        typer.Option(
-            help="PEM file of its key.", show_default="in --certificate", rich_help_panel=NET
-        ),
-    ] = None,
+    certificate: Certificate = None,
+    key: Key = None,
     public_url: Annotated[
         str | None,
         typer.Option(help="Where a reverse proxy serves the trainer.", rich_help_panel=NET),
     ] = None,
-    trust_proxy: Annotated[
-        str | None,
-        typer.Option(
-            help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET
-        ),
-    ] = None,
-    organ: Annotated[
-        Path | None, typer.Option(help="An .organ file; the shipped bile duct if not given.")
-    ] = None,
+    trust_proxy: TrustProxy = None,
+    organ: OrganFile = None,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -73,9 +90,7 @@ def trainer(
             help="What the page opens on: dissect, a duct in its bed, or pull, one without.",
         ),
     ] = None,
-    look: Annotated[
-        str, typer.Option(help="full, plain, or auto: plain for pages that are slow.")
-    ] = "auto",
+    look: Look = "auto",
     most_clients: Annotated[
         int, typer.Option(help="Trainees at a time.", rich_help_panel=BOUNDS)
     ] = 64,
