@@ -22,7 +22,7 @@ __all__ = ["ClientView"]
 class ClientView:
     """What one client sees of its practice: one of its sessions at a time.
 
-    `ready` waits until what a mode needs is compiled;
+    `ready` waits until what another mode needs is compiled: the first one is ready;
     `furnish` adds to the page of a mode, each time that it is shown. The look "plain" is for slow
     machines; "auto" changes to it where the page draws too slowly.
     """
@@ -113,8 +113,7 @@ class ClientView:
             self._furnish(self)
 
     def _open(self, mode: Mode) -> PullView | DissectView:
-        """Return a new view of a mode, whose page goes to the client."""
-        self._ready(mode)
+        """Return a new view of a mode, whose page goes to the client; the mode is ready."""
         self._practice.mode = mode
         if mode == "pull":
             state = PullState(
