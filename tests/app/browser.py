@@ -411,15 +411,20 @@ class PlayerPage:
         return [Drawn(**each) for each in self.page.evaluate("() => window.drawn ?? []")]
 
     def passes(self, count: int) -> list[list[Drawn]]:
-        """What is drawn in the first times through, each picture by picture."""
+        """What is drawn in the first times through, each picture by picture.
+
+        One begins where the organ is whole again. The clock tells nothing: its digits and the scene
+        change in different pictures. A scene that is cleared, before each, is not kept.
+        """
         until = time.monotonic() + 3.0 * PATIENCE / 1000.0
         while time.monotonic() < until:
             self.page.wait_for_timeout(500)
-            pictures = self.drawn()
-            starts = [0] + [
+            pictures = [picture for picture in self.drawn() if picture.tops]
+            whole = [picture.tops.keys() == {"organ"} for picture in pictures]
+            starts = [
                 number
-                for number, (before, after) in enumerate(pairwise(pictures), start=1)
-                if after.clock < before.clock - 1.0
+                for number, (before, now) in enumerate(pairwise([False, *whole]))
+                if now and not before
             ]
             if len(starts) > count:
                 return [pictures[first:last] for first, last in pairwise(starts)][:count]

@@ -51,9 +51,8 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
         page.on("request", lambda request: requests.append(request.url))
         player = PlayerPage(page, path)
         for number, pictures in enumerate(player.passes(2)):
+            heights: list[float] = []
             for drawn in pictures:
-                if drawn.clock == 0.0 and not drawn.tops:
-                    continue  # viser clears the scene before it plays it again
                 assert drawn.lights == ["AmbientLight", "PointLight", "SpotLight"], drawn
                 assert not drawn.around, drawn
                 assert drawn.fog == pictures[0].fog, drawn
@@ -63,8 +62,8 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
                 assert height - 0.1 < drawn.hook < height + 2.7 * RADIUS, drawn
                 if lifted:
                     assert drawn.hook < height + 0.3 * RADIUS, drawn
-                if drawn.clock < 0.5:
-                    assert drawn.caption.endswith("lifted 0.0 mm   distance to break 100 %"), drawn
+                heights.append(height)
+            assert heights == sorted(heights), number
             assert pictures[-1].caption == "F 0 N   torn in two", number
             assert pictures[-1].tops.keys() == set(PIECES), number
 
@@ -136,17 +135,18 @@ def test_a_page_plays_how_a_duct_is_freed_and_torn(tmp_path: Path) -> None:
     with running_browser(drawing=False) as browser:
         page = new_context(browser, 480, 300).new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
-        (pictures,) = PlayerPage(page, page_file).passes(1)
+        player = PlayerPage(page, page_file)
+        (pictures,) = player.passes(1)
+        player.wait_at(
+            0.5 * REST_SECONDS,
+            lambda drawn: drawn.parted == 0 and "freed 0.0 mm" in drawn.caption,
+        )
         assert not errors
     freed = [re.search(r"freed ([\d.]+) mm", drawn.caption) for drawn in pictures]
     lengths = [float(found[1]) for found in freed if found]
     assert lengths == sorted(lengths)
-    assert lengths[0] == 0.0
     assert lengths[-1] > 5.0
-    parted = [drawn.parted for drawn in pictures]
-    assert parted[0] == 0
-    assert parted[-1] == int((motion.bed.damage[-1] >= 1.0).sum())
-    assert pictures[0].tops.keys() == {"organ"}
+    assert pictures[-1].parted == int((motion.bed.damage[-1] >= 1.0).sum())
     assert pictures[-1].tops.keys() == set(PIECES)
     assert pictures[-1].caption == "F 0 N   torn in two"
     assert "and tears it at 25.4 mm" in page_file.read_text()
