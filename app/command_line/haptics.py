@@ -113,7 +113,7 @@ def haptics(
         raise ValueError("--second-device and --second-at are of a second hook: give --second")
     if second is not None and second_device is None and not 0.0 < second_at < math.inf:
         raise ValueError("a second hook is led by --second-device, or --second-at says how far")
-    from app.haptics.device import DeviceOptions
+    from app.haptics.device import DeviceError, DeviceOptions
     from app.haptics.duct_choice import DuctChoice
     from app.haptics.hand import HandScript, read_hand
     from app.haptics.servo import real_time
@@ -153,9 +153,11 @@ def haptics(
         write_atomic(report, msgspec.json.format(msgspec.json.encode(made)))
     if as_json:
         print(msgspec.json.encode(made).decode())
-        return
-    for name, value in made.lines():
-        print(f"{name:<18} {value}")
+    else:
+        for name, value in made.lines():
+            print(f"{name:<18} {value}")
+    if made.device_failed:
+        raise DeviceError(made.ended_by)
 
 
 def _serve(address: str, hand: Path | None) -> None:

@@ -16,7 +16,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 from websockets.client import ClientProtocol
 from websockets.exceptions import InvalidHandshake, WebSocketException
-from websockets.frames import Frame, Opcode
+from websockets.frames import DATA_OPCODES, Frame
 from websockets.protocol import State
 from websockets.uri import parse_uri
 
@@ -39,8 +39,12 @@ LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5)
 CONNECT_SECONDS = 3.0
 STALE_SECONDS = 0.02
 """Age, s, of a message beyond which the state that answers it is ignored."""
+LOST_SECONDS = 0.25
+"""Time, s, after which an answer is not waited for any more."""
 SLACK = 5e-3
 """Jump, m, that counts as motion at any speed."""
+CLOSE_SECONDS = 0.1
+"""Time, s, that a service has to take in the last message."""
 
 
 class HaplyDevice:
@@ -61,6 +65,8 @@ class HaplyDevice:
         self._address = options.address
         self._patience = min(STALE_SECONDS, 4.0 * options.period)
         self._sent: deque[float] = deque()
+        self._behind = False
+        self._parts: list[bytes] = []  # of a message in fragments
         self._trouble: str | None = None
         self._last: Vector | None = None
         self._last_time = 0.0
@@ -93,10 +99,16 @@ class HaplyDevice:
     def exchange(self, force: NDArray[np.float64], state: DeviceState) -> bool:
         """Send a force and wait for the state that answers it; see `Device`."""
         now = self._clock()
-        # A service that is behind is not sent more, but for a sign of life now and then.
-        if not self._sent or now - self._sent[-1] > STALE_SECONDS:
-            x, y, z = force.tolist() if not self._sent else (0.0, 0.0, 0.0)
-            self._send(x, y, z)
+        # A service that is behind is told that there is no force, and then left alone.
+        waited = now - self._sent[-1] if self._sent else 0.0
+        if self._behind and waited > LOST_SECONDS:
+            self._sent.clear()
+        if not self._sent:
+            self._send(*(0.0 * force if self._behind else force).tolist())
+            self._behind = False
+        elif not self._behind and waited > STALE_SECONDS:
+            self._send(0.0, 0.0, 0.0)
+            self._behind = True
         deadline = now + self._patience
         while True:
             try:
@@ -107,7 +119,12 @@ class HaplyDevice:
                 return False
             except OSError as error:
                 raise self._gone(str(error)) from error
-            if self._read(content, state):
+            if not content:
+                raise self._gone("it closed the connection")
+            taken = False
+            for message in self._messages(content):
+                taken |= self._take(message, state)
+            if taken:
                 return True
             # Whatever came answers what was sent: nothing more will.
             if not self._sent or self._clock() > deadline:
@@ -121,10 +138,16 @@ class HaplyDevice:
     def close(self) -> None:
         """Send no force, in a message of its own, and close; see `Device`."""
         try:
-            self._socket.settimeout(0.2)
+            self._socket.settimeout(CLOSE_SECONDS)
             self._send(0.0, 0.0, 0.0)
             self._protocol.send_close(1000)
             self._flush()
+            # A socket closed with something unread resets the connection, and the service may never
+            # read what it was sent.
+            self._socket.shutdown(socket.SHUT_WR)
+            deadline = self._clock() + CLOSE_SECONDS
+            while self._clock() < deadline and self._socket.recv(65536):
+                pass
         except (OSError, DeviceError, WebSocketException):
             pass  # there is nobody to tell
         finally:
@@ -134,11 +157,14 @@ class HaplyDevice:
         """Shake hands."""
         protocol = ClientProtocol(parse_uri(self._address), max_size=2**20)
         protocol.send_request(protocol.connect())
-        self._socket.settimeout(CONNECT_SECONDS)
+        deadline = self._clock() + CONNECT_SECONDS
         try:
             for data in protocol.data_to_send():
                 self._socket.sendall(data)
             while protocol.state is State.CONNECTING and protocol.handshake_exc is None:
+                if (patience := deadline - self._clock()) <= 0.0:
+                    raise TimeoutError("timed out")
+                self._socket.settimeout(patience)
                 content = self._socket.recv(65536)
                 protocol.receive_data(content) if content else protocol.receive_eof()
         except (OSError, InvalidHandshake) as error:
@@ -150,19 +176,18 @@ class HaplyDevice:
     def _inventory(self) -> ServiceMessage:
         """Wait for the first message, with a device in it."""
         deadline = self._clock() + CONNECT_SECONDS
-        protocol = self._protocol
-        while self._clock() < deadline:
-            for event in protocol.events_received():
-                if not isinstance(event, Frame) or event.opcode is not Opcode.TEXT:
-                    continue
+        content = b""  # it may have come with the handshake
+        while (patience := deadline - self._clock()) > 0.0:
+            for each in self._messages(content):
                 try:
-                    message = read_service_message(bytes(event.data))
+                    message = read_service_message(each)
                 except ProtocolError as error:
                     raise DeviceError(f"{self._address}: {error}") from error
                 if not message.inverse3:
                     raise DeviceError(f"the service at {self._address} has no Inverse3 connected")
                 return message
             try:
+                self._socket.settimeout(patience)
                 content = self._socket.recv(65536)
             except TimeoutError:
                 break
@@ -170,7 +195,6 @@ class HaplyDevice:
                 raise self._gone(str(error)) from error
             if not content:
                 raise self._gone("it closed the connection")
-            protocol.receive_data(content)
         raise DeviceError(f"the service at {self._address} sends no inventory of its devices")
 
     def _send(self, x: float, y: float, z: float) -> None:
@@ -188,20 +212,23 @@ class HaplyDevice:
         except OSError as error:
             raise self._gone(str(error)) from error
 
-    def _read(self, content: bytes, state: DeviceState) -> bool:
-        """Read what has arrived; return whether a state in time was in it."""
-        protocol = self._protocol
-        if not content:
-            raise self._gone("it closed the connection")
-        protocol.receive_data(content)
-        taken = False
+    def _messages(self, content: bytes) -> list[bytes]:
+        """Return the messages that are whole with what has arrived."""
+        protocol, messages = self._protocol, list[bytes]()
+        if content:
+            protocol.receive_data(content)
         for event in protocol.events_received():
-            if isinstance(event, Frame) and event.opcode in (Opcode.TEXT, Opcode.BINARY):
-                taken |= self._take(bytes(event.data), state)
+            if isinstance(event, Frame) and event.opcode in DATA_OPCODES:
+                self._parts.append(bytes(event.data))
+                if event.fin:
+                    messages.append(b"".join(self._parts))
+                    self._parts.clear()
         self._flush()  # of what a ping asks for
         if protocol.state is not State.OPEN:
-            raise self._gone("it closed the connection")
-        return taken
+            if protocol.parser_exc is not None:
+                raise self._gone(f"it sent what cannot be read, {protocol.parser_exc}")
+            raise self._gone(f"it closed the connection, {protocol.close_rcvd}")
+        return messages
 
     def _take(self, content: bytes, state: DeviceState) -> bool:
         now = self._clock()

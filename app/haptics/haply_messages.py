@@ -375,10 +375,8 @@ def read_service_message(content: bytes | str) -> ServiceMessage:
     """Return an inventory or a state."""
     try:
         message = _service.decode(content)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ProtocolError(f"not a message of Haply's service: {error}") from error
-    except UnicodeDecodeError as error:
-        raise ProtocolError("not a message of Haply's service: it is not text") from error
     for device in message.inverse3:
         state = device.state
         if state is not UNSET and not (
@@ -392,10 +390,8 @@ def read_client_message(content: bytes | str) -> ClientMessage:
     """Return a client's message, decoded."""
     try:
         message = _client.decode(content)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ProtocolError(f"not a message to Haply's service: {error}") from error
-    except UnicodeDecodeError as error:
-        raise ProtocolError("not a message to Haply's service: it is not text") from error
     for each in message.inverse3 or ():
         commands = each.commands
         if commands is UNSET:

@@ -45,6 +45,8 @@ CENTRED = "arm_front_centered"
 """Preset of a workspace whose origin is in the middle of the device's reach."""
 PULL_TO_PLACE, DAMP_TO_PLACE = 500.0, 15.0
 """Stiffness, N/m, and damping, N s/m, that pull a cursor to its target."""
+CLOSE_SECONDS = 0.5
+"""Time, s, in which a client must answer that the service closes."""
 VERSION = b'{"project_name":"bluntdissect virtual device","project_version":"3.5.0.0"}'
 SILENT = logging.Logger("bluntdissect.haptics", logging.CRITICAL + 1)
 
@@ -199,6 +201,7 @@ class HaplyServer:
             process_request=self._http,
             compression=None,
             ping_interval=None,
+            close_timeout=CLOSE_SECONDS,
             logger=SILENT,
         )
 

@@ -33,7 +33,9 @@ BEHIND = 5
 """Periods behind the clock beyond which it starts afresh instead of catching up."""
 SILENT_SECONDS = 1.0
 """Time without a state after which a device counts as gone."""
-NO_NUMBER = "a place that is no number"
+REACH = 10.0
+"""Farthest place of a device, m, that is believed."""
+NOWHERE = "a place that is no number or out of reach"
 ORDINARY = "as other processes"
 CHECKS_PER_SECOND = 20
 """How often a force is kept to be compared with the theory's own, up to `MOST_CHECKS` times."""
@@ -74,6 +76,7 @@ class Servo:
         self._largest = self._jump = self._peak = 0.0
         self._seconds = 0.0
         self._scheduling = scheduling
+        self._failed = False
         self._checks: list[tuple[float, float]] = []
         self._troubles: Counter[str] = Counter()
 
@@ -133,7 +136,7 @@ class Servo:
                 for hand in range(hands):
                     inputs[hand] = self._exchange_with(hand, units)
             except (DeviceError, OSError) as error:
-                why = str(error)
+                why, self._failed = str(error), True
                 break
             stepping = clock()
             loop.step(units, inputs)
@@ -159,14 +162,14 @@ class Servo:
         fresh = device.exchange(self.loop.given[hand], state)
         got = self._received[hand] = clock()
         self._exchange.add(got - sent)
-        no_number = fresh and not np.isfinite(state.position).all()
+        nowhere = fresh and not (np.abs(state.position) <= REACH).all()
         bits = state.buttons & (LIVE - 1)
-        if fresh and not no_number:
+        if fresh and not nowhere:
             units[hand] = np.rint(state.position * (1.0 / PLACE_UNIT))
             self._alive[hand] = got
             return bits | FRESH | LIVE
         self._stale += 1
-        trouble = NO_NUMBER if no_number else device.trouble() or "no state"
+        trouble = NOWHERE if nowhere else device.trouble() or "no state"
         self._troubles[trouble] += 1
         silent = got - self._alive[hand]
         if silent > SILENT_SECONDS:
@@ -226,6 +229,7 @@ class Servo:
             force_check=self._force_check(),
             torn=model.torn,
             ended_by=ended,
+            device_failed=self._failed,
             troubles=dict(self._troubles),
             forces_sha256="" if self.recorder is None else self.recorder.forces_sha256,
         )

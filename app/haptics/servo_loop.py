@@ -134,6 +134,8 @@ def _book(
             behind += before * before
             along += way * before
             ways[LED_NOW, h, j] = way
+    if ahead == 0.0 and not pushes and np.array_equal(ways[PULLED], forces):
+        return  # nobody has moved: the next step goes on from the one before
     ahead, behind = math.sqrt(ahead), math.sqrt(behind)
     goes_on = not pushes and along > ALONG * ahead * behind
     for h in range(ways.shape[1]):

@@ -95,6 +95,7 @@ class ServoReport(Struct, frozen=True):
     force_check: ForceCheck | None
     torn: bool
     ended_by: str
+    device_failed: bool  # whether that was the device's doing
     troubles: dict[str, int]  # the device's errors, with counts
     forces_sha256: str  # of all forces given
 

@@ -135,7 +135,7 @@ class SimulatedDevice:
     def advance(self, steps: int, force: NDArray[np.float64]) -> None:
         """Let time pass."""
         limit = self.script.device.force_limit_N
-        size = math.sqrt(float(force @ force))
+        size = math.hypot(*force)
         self._force[:] = force if size <= limit else force * (limit / size)
         if steps <= 0:
             return

@@ -82,12 +82,23 @@ class Service:
         assert len(content) <= most
         return content
 
+    def fragments(self, message: str) -> bytes:
+        protocol, content = self._protocol, message.encode()
+        protocol.send_text(content[:30], fin=False)
+        protocol.send_continuation(content[30:], fin=True)
+        return b"".join(protocol.data_to_send())
+
     def settimeout(self, seconds: float) -> None:
         self._patience = seconds
 
     def setsockopt(self, *_: int) -> None: ...
 
+    def shutdown(self, how: int) -> None:
+        assert how == socket.SHUT_WR
+        self._arriving.append((self.now + self.ANSWERS_IN, b""))
+
     def close(self) -> None:
+        assert not self._arriving  # what is unread would reset the connection
         self.closed = True
 
     def opened(self, period: float = 1e-3) -> HaplyDevice:
@@ -129,6 +140,7 @@ def test_the_profile_goes_first_and_forces_are_the_published_ones(page: str, wan
     [
         ("{", "not a message"),
         ("[1]", "not a message"),
+        ('{"inverse3": [{"device_id": "049D", "more": ' + "[" * 9000, "not a message"),
         (b"\xff\x00", "not a message"),
         (state().replace('"z": 0.15', '"z": 1e999'), "not a message|no place"),
         (state().replace('"z": 0.15', '"z": null'), "not a message"),
@@ -187,24 +199,48 @@ def test_a_late_answer_is_no_state_and_what_is_sent_meanwhile_has_no_force() -> 
     assert into.position[2] == 0.15
     assert not any(fresh[:14])  # until it came, after 60 ms
     assert fresh[-1]
-    # One with the force before it was late, a sign of life each 20 ms, and forces again at last.
-    assert forces_heard(service)[:6] == [0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    # One with the force before it was late, none until there is a state in time again.
+    assert forces_heard(service)[:6] == [0.0, 1.0, 0.0, 0.0, 1.0, 1.0]
 
 
-def test_a_missing_answer_ends_the_force_and_never_hangs() -> None:
-    # All that come after it then answer an older message than the last.
+def test_a_missing_answer_ends_the_force_until_it_is_given_up() -> None:
     service = Service(lambda number, _: [] if number == 1 else [state()])
     device, into = service.opened(), DeviceState()
     force = np.array([0.0, 0.0, 1.0])
     assert device.exchange(STILL, into)
+    begun = service.now
+    while not device.exchange(force, into):
+        assert service.now - begun < 1.0
+    assert 0.25 < service.now - begun < 0.3
+    assert forces_heard(service) == [0.0, 1.0, 0.0, 0.0]
+    assert device.exchange(force, into)
+    assert forces_heard(service)[4:] == [1.0]
+
+
+def test_no_answer_at_all_is_no_hang_and_no_force() -> None:
+    service = Service(lambda number, _: [] if number else [state()])
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
     begun, said = service.now, list[str | None]()
     for _ in range(250):
-        assert not device.exchange(force, into)
+        assert not device.exchange(np.array([0.0, 0.0, 1.0]), into)
         said.append(device.trouble())
     assert service.now - begun < 250 * 0.0042
     assert set(said) == {"no state within 4 ms"}
-    assert forces_heard(service)[1:3] == [1.0, 0.0]
+    assert forces_heard(service)[1] == 1.0
     assert not any(forces_heard(service)[2:])
+
+
+def test_a_message_in_fragments_is_one_and_nothing_is_unread_at_the_end() -> None:
+    service = Service(lambda *_: [state(), state()])
+    device, into = service.opened(), DeviceState()
+    assert device.exchange(STILL, into)
+    whole = service.fragments(state(0.1501))
+    assert device._messages(whole[:9]) == []
+    assert device._messages(whole[9:]) == [state(0.1501).encode()]
+    device.close()
+    assert forces_heard(service)[-1] == 0.0
+    assert service.closed
 
 
 def test_states_in_another_order_and_ones_that_nobody_asked_for() -> None:

@@ -266,6 +266,14 @@ def test_there_is_no_force_while_states_are_missing_and_it_comes_back_softly() -
     assert stepped(loop, 6.0, FRESH | LIVE) == 0.0
 
 
+def test_the_books_close_for_a_service_that_misses_states() -> None:
+    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    for period in range(2000):
+        stepped(loop, 4e-3 * period, LIVE if period % 50 < 10 else FRESH | LIVE)
+    assert loop.model.stored > 2.0
+    assert loop.regulator.books[MODELLED] == pytest.approx(loop.model.stored, rel=2e-8)
+
+
 def test_the_clutch_moves_the_device_without_the_hook_and_makes_no_energy() -> None:
     loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
     stepped(loop, 0.0, FRESH | LIVE)
@@ -511,7 +519,7 @@ def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed() ->
     assert not loop.given.any()
     report = servo.report("enough")
     assert not report.torn
-    assert report.troubles["a place that is no number"] == 10
+    assert report.troubles["a place that is no number or out of reach"] == 10
 
 
 def test_what_cannot_be_felt_is_refused() -> None:

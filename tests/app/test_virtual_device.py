@@ -136,7 +136,7 @@ def test_values_and_vector_are_one_force_and_another_device_gets_none() -> None:
     "content",
     [
         b"", b"{", b"[]", b"null", b'"force"', b"\xff\xfe", b'{"inverse3":{}}',
-        b'{"inverse3":[{"commands":{}}]}',
+        b'{"inverse3":[{"commands":{}}]}', b'{"more":' + b"[" * 9000,
         pages.FORCE_35.replace(b"1.5", b'"1.5"'), pages.FORCE_35.replace(b"1.5", b"1e999"),
     ],
 )  # fmt: skip
