@@ -28,7 +28,7 @@ class View(PullView):
         return MagicMock()
 
     def _make_panel(self) -> Any:
-        return MagicMock(show_result=self._show_result)
+        return MagicMock(show_result=self._show_result, lags=False)
 
     def _show_result(self, run: Any) -> None:
         self.results.append(run)

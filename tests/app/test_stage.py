@@ -13,7 +13,7 @@ import viser
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.camera import OVERVIEW, viewpoint
 from app.trainer.stage.clamps import JAW_LENGTH, clamp_glb
 from app.trainer.stage.hook import hook_glb, hook_wxyz
 from app.trainer.stage.neighbours import neighbours_glb
@@ -186,8 +186,9 @@ def test_camera_shows_both_clamps_and_the_lifted_duct(
     assert np.abs(seen).max() < PICTURE_MARGIN
     # As large as it can be: something reaches almost to an edge.
     assert np.abs(seen[:, 0]).max() > 0.75 or np.abs(seen[:, 1]).max() > 0.6
-    if aspect < 0.8:
-        assert view.picture_points(np.array([[0.5 * span, 0.0, 0.0]]), aspect)[0, 1] > 0.25
+    if aspect < 0.8:  # over a phone's panel, also what a dissector does below the duct
+        below = np.array([[0.5 * span, -13.0, -1.7 * radius]])
+        assert view.picture_points(below, aspect)[0, 1] > (0.26 if aspect < 0.5 else 0.1)
 
 
 @pytest.mark.parametrize("numbers", [(0.0, 4.45, 1.3), (50.8, -1.0, 1.3), (50.8, 4.45, math.nan)])
@@ -257,6 +258,12 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     camera.aspect = 1.2
     stage.camera_moved(client)
     np.testing.assert_array_equal(camera.position, looked_from)
+    # A page may be so slow that the reset comes after it seemed to have settled.
+    camera.position, camera.look_at = OVERVIEW.position, OVERVIEW.look_at
+    stage.camera_moved(client)
+    np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
+    stage.camera_moved(client)  # it is there
+    now[0] += 10.0
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.2).position)
     stage.camera_moved(client)  # brought home by the user, who goes on at once

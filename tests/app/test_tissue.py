@@ -262,6 +262,18 @@ def test_slow_page_gets_the_simple_picture_and_a_way_back(
             tab.tick("Simple picture")
             assert fine_surface(tab)["seen"]
             assert "skin_inside" not in tab.nodes()
+            # And once more: what stood for the fine surface is seen again.
+            tab.tick("Simple picture")
+            tab.wait_for_node("skin_inside")
+            tab.page.wait_for_function(
+                """() => {
+                    let seen = false;
+                    window.__viserMutable.nodeRefFromName['/organ/skin'].traverse(node => {
+                        seen ||= node.isMesh && node.visible;
+                    });
+                    return seen;
+                }"""
+            )
     finally:
         trainer.stop()
 

@@ -67,6 +67,11 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         }
         self._add_rest(DISSECT_KEYS, actions, anytime)
 
+    @property
+    def lags(self) -> bool:
+        """Whether the plot has to go on although nothing has moved."""
+        return self._hands.plot.lags(self._state.shown)
+
     def show(self, reading: BedReading) -> None:
         """Show a reading."""
         state, visible = self._state, self._state.figures_visible

@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from app.simulation import TICK_SECONDS
 from app.simulation.bed import HANDS, BedReading, BedSession
 from app.trainer.panel.controls import on_input, set_if_changed
 from app.trainer.panel.plots import (
@@ -27,6 +28,8 @@ MOST_POINTS = 220
 """Points kept: some more than a panel shows that is updated ten times a second."""
 ABOVE = 1.08
 """Height of an axis over its largest figure."""
+IDLE_SECONDS = 1.0
+"""Between points while nothing moves, s."""
 FORCES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Largest figures of the axis of the forces, N: the first that holds what is shown."""
 _PERCENT = "%"
@@ -81,12 +84,24 @@ class DissectPlot:
         set_if_changed(self._wanted, visible=figures)
         if figures:
             exercise = run.exercise
+            if run.seconds - rows[0, -1] > IDLE_SECONDS:  # nothing has moved since
+                rows[:, :-1] = rows[:, 1:]
+                rows[0, -1] = run.seconds - TICK_SECONDS
             rows[:, :-1] = rows[:, 1:]
             rows[0, -1] = run.seconds
             rows[1:-2, -1] = np.linalg.norm(reading.forces, axis=1)
             rows[-2, -1] = 100.0 * max(0.0, reading.distance_to_break)
             rows[-1, -1] = math.nan if exercise is None else 100.0 * (1.0 - exercise.share_limit)
         self._draw()
+
+    def lags(self, session: BedSession) -> bool:
+        """Whether time has gone by that moves what is drawn: level lines stay as they are."""
+        rows, run = self._rows, session.run
+        if not self._chart.visible or run is not self._run:
+            return False
+        if run.seconds - rows[0, -1] < IDLE_SECONDS:
+            return False
+        return bool(np.ptp(rows[1:-1, rows[0] >= rows[0, -1] - SECONDS], axis=1).any())
 
     def _draw(self) -> None:
         visible = self._wanted.visible and self._wanted.value
@@ -98,7 +113,7 @@ class DissectPlot:
             return
         times, now = self._rows[0], self._rows[0, -1]
         first = int(np.argmax(times >= now - SECONDS))
-        if first and np.isfinite(times[first - 1]):  # nothing is added while nothing moves
+        if first and np.isfinite(times[first - 1]):  # from beyond the left edge
             first -= 1
         drawn = self._rows[:, first:]
         highest = float(drawn[1:-2].max(initial=0.0))

@@ -17,7 +17,7 @@ FEEDBACK = {
     "Fading, gone after 30 s": Feedback.FADING,
     "Only in the result": Feedback.SUMMARY,
 }
-NONE = "This duct cannot break"
+NONE, AWAITED = "This duct cannot break", "Working out its limits"
 
 
 class ExerciseTab:
@@ -28,7 +28,7 @@ class ExerciseTab:
         self._offered: dict[str, Exercise | BedExercise] = {}
         self._key: object = None
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
-            "Exercise", [NONE], hint="Its numbers follow from where this duct breaks"
+            "Exercise", [AWAITED], hint="Its numbers follow from where this duct breaks"
         )
         self._task = gui.add_html("")
         self._feedback = gui.add_dropdown(
@@ -37,7 +37,7 @@ class ExerciseTab:
             hint="When you see the figures. Who always sees them comes to depend on them; less "
             "feedback is harder, and teaches more",
         )
-        self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
+        self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY, disabled=True)
         self._stop = gui.add_button(
             "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
             hint="End the exercise as it stands",

@@ -76,7 +76,7 @@ class HandsTab:
             )
             for name in HANDS
         ]
-        self._plot = DissectPlot(gui)
+        self.plot = DissectPlot(gui)
         on_input(self._jaws, lambda value: state.open_jaws(number(value)))
         on_input(self._depth, lambda value: state.show(into_picture=value is True))
         on_click(self._pause, lambda: state.set_paused(not state.paused))
@@ -103,4 +103,4 @@ class HandsTab:
         set_if_changed(self._reset, visible=live)
         self._colours.show(state.colours)
         set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")
-        self._plot.show(state.shown, reading, figures=state.figures_visible)
+        self.plot.show(state.shown, reading, figures=state.figures_visible)

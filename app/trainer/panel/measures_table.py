@@ -234,6 +234,8 @@ def _row_html(
     cells = [f"<b>{_shown(row, measures)}</b>", *(_shown(row, each) for each in beside)]
     if limits:
         limit = limits.get(row.key)
+        if limit is not None and isinstance(getattr(measures, row.key), int):
+            limit = round(limit)
         cells.append("" if limit is None else _figure(row, limit))
     meaning = html.escape(row.meaning, quote=True)
     figures = "".join(f"<td style='{_CELL}'>{cell}</td>" for cell in cells)

@@ -77,6 +77,11 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
         """Remove what the client has uploaded, when it has gone."""
 
     @property
+    def lags(self) -> bool:
+        """Whether something shown has to go on although nothing has moved."""
+        return False
+
+    @property
     def _playing(self) -> str:
         """What is shown in place of the running session, in a word; empty for none."""
         state = self._state

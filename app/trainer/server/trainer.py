@@ -37,7 +37,7 @@ from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
 from app.trainer.server.sessions import Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp
-from app.trainer.stage.camera import viewpoint
+from app.trainer.stage.camera import OVERVIEW
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.view.client_view import ClientView
 from app.trainer.viser_bridge import (
@@ -205,12 +205,9 @@ class Trainer:
                 raise
         self.warm_up = WarmUp(organ, preset, "plain" if look == "plain" else "full", self._mode)
         # What "reset view" goes to; each client's own camera is set when its scene is drawn.
-        overview = viewpoint(organ.length, organ.mean_radius, 1.3)
         camera = self._server.initial_camera
-        camera.position = tuple(overview.position)
-        camera.look_at = tuple(overview.look_at)
-        camera.up = tuple(overview.up)
-        camera.fov = overview.fov
+        camera.position, camera.look_at = tuple(OVERVIEW.position), tuple(OVERVIEW.look_at)
+        camera.up, camera.fov = tuple(OVERVIEW.up), OVERVIEW.fov
         # Not in viser's pool: pages that do not answer would keep the others out of it.
         self._server.on_client_connect(
             cast(Callable[[viser.ClientHandle], None], self._connect_apart)

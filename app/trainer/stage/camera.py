@@ -16,7 +16,7 @@ TOWARDS_VIEWER = np.array([0.0, -np.cos(ELEVATION), np.sin(ELEVATION)])
 """(3,) from the stage towards the camera when it is framed."""
 _MARGIN = 0.93  # part of the picture's half height and half width that may be filled
 _NARROW = 0.8  # width by height below which it is a phone held upright
-_NARROW_SHIFT = 0.42  # of the half height, that the duct is moved up above a phone's panel
+_NARROW_SHIFT = 0.58  # of the half height, that the duct is moved up above a phone's panel
 _LIFT = 0.30  # height of the lifted middle, in spans
 
 
@@ -112,3 +112,7 @@ def viewpoint(
     )
     look_at = target - above * (shift * slope * distance)
     return Viewpoint(look_at - forward * distance, look_at, np.array([0.0, 0.0, 1.0]))
+
+
+OVERVIEW = viewpoint(50.8, 4.445, 1.3)
+"""Where a page's camera is before a stage has framed it, and when viser resets it."""

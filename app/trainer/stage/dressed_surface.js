@@ -421,7 +421,11 @@
       shared.lampWay.value = lampWay;
     },
     undress(name) {
-      surfaces.get(name)?.mesh.removeFromParent();
+      const dressed = surfaces.get(name);
+      if (dressed) {
+        dressed.mesh.removeFromParent();
+        dressed.source.visible = true;  // viser takes it for the next surface of this name
+      }
       wears.delete(name); surfaces.delete(name);
     },
   };

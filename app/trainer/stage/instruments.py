@@ -33,12 +33,15 @@ __all__ = ["DrawnInstrument"]
 SHAFT_RADIUS = 2.25
 SHAFT_LENGTH = 320.0
 GRASPER_LEAN, DISSECTOR_LEAN = np.array([0.50, 0.22, 0.84]), np.array([0.72, -0.58, 0.38])
+SWAB_LEAN = np.array([0.66, 0.0, 0.75])
 """Ways of the shafts of the first hand's instruments, not of unit length."""
 HINGE = 2.7
 """Height of a grasper's hinge over the duct's axis, in radii."""
 STRAIGHT = 13.0
 """Length of a dissector's jaws that runs as the rods do, mm."""
 GAUZE = Finish(color=(226, 214, 204), roughness=1.0, specular=0.1)
+BALL = 2.5
+"""Length of a swab's ball, in its radii."""
 OPEN_TURN = 0.28
 """By which each jaw of an empty grasper is turned outwards, rad."""
 GAP = 2.1
@@ -115,10 +118,10 @@ class DrawnInstrument:
             back = joint + 25.0 * _leaning(DISSECTOR_LEAN, mirrored)
             self.grip = _grip([np.zeros(3), joint, back], 2.5 * JAW_RADIUS)
         else:
-            way = TOWARDS_HAND["swab"]
-            add("ball", swab_glb(way, SWAB_RADIUS, detail=detail))
-            back = 30.0 * np.array(way) / np.linalg.norm(way)
-            self.grip = _grip([np.zeros(3), 0.5 * back, back], SWAB_RADIUS)
+            add("ball", swab_glb(TOWARDS_HAND["swab"], SWAB_RADIUS, mirrored, detail=detail))
+            ball = BALL * SWAB_RADIUS * np.array(TOWARDS_HAND["swab"])
+            back = ball + 25.0 * _leaning(SWAB_LEAN, mirrored)
+            self.grip = _grip([np.zeros(3), ball, back], SWAB_RADIUS)
 
     def show(self, hand: Hand, *, sunk: float = 0.0) -> None:
         """Draw it where the hand has it, a hook `sunk` into the wall, mm."""
@@ -186,11 +189,13 @@ def grasper_shaft_glb(radius: float, mirrored: bool, *, detail: float = 1.0) -> 
 
 
 @lru_cache(maxsize=16)
-def swab_glb(way: tuple[float, float, float], radius: float, *, detail: float = 1.0) -> bytes:
-    """Return a swab whose ball ends at the origin, mm, `way` back along the shaft."""
+def swab_glb(
+    way: tuple[float, float, float], radius: float, mirrored: bool, *, detail: float = 1.0
+) -> bytes:
+    """Return a swab whose ball ends at the origin, mm, and lies `way` back from there."""
     back = np.array(way) / np.linalg.norm(way)
     along = np.linspace(0.0, 1.0, 24)
-    path = (0.02 + 2.5 * radius * along)[:, None] * back
+    path = (0.02 + BALL * radius * along)[:, None] * back
     ball = radius * np.minimum(
         1.0, np.sqrt(np.maximum(1.0 - (np.abs(along - 0.42) / 0.62) ** 2.6, 0.12))
     )
@@ -203,7 +208,10 @@ def swab_glb(way: tuple[float, float, float], radius: float, *, detail: float = 
         gauze.vertices + (folds - 0.05)[:, None] * gauze.normals, gauze.faces, gauze.normals
     )
     return solids_glb(
-        [Part(gauze, GAUZE), *_shaft(2.2 * radius * back, back, 0.45 * radius, detail)]
+        [
+            Part(gauze, GAUZE),
+            *_shaft(0.75 * BALL * radius * back, _leaning(SWAB_LEAN, mirrored), 0.6, detail),
+        ]
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from app.trainer.stage.appearance import Appearance, Surroundings
 from app.trainer.stage.bench import bench_glb
-from app.trainer.stage.camera import ELEVATION, Viewpoint, viewpoint
+from app.trainer.stage.camera import ELEVATION, OVERVIEW, Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.dressed_surface import light_surfaces
 from app.trainer.stage.hook import hook_glb, hook_wxyz
@@ -23,6 +23,7 @@ _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhe
 _HOMING_TIME = 0.3  # s of the same once the page has settled: nobody has looked elsewhere so soon
 _ASPECT_CHANGE = 0.02  # relative change of width by height that counts as another shape
 _POSE_TOLERANCE = 0.01  # of the distance, within which a camera is where it was put
+_RESET_TOLERANCE = 1e-4  # of the same for one that viser has reset: no hand is so exact
 _LIFT_ROOM = 3.0  # mm between the duct and the bed, at the reference span or less
 _SIGHT = 0.1
 """Distance beside the duct that the camera may look at, in spans."""
@@ -231,20 +232,23 @@ class Stage:
 
         A browser that is still laying out its page reports a size that changes a moment later, and
         resets the camera once after it connects. So the camera is framed again when the picture's
-        shape changes, and whenever it is not where it was put, until `_SETTLING_TIME` after the
-        page, which may be slow, first had it there, or `_HOMING_TIME` when it is framed once more.
-        Once the user has looked around after that, the camera is left alone.
+        shape changes, when it has been reset, and whenever it is not where it was put, until
+        `_SETTLING_TIME` after the page, which may be slow, first had it there, or `_HOMING_TIME`
+        when it is framed once more. Once the user has looked around after that, the camera is left
+        alone.
         """
-        if self._removed or self._looked_around:
-            return
         camera = client.camera
+        reset = _stands(camera, OVERVIEW, _RESET_TOLERANCE)
+        if self._removed or (self._looked_around and not reset):
+            return
         aspect = camera.aspect
         reshaped = abs(aspect / self._framed_aspect - 1.0) > _ASPECT_CHANGE
-        away = not self._is_framed(camera)
+        away = not _stands(camera, self._viewpoint(self._framed_aspect), _POSE_TOLERANCE)
         if not (away or self._arrived):
             self._arrived, self._framed_at = True, time.monotonic()
         settling = not self._arrived or time.monotonic() - self._framed_at < self._settling_time
-        if reshaped or (settling and away):
+        if reshaped or (away and (settling or reset)):
+            self._looked_around = False
             self._frame(client, aspect, settles=reshaped)
         elif away:
             self._looked_around = True
@@ -293,11 +297,11 @@ class Stage:
             lowest=_LOWEST * self.radius,
         )
 
-    def _is_framed(self, camera: viser.CameraHandle) -> bool:
-        """Return whether the camera is where it was put."""
-        view = self._viewpoint(self._framed_aspect)
-        near = _POSE_TOLERANCE * view.distance
-        return bool(
-            np.linalg.norm(camera.position - view.position) < near
-            and np.linalg.norm(camera.look_at - view.look_at) < near
-        )
+
+def _stands(camera: viser.CameraHandle, view: Viewpoint, tolerance: float) -> bool:
+    """Return whether a camera is at a viewpoint, to a part of its distance."""
+    near = tolerance * view.distance
+    return bool(
+        np.linalg.norm(camera.position - view.position) < near
+        and np.linalg.norm(camera.look_at - view.look_at) < near
+    )

@@ -20,6 +20,8 @@ PANEL_SECONDS = 0.1
 """s, shortest time between updates of the panel: faster changes of a figure cannot be read."""
 LEAST_PICTURES = 5.0
 """Frames per second below which a page gets the simple picture."""
+NOTICE_SECONDS = 20.0
+"""s that this is said for: on a phone it covers the picture."""
 
 
 StateT = TypeVar("StateT", bound=ClientState[Any, Any])
@@ -114,7 +116,7 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         run = self.session.run
         # While all stands still the time shown runs on.
         timed = run.going and run.exercise is not None
-        return timed or self.state.has_end_to_tell
+        return timed or self._panel.lags or self.state.has_end_to_tell
 
     def _draw(self) -> None:
         """Draw the session as it is now."""
@@ -184,6 +186,7 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
                     f"This page draws fewer than {LEAST_PICTURES:g} pictures a second. The full "
                     f"one comes back with {where}.",
                     color="blue",
+                    auto_close_seconds=NOTICE_SECONDS,
                 )
 
         watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=remedy)

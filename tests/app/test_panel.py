@@ -1,0 +1,82 @@
+"""Parts of the panel without a page: a plot that goes on, exercises and limits as they are told."""
+
+from collections.abc import Iterator
+from typing import Any
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+import viser
+from simulated import phantom
+
+from app.simulation.bed import BedSession
+from app.trainer.panel.dissect_plot import IDLE_SECONDS, SECONDS, DissectPlot
+from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
+from app.trainer.panel.measures_table import dissection_html
+
+
+@pytest.fixture
+def gui() -> Iterator[viser.GuiApi]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server.gui
+    server.stop()
+
+
+def stand(session: BedSession, seconds: float) -> None:
+    """Let time go by."""
+    for _ in range(round(30 * seconds)):
+        session.advance()
+
+
+def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi) -> None:
+    session = BedSession(phantom(), vertices=300)
+    plot = DissectPlot(gui)
+    plot.show(session, session.reading(), figures=True)
+    assert not plot.lags(session)  # time has not begun
+    place = session.grab(0, 25.4)
+    assert place is not None
+    session.move_hand(0, place + np.array([0.0, 0.0, 2.0]))
+    for _ in range(60):
+        session.advance()
+        plot.show(session, session.reading(), figures=True)
+    stand(session, 1.5 * IDLE_SECONDS)
+    assert plot.lags(session)
+    plot.show(session, session.reading(), figures=True)
+    assert not plot.lags(session)
+    # What stood still is drawn level until now, not as a slope to what comes next.
+    stand(session, 5.0)
+    session.move_hand(0, place)
+    stand(session, 1.0)
+    plot.show(session, session.reading(), figures=True)
+    ago, left = plot._chart.data[:2]
+    assert ago[-1] == 0.0
+    assert left[ago < -0.05][-1] == left[ago < -5.0][-1] > 0.1
+    # Lines that are level from edge to edge need no more points.
+    stand(session, SECONDS + 5.0)
+    for _ in range(2):
+        plot.show(session, session.reading(), figures=True)
+        stand(session, SECONDS + 5.0)
+    assert not plot.lags(session)
+
+
+def test_no_duct_is_called_unbreakable_before_its_exercises_are_known() -> None:
+    gui, state = MagicMock(), MagicMock(in_exercise=False)
+    choice, start = gui.add_dropdown.return_value, gui.add_button.return_value
+    ExerciseTab(gui, state)
+    assert gui.add_dropdown.call_args_list[0].args[1] == [AWAITED]
+    assert gui.add_button.call_args_list[0].kwargs["disabled"] is True
+    state.session.exercises_offered.return_value = ()
+    find = state.workers.background.submit.call_args.args[1]
+    find()
+    assert choice.options == (NONE,)
+    assert start.disabled is True
+
+
+def test_a_limit_of_what_is_counted_is_told_as_a_count() -> None:
+    session = BedSession(phantom(), vertices=300)
+    session.grab(0, 25.4)
+    stand(session, 0.1)
+    session.finish()
+    measures: Any = session.run_file().measures
+    table = dissection_html(measures, {}, {"strands_parted_out_of_sight": 15.0})
+    assert "'>15</td>" in table
