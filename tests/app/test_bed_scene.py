@@ -113,6 +113,9 @@ def test_instruments_are_where_the_hands_have_them(
     hand = session.duct.hands[0]
     np.testing.assert_allclose(shown._node.position, hand.place)
     np.testing.assert_allclose(hand.place, [20.0, -9.0, 7.0])
+    # Its shaft leads aside, not at the viewer, who would see nothing else.
+    lengths = np.linalg.norm(shown.grip.vertices, axis=1)
+    assert shown.grip.vertices[lengths.argmax(), 0] > 0.3 * lengths.max()
 
 
 def test_a_dissectors_jaws_lie_along_its_rods(
