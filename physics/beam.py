@@ -1,7 +1,7 @@
 """A straight beam between two clamps: its length, its section and its material."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -92,6 +92,10 @@ class Beam:
             poisson_ratio=poisson_ratio,
         )
 
+    def of_material(self, modulus: float, poisson_ratio: float) -> Self:
+        """Return the same beam of another material; the modulus in MPa."""
+        return replace(self, modulus=modulus, poisson_ratio=poisson_ratio)
+
     @property
     def key_stations(self) -> Stations:
         """(K,) places of the sections that the beam is given by, mm: here both clamps."""
@@ -117,10 +121,13 @@ class Beam:
         """Mean area, mm^2, and mean second moment, mm^4."""
         return self.area, self.second_moment
 
-    def sections_at(self, at: Stations) -> Sections:
-        """Return the sections at stations."""
-        shear = self.area * Ring(self.area, self.second_moment).shear_coefficient(
-            self.poisson_ratio
+    def sections_at(self, at: Stations, *, shear_areas: bool = True) -> Sections:
+        """Return the sections at stations; nan for the shear areas where they are not wanted."""
+        shear = (
+            math.nan
+            if not shear_areas
+            else self.area
+            * Ring(self.area, self.second_moment).shear_coefficient(self.poisson_ratio)
         )
         values = (self.area, self.second_moment, self.fibre_distance, shear, 0.0)
         return Sections(*(np.full(at.shape, value) for value in values))

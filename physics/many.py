@@ -1,4 +1,4 @@
-"""Round ducts by the thousand: where each breaks, and what it bears under a load.
+"""Ducts by the thousand: where each breaks, and what it bears under a load.
 
 The cubic beam and the string in closed form, the exact beam in compiled code, other theories one
 duct after the other. Each agrees with `Theory.pull`, `check_rupture` and `break_of` for that duct.
@@ -29,8 +29,26 @@ __all__ = ["Beams", "Ducts", "SolvedDucts", "solve_many"]
 
 Row = NDArray[np.float64]
 
-Beams = tuple[Sequence[Beam], Row]
-"""N beams of any kind, and (N,) grasps, mm from the first clamp."""
+
+@dataclass(frozen=True, slots=True)
+class Beams:
+    """N beams of some shapes, each grasped at one place: an (N,) row for what else they have."""
+
+    shapes: Sequence[Beam]  # whose material is not looked at
+    which: NDArray[np.int64]  # shape of each beam
+    modulus: Row  # MPa
+    poisson_ratio: Row
+    grasp: Row  # from the first clamp, mm
+
+    @property
+    def span(self) -> Row:
+        """(N,) mm."""
+        return np.array([shape.span for shape in self.shapes])[self.which]
+
+    def beam(self, i: int) -> Beam:
+        """Return one of them."""
+        shape = self.shapes[int(self.which[i])]
+        return shape.of_material(float(self.modulus[i]), float(self.poisson_ratio[i]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,16 +93,17 @@ def solve_many(
     """Return the breaks of ducts at thresholds, MPa, and their loads by force, N, or place, mm."""
     if force is not None and deflection is not None:
         raise ValueError("give either forces or deflections")
-    count = ducts[1].size if isinstance(ducts, tuple) else ducts.span.size
     by_force = force is not None
-    none = np.full(count, np.nan)
+    none = np.full(ducts.grasp.size, np.nan)
     load = force if force is not None else none if deflection is None else deflection
     limit = none if threshold is None else threshold
-    if isinstance(ducts, tuple):
-        return _one_by_one(theory, ducts[0].__getitem__, ducts[1], limit, load, by_force=by_force)
     if isinstance(theory, Exact):
+        if isinstance(ducts, Beams):
+            return _exact_of_shapes(theory, ducts, limit, load, by_force=by_force)
         return _exact(theory, ducts, limit, load, by_force=by_force)
-    if isinstance(theory, TautString) or (isinstance(theory, Cubic) and theory.q != "fitted"):
+    if isinstance(ducts, Ducts) and (
+        isinstance(theory, TautString) or (isinstance(theory, Cubic) and theory.q != "fitted")
+    ):
         return _closed(theory, ducts, limit, load, by_force=by_force)
     return _one_by_one(theory, ducts.beam, ducts.grasp, limit, load, by_force=by_force)
 
@@ -103,6 +122,34 @@ def _exact(theory: Exact, ducts: Ducts, limit: Row, load: Row, *, by_force: bool
         Ring(*each) for each in zip(ducts.area.tolist(), ducts.second_moment.tolist(), strict=True)
     ]
     found = exact.solve_exact_ducts(theory.law, theory.intervals, columns, rings, by_force=by_force)
+    return _in_units(found, unit, span, modulus)
+
+
+def _exact_of_shapes(
+    theory: Exact, beams: Beams, limit: Row, load: Row, *, by_force: bool
+) -> SolvedDucts:
+    # A set-up serves all beams of a shape, a grasp and, where sections shear, a Poisson's ratio:
+    # of any modulus, for all is without units.
+    ratios = beams.poisson_ratio if theory.law.shear else np.full(beams.grasp.size, 0.3)
+    alike, group = np.unique(
+        np.stack([beams.which, beams.grasp, ratios]), axis=1, return_inverse=True
+    )
+    order = np.argsort(group.ravel(), kind="stable")
+    ends = np.cumsum(np.bincount(group.ravel(), minlength=alike.shape[1]))
+    found = np.empty((exact.SOLVED_ROWS, beams.grasp.size))
+    unit, span = np.empty(beams.grasp.size), beams.span
+    for (which, grasp, ratio), rows in zip(alike.T.tolist(), np.split(order, ends), strict=False):
+        beam = beams.shapes[int(which)].of_material(1.0, ratio)
+        unit[rows] = beams.modulus[rows] * beam.mean_section[0]
+        found[:, rows] = theory.pull(beam, grasp).solve_loads(
+            limit[rows] / beams.modulus[rows],
+            load[rows] / (unit[rows] if by_force else span[rows]),
+            by_force=by_force,
+        )
+    return _in_units(found, unit, span, beams.modulus)
+
+
+def _in_units(found: NDArray[np.float64], unit: Row, span: Row, modulus: Row) -> SolvedDucts:
     at = exact.LOADED
     return SolvedDucts(
         found[0] * unit,

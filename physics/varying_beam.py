@@ -1,6 +1,8 @@
 """A straight beam whose section varies along the axis."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +97,12 @@ class VaryingBeam(Beam):
             object.__setattr__(self, name, value)
         Beam.__post_init__(self)
 
+    def of_material(self, modulus: float, poisson_ratio: float) -> Self:
+        """Return the same beam of another material; the modulus in MPa."""
+        one = self.weakest
+        one = None if one is None else one.of_material(modulus, poisson_ratio)
+        return replace(self, modulus=modulus, poisson_ratio=poisson_ratio, weakest=one)
+
     @property
     def key_stations(self) -> Stations:
         """(K,) places of the sections that the beam is given by, mm."""
@@ -134,14 +142,16 @@ class VaryingBeam(Beam):
             float(np.trapezoid(self.second_moments, self.stations)) / self.span,
         )
 
-    def sections_at(self, at: Stations) -> Sections:
+    def sections_at(self, at: Stations, *, shear_areas: bool = True) -> Sections:
         """Return the sections at stations, linear between those that are given."""
         areas = np.interp(at, self.stations, self.areas)
         second_moments = np.interp(at, self.stations, self.second_moments)
-        if self.shear_areas is not None:
-            shear_areas = np.interp(at, self.stations, self.shear_areas)
+        if not shear_areas:
+            shear = np.full(at.shape, math.nan)
+        elif self.shear_areas is not None:
+            shear = np.interp(at, self.stations, self.shear_areas)
         else:
-            shear_areas = np.array(
+            shear = np.array(
                 [
                     a * Ring(float(a), float(i)).shear_coefficient(self.poisson_ratio)
                     for a, i in zip(areas, second_moments, strict=True)
@@ -151,7 +161,7 @@ class VaryingBeam(Beam):
             areas,
             second_moments,
             np.interp(at, self.stations, self.fibre_distances),
-            shear_areas,
+            shear,
             np.zeros(at.shape)
             if self.offsets is None
             else np.interp(at, self.stations, self.offsets),

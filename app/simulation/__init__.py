@@ -6,7 +6,7 @@ What is listed here is the package's public face; other packages import from it 
 
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
-from app.simulation.dissection import PIECES, Dissection, default_preset, fits
+from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.duct import Duct, Reading
 from app.simulation.exercise import (
@@ -103,6 +103,7 @@ __all__ = [
     "do_exercise",
     "fits",
     "loading_rates",
+    "organ_beam",
     "preset_named",
     "preset_toml",
     "presets",

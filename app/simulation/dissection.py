@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from organ_geometry import DrivingPoints, Organ, SectionProperties
 from organ_geometry.mesh import TornPiece, torn_pieces
 from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
 
-__all__ = ["PIECES", "Dissection", "default_preset", "fits"]
+__all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
 
 SECTIONS_ALONG = 64
 """Stations at which an organ's section properties are taken for a varying beam."""
@@ -138,6 +138,12 @@ PIECES = ("first_piece", "second_piece")
 """Names of the two pieces of a torn organ: in the first clamp, in the second."""
 
 
+def organ_beam(organ: Organ, preset: Preset) -> VaryingBeam:
+    """Return the beam of an organ's own sections alone, as in `Dissection.of`."""
+    clamps = _clamps(organ, preset)
+    return _organ_beam(organ, preset, clamps, pull_frame(organ, clamps)[:, 2])
+
+
 def fits(organ: Organ, preset: Preset) -> bool:
     """Return whether an organ is long enough for a preset's beam, and not far too thick for it."""
     try:
@@ -234,7 +240,7 @@ def _sections(
     # The bore is the outline, scaled about its centroid so that a circle's wall is just as thick.
     if wall is None:
         return organ.section_properties(stations, direction=pull)
-    whole = replace(organ, lumen=None).section_properties(stations, direction=pull)
+    whole = _outlines(organ, tuple(stations.tolist()), tuple(pull.tolist()))
     radius = np.sqrt(whole.area / math.pi)
     if not wall < radius.min():
         raise ValueError(
@@ -246,6 +252,16 @@ def _sections(
         area=whole.area * (1.0 - bore**2),
         second_moment=whole.second_moment * (1.0 - bore**4),
         fibre_distance=whole.fibre_distance,
+    )
+
+
+@lru_cache(maxsize=4)
+def _outlines(
+    organ: Organ, stations: tuple[float, ...], pull: tuple[float, ...]
+) -> SectionProperties:
+    """Return the sections inside the outer edge, which are the same for every wall."""
+    return replace(organ, lumen=None).section_properties(
+        np.array(stations), direction=np.array(pull)
     )
 
 

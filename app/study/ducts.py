@@ -6,7 +6,6 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,20 +14,21 @@ from numpy.typing import NDArray
 from app.simulation import (
     ASSUMED_PRESET,
     THESIS_PRESET,
-    Dissection,
     OrganBeam,
     Preset,
     RoundBeam,
+    organ_beam,
 )
 from app.study.plan import Plan
 from organ_geometry import Organ
 from physics import Beam, Cubic, Exact, Linear, NeoHooke, Theory, VaryingBeam, theory_named
-from physics.many import Ducts, SolvedDucts, solve_many
+from physics.many import Beams, Ducts, SolvedDucts, solve_many
 
 __all__ = [
     "Block",
     "Outputs",
     "groups",
+    "part_of_organ",
     "round_ducts",
     "solve_pulls",
     "strength_of",
@@ -152,7 +152,7 @@ def _theories(words: dict[str, str], block: Block) -> Iterator[tuple[Theory, NDA
 
 def _set_up(
     plan: Plan, words: dict[str, str], theory: Theory, block: Block
-) -> tuple[NDArray[np.int64], Any, Row, dict[int, str]]:
+) -> tuple[NDArray[np.int64], Ducts | Beams, Row, dict[int, str]]:
     """Return which ducts can be solved, these, their thresholds, and why the others cannot."""
     organ = plan.organ(words["organ"]) if "organ" in words else None
     preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
@@ -162,17 +162,13 @@ def _set_up(
         ducts, said = _organ_ducts(organ, preset, theory, block)
     sound = np.array([i for i in range(block.count) if i not in said], dtype=np.int64)
     if not sound.size:
-        return sound, None, np.empty(0), said
+        return sound, ducts, np.empty(0), said
     block = block.part(sound)
     thresholds = block.number("break_stress_MPa", preset.break_stress_MPa)
     if "break_force_N" in block.numbers:
         # The break is known by its force at mid-span: the stress that the theory has there.
         force = block.numbers["break_force_N"]
-        if isinstance(ducts, tuple):
-            beams, _ = ducts
-            middle: Any = (beams, np.array([0.5 * beam.span for beam in beams]))
-        else:
-            middle = replace(ducts, grasp=0.5 * ducts.span)
+        middle = replace(ducts, grasp=0.5 * ducts.span)
         there = solve_many(theory, middle, force=force)
         thresholds = there.normal_stress + there.bending_stress
     elif "break_stress_MPa" not in block.numbers and preset.break_stress_MPa is None:
@@ -184,7 +180,7 @@ def _set_up(
 def strength_of(preset: Preset, organ: Organ | None, theory: Theory) -> float:
     """Return the stress at which the preset's own duct breaks, MPa, as this theory reads it."""
     return preset.threshold(
-        theory, preset.round_beam() if organ is None else Dissection.of(organ, preset).beam
+        theory, preset.round_beam() if organ is None else organ_beam(organ, preset)
     )
 
 
@@ -225,39 +221,44 @@ def _grasps(block: Block, span: Row) -> tuple[Row, dict[int, str]]:
 
 def _organ_ducts(
     organ: Organ, preset: Preset, theory: Theory, block: Block
-) -> tuple[Any, dict[int, str]]:
+) -> tuple[Ducts | Beams, dict[int, str]]:
     """Return beams of an organ's sections, or ducts of its weakest one where a theory knows one."""
     if not isinstance(preset.beam, OrganBeam):
         raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
-    modulus = block.number("modulus_MPa", preset.modulus_MPa)
-    ratio = block.number("poisson_ratio", preset.poisson_ratio)
     wall = block.number("wall_mm", preset.beam.wall_mm)
     span = block.number("span_mm", None)
-    beams: dict[int, Beam] = {}
+    # A beam of each wall and span; nan, which is none given, sorts as one value.
+    alike, which = np.unique(np.stack([wall, span]), axis=1, return_inverse=True, equal_nan=True)
+    which = which.ravel()
+    shapes: list[Beam] = []
     said: dict[int, str] = {}
-    for i in range(block.count):
+    for k, (w, s) in enumerate(alike.T.tolist()):
         try:
-            beam = _organ_beam(organ, preset, _number(wall[i]), _number(span[i]))
-            e, nu = float(modulus[i]), float(ratio[i])
-            if isinstance(beam, VaryingBeam) and beam.weakest is not None:
-                one = replace(beam.weakest, modulus=e, poisson_ratio=nu)
-                beams[i] = (
-                    replace(beam, modulus=e, poisson_ratio=nu, weakest=one)
-                    if isinstance(theory, Exact)
-                    else one
-                )
+            beam = _organ_beam(organ, preset, _number(w), _number(s))
+            assert beam.weakest is not None  # noqa: S101 (an organ's has one)
+            shapes.append(beam if isinstance(theory, Exact) else beam.weakest)
         except ValueError as error:
-            said[i] = str(error)
-    spans = np.array([beams[i].span if i in beams else np.nan for i in range(block.count)])
-    grasp, wrong = _grasps(block, spans)
+            shapes.append(Beam.round(span=1.0, diameter=1.0, modulus=1.0))  # of nothing solved
+            said |= dict.fromkeys(np.flatnonzero(which == k).tolist(), str(error))
+    grasp, wrong = _grasps(block, np.array([beam.span for beam in shapes])[which])
     said = wrong | said
-    few = [(beams[i], float(grasp[i])) for i in range(block.count) if i not in said]
-    grasps = np.array([at for _, at in few])
+    sound = np.array([i not in said for i in range(block.count)])
+    which, rows = (
+        which[sound],
+        [
+            each[sound]
+            for each in (
+                block.number("modulus_MPa", preset.modulus_MPa),
+                block.number("poisson_ratio", preset.poisson_ratio),
+                grasp,
+            )
+        ],
+    )
     if isinstance(theory, Exact):
-        return ([beam for beam, _ in few], grasps), said
-    names = ("span", "area", "second_moment", "fibre_distance", "modulus", "poisson_ratio")
-    rows = [np.array([getattr(beam, name) for beam, _ in few]) for name in names]
-    return Ducts(*[*rows, grasps]), said
+        return Beams(shapes, which, *rows), said
+    names = ("span", "area", "second_moment", "fibre_distance")
+    sizes = [np.array([getattr(beam, name) for beam in shapes])[which] for name in names]
+    return Ducts(*sizes, *rows), said
 
 
 def _number(value: float) -> float | None:
@@ -265,14 +266,25 @@ def _number(value: float) -> float | None:
 
 
 @lru_cache(maxsize=4096)
-def _organ_beam(organ: Organ, preset: Preset, wall: float | None, span: float | None) -> Beam:
-    """Return the beam of an organ; a span is in its middle."""
+def _organ_beam(
+    organ: Organ, preset: Preset, wall: float | None, span: float | None
+) -> VaryingBeam:
+    """Return the beam of an organ."""
     assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
-    clamps = preset.beam.clamps_mm
+    kind = part_of_organ(organ, preset.beam, wall, span)
+    return organ_beam(organ, msgspec.structs.replace(preset, beam=kind))
+
+
+def part_of_organ(
+    organ: Organ, kind: OrganBeam, wall: float | None, span: float | None
+) -> OrganBeam:
+    """Return an organ's beam with another wall and, where one is given, a span in its middle."""
+    clamps = kind.clamps_mm
     if span is not None:
         middle = 0.5 * organ.length
         clamps = (middle - 0.5 * span, middle + 0.5 * span)
         if clamps[0] < 0.0:
-            raise ValueError(f"a span of {span:.4g} mm is longer than the organ")
-    kind = msgspec.structs.replace(preset.beam, wall_mm=wall, clamps_mm=clamps)
-    return Dissection.of(organ, msgspec.structs.replace(preset, beam=kind)).beam
+            raise ValueError(
+                f"a span of {span:.4g} mm is longer than the organ, {organ.length:.4g} mm"
+            )
+    return msgspec.structs.replace(kind, wall_mm=wall, clamps_mm=clamps)

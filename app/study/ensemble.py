@@ -27,6 +27,8 @@ __all__ = ["Done", "Ensemble", "run_study"]
 
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
 """Rows of a block, about, by theory; of several the fewest."""
+ROWS_OF_ORGANS = 256
+"""The same of organs by the exact theory, each with a mesh of its own at worst."""
 BLOCKS_OF_WORKER = 16
 """To start a process takes as long as so many blocks, about: fewer are not worth it."""
 
@@ -46,7 +48,7 @@ class Ensemble:
         theories = plan.values_of("theory") or ("exact",)
         rows = 1 if plan.has_bed else min(ROWS_OF_BLOCK[str(each)] for each in theories)
         if "organ" in {*plan.fixed, *plan.varied} and "exact" in theories:
-            rows = min(rows, 16)
+            rows = min(rows, ROWS_OF_ORGANS)
         return max(1, rows // (plan.mixes * plan.cells))
 
     @property

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import newton, sampling
+from physics.exact import many, newton, sampling
 from physics.exact import symbols as at
 from physics.exact.linear_law import Linear
 from physics.exact.mesh import element_bounds
@@ -19,6 +19,7 @@ from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
+from physics.rupture import critical_stations
 
 __all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
 
@@ -236,6 +237,54 @@ class ExactPull(Pull):
             raise self._no_equilibrium(outcome, f"deflection of {deflection:g} mm")
         return self.force, self.deflection, self._energy(energy)
 
+    def solve_loads(
+        self, limits: NDArray[np.float64], loads: NDArray[np.float64], *, by_force: bool
+    ) -> NDArray[np.float64]:
+        """Return breaks and loads of beams like this one, each from rest, in compiled code.
+
+        Parameters
+        ----------
+        limits, loads
+            (N,) thresholds over the modulus; forces over modulus and mean area, or deflections over
+            the span. nan: none.
+        by_force
+            Whether the loads are forces.
+
+        Returns
+        -------
+        NDArray[np.float64]
+            (SOLVED_ROWS, N), as `physics.exact.many` has them.
+        """
+        # Of equal stresses the last one counts, that nearest the grasp.
+        stations = critical_stations(self.beam, self.grasp)
+        stations = stations[np.argsort(-np.abs(stations - self.grasp), kind="stable")]
+        if self._half:
+            stations = stations[stations <= 0.5 * self._span]
+        sections = self.beam.sections_at(stations, shear_areas=False)
+        area = self.beam.mean_section[0]
+        rows = np.zeros((many.SECTION_ROWS, stations.size))
+        rows[many.OVER_AREA] = area / sections.areas
+        rows[many.OUTER] = sections.fibre_distances / self._span
+        rows[many.SECOND_MOMENT] = sections.second_moments / (area * self._span**2)
+        rows[many.OFF_AXIS] = sections.offsets / self._span
+        ducts = np.zeros((many.DUCT_ROWS, limits.size))
+        ducts[many.GRASP] = self.grasp / self._span
+        ducts[many.REACH_OUT] = self.beam.fibre_distance / self._span
+        ducts[many.LIMIT], ducts[many.LOAD] = limits, loads
+        self._line[at.COMPLIANCE] = 0.0
+        solved = many.solve_exact_beam(
+            self._state,
+            self._fibres,
+            self._grasp,
+            self._bounds,
+            stations / self._span,
+            rows,
+            ducts,
+            by_force=by_force,
+        )
+        self.rest()
+        return solved
+
     def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
         """Set the compliance of a grip; return what is prescribed and of which kind."""
         self._line[compliance] = hold.compliance * self._force_unit / self._span
@@ -315,7 +364,7 @@ class ExactPull(Pull):
             raise self._no_equilibrium(at.GIVES_WAY, f"deflection of {self.deflection:g} mm")
         along: NDArray[np.float64] = samples[sampling.ALONG]
         side = np.where(far, -1.0, 1.0)
-        sections = self.beam.sections_at(places)
+        sections = self.beam.sections_at(places, shear_areas=False)
         tension = samples[sampling.TENSION] * self._force_unit
         moment = samples[sampling.BENT] * self._force_unit * self._span
         bending_stress = self._theory.law.bending_stress(

@@ -48,7 +48,7 @@ class Linear:
         """Write the sections at the Gauss points into the state."""
         _, _, points, line, _, _ = state
         area = beam.mean_section[0]
-        sections = beam.sections_at(gauss_points(bounds) * beam.span)
+        sections = beam.sections_at(gauss_points(bounds) * beam.span, shear_areas=self.shear)
         points[OFFSET] = sections.offsets / beam.span
         line[ECCENTRIC] = float(np.any(points[OFFSET] != 0.0))
         points[BENDING] = sections.second_moments / (area * beam.span**2)

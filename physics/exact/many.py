@@ -1,9 +1,10 @@
-"""Exact beams of constant section by the thousand: where each breaks, and what it bears.
+"""Exact beams by the thousand: where each breaks, and what it bears.
 
-Each is set up and solved in compiled code, from rest, so that no result depends on the one before.
-The search for a break works on s(d), the highest stress at a deflection d, which grows with d: it
-starts where the cubic beam would break and closes in by regula falsi in the Illinois form. All is
-without units, as `symbols` has it.
+Each is solved in compiled code, from rest, so that no result depends on the one before. Those of
+constant section are set up there, too; one whose sections vary is set up by `ExactPull`, for as
+many thresholds and loads as there are. The search for a break works on s(d), the highest stress at
+a deflection d, which grows with d: it starts where the cubic beam would break and closes in by
+regula falsi in the Illinois form. All is without units, as `symbols` has it.
 """
 
 import math
@@ -21,7 +22,13 @@ from physics.exact.state import KERNEL, Array, State, new_state
 from physics.exact.symbols import *
 from physics.section import Ring
 
-__all__ = ["DUCT_ROWS", "SOLVED_ROWS", "lateral_constants", "solve_exact_ducts"]
+__all__ = [
+    "DUCT_ROWS",
+    "SOLVED_ROWS",
+    "lateral_constants",
+    "solve_exact_beam",
+    "solve_exact_ducts",
+]
 
 # Rows of the ducts, a column each: I/(A S^2), c/S, grasp/S; threshold over E (nan: none); load,
 # F/(E A) or d/S (nan: none); 1/(G A_s) in 1/(E A), or nu, a of `lateral_constant`, y/S and
@@ -34,8 +41,12 @@ DUCT_ROWS = 11
 # stress over E; nan where there is none.
 BREAK, LOADED, SOLVED_ROWS = 0, 5, 10
 
-Room = tuple[Array, Array, Array, Array, Array]
-"""Stations at the clamps and the grasp, and all along; room for nodes' places and both samples."""
+# Rows of the sections at stations: mean area over area, c/S, I/(A S^2), centroid's offset over S.
+OVER_AREA, OUTER, SECOND_MOMENT, OFF_AXIS, SECTION_ROWS = range(5)
+
+Room = tuple[Array, Array, Array, Array, Array, Array, Array]
+"""Stations where the stress is highest at first, and those looked at besides; the sections at both;
+room for nodes' places and both samples."""
 
 ELSEWHERE = 0.4
 """Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke)."""
@@ -75,9 +86,21 @@ def _graded(
 
 @njit(**KERNEL)
 def _set_up(
-    state: State, fibres: Array | None, grasp: int | None, bounds: Array, ducts: Array, i: int
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    bounds: Array,
+    room: Room,
+    ducts: Array,
+    i: int,
 ) -> None:
     """Write a duct's mesh, section and material into the state."""
+    for stations, sections in ((room[0], room[2]), (room[1], room[3])):
+        stations[stations.size - 1] = ducts[GRASP, i]
+        for k in range(stations.size):
+            sections[OVER_AREA, k], sections[OFF_AXIS, k] = 1.0, 0.0
+            sections[OUTER, k] = ducts[REACH_OUT, i]
+            sections[SECOND_MOMENT, k] = ducts[MOMENT_2, i]
     _, elements, points, line, _, _ = state
     count = elements.shape[1]
     second_moment, at = ducts[MOMENT_2, i], ducts[GRASP, i]
@@ -130,24 +153,24 @@ def _read_stress(
     part: int,
     bounds: Array,
     room: Room,
-    second_moment: float,
-    reach: float,
     solved: Array,
     row: int,
     i: int,
 ) -> float:
     """Write force, deflection and highest stress; return that, nan where a section gives way."""
     line = state[3]
-    ends = room[2]
+    ends = room[4]
     fill_points(state, fibres, part, int(4))
     highest = -math.inf
-    for stations, samples in ((room[0], room[3]), (room[1], room[4])):
+    for stations, sections, samples in ((room[0], room[2], room[5]), (room[1], room[3], room[6])):
         if not sampling.sample(state, fibres, part, bounds, stations, ends, samples):
             return math.nan
         for k in range(stations.size):
-            normal = samples[sampling.TENSION, k]
+            tension, reach = samples[sampling.TENSION, k], sections[OUTER, k]
+            normal = tension * sections[OVER_AREA, k]
             if fibres is None:
-                total = normal + abs(samples[sampling.BENT, k]) * reach / second_moment
+                bent = abs(samples[sampling.BENT, k] + sections[OFF_AXIS, k] * tension)
+                total = normal + bent * reach / sections[SECOND_MOMENT, k]
             else:
                 lam = samples[sampling.SAMPLE_LAM, k]
                 lateral = shrinkage(lam, line[SHRINK], line[POISSON])[0]
@@ -159,7 +182,9 @@ def _read_stress(
             if total >= highest - 1e-9 * abs(highest):
                 highest = max(total, highest)
                 solved[row + 2, i], solved[row + 3, i] = stations[k], normal
-        if fibres is None or highest < ELSEWHERE or not _higher_inside(state, reach, highest):
+        if fibres is None or highest < ELSEWHERE or room[1].size == 0:
+            break
+        if not _higher_inside(state, room[2][OUTER, 0], highest):
             break
     solved[row, i], solved[row + 1, i] = line[FORCE], line[DEFLECTION]
     solved[row + 4, i] = highest
@@ -181,7 +206,7 @@ def _find_break(
     """Write where a duct breaks; nan where it bears all that its law can follow."""
     a = ducts[GRASP, i]
     b = 1.0 - a
-    second_moment, reach, limit = ducts[MOMENT_2, i], ducts[REACH_OUT, i], ducts[LIMIT, i]
+    reach, limit = ducts[REACH_OUT, i], ducts[LIMIT, i]
     # The cubic beam's strain, 3 d^2 / (20 a^2 b^2) + c k d with its largest curvature k d.
     square = 0.15 / (a * a * b * b)
     bent = 0.5 * reach * max(max(3.0 / (a * a * b), 3.0 / (a * b * b)), 6.0 / (a * b))
@@ -193,9 +218,7 @@ def _find_break(
         stress = math.nan
         if outcome == FOUND:
             # Into the break's rows where it is reached, else into those of the load, free as yet.
-            stress = _read_stress(
-                state, fibres, part, bounds, room, second_moment, reach, solved, int(LOADED), i
-            )
+            stress = _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
         over = stress - limit
         if over < 0.0:
             low, f_low = there, over
@@ -244,13 +267,13 @@ def solve_ducts(
     room: Room,
     ducts: Array,
     solved: Array,
+    set_up: bool,
 ) -> None:
-    """Fill the solved from the ducts; `bounds` and `room` are to work in."""
+    """Fill the solved from the ducts, each set up first unless all are the beam of the state."""
     part = state[1].shape[1] if grasp is None else grasp
     for i in range(ducts.shape[1]):
-        _set_up(state, fibres, grasp, bounds, ducts, i)
-        for stations in room[:2]:
-            stations[stations.size - 1] = ducts[GRASP, i]
+        if set_up:
+            _set_up(state, fibres, grasp, bounds, room, ducts, i)
         newton.rest(state, fibres)
         if ducts[LIMIT, i] > 0.0:
             _find_break(state, fibres, grasp, part, bounds, room, ducts, solved, i)
@@ -260,18 +283,7 @@ def solve_ducts(
         if load == load:
             newton.rest(state, fibres)
             if newton.solve(state, fibres, grasp, control, load) == FOUND:
-                stress = _read_stress(
-                    state,
-                    fibres,
-                    part,
-                    bounds,
-                    room,
-                    ducts[MOMENT_2, i],
-                    ducts[REACH_OUT, i],
-                    solved,
-                    int(LOADED),
-                    i,
-                )
+                stress = _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
                 if stress != stress:
                     for row in range(LOADED, SOLVED_ROWS):
                         solved[row, i] = math.nan
@@ -315,14 +327,8 @@ def solve_exact_ducts(
         # The clamps and the grasp, whose place is written for each duct; and all the way along.
         ends = np.array([0.0, 0.5] if half else [0.0, 1.0, 0.5])
         along = even[even <= 0.5] if half else np.append(even, 0.5)
-        room = (
-            ends,
-            along,
-            np.zeros((2, elements + 1)),
-            np.zeros((sampling.SAMPLE_ROWS, ends.size)),
-            np.zeros((sampling.SAMPLE_ROWS, along.size)),
-        )
-        few, found = np.ascontiguousarray(ducts[:, which]), solved[:, which]
+        room = _room(ends, along, elements)
+        few, found = (np.ascontiguousarray(rows[:, which]) for rows in (ducts, solved))
         solve_ducts(
             state,
             fibres,
@@ -332,9 +338,42 @@ def solve_exact_ducts(
             room,
             few,
             found,
+            True,
         )
         solved[:, which] = found
     return solved
+
+
+def solve_exact_beam(
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    bounds: Array,
+    stations: Array,
+    sections: Array,
+    ducts: Array,
+    *,
+    by_force: bool,
+) -> Array:
+    """Return the (SOLVED_ROWS, N) solved of a beam that is set up; see `ExactPull.solve_loads`."""
+    solved = np.full((SOLVED_ROWS, ducts.shape[1]), np.nan)
+    room = _room(stations, np.empty(0), state[1].shape[1])
+    room[2][:] = sections
+    control = BY_FORCE if by_force else BY_DEFLECTION
+    solve_ducts(state, fibres, grasp, control, bounds, room, ducts, solved, False)
+    return solved
+
+
+def _room(stations: Array, besides: Array, elements: int) -> Room:
+    return (
+        stations,
+        besides,
+        np.zeros((SECTION_ROWS, stations.size)),
+        np.zeros((SECTION_ROWS, besides.size)),
+        np.zeros((2, elements + 1)),
+        np.zeros((sampling.SAMPLE_ROWS, stations.size)),
+        np.zeros((sampling.SAMPLE_ROWS, besides.size)),
+    )
 
 
 def lateral_constants(poisson_ratios: NDArray[np.float64]) -> NDArray[np.float64]:

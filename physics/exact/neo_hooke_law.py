@@ -275,7 +275,9 @@ def fibre_pull(lam: float, gam: float, g: float, ratio: float) -> float:
     """Return the first Piola stress along the axis of a fibre, in E; see `fibre`."""
     j = 1.0
     for _ in range(30):
-        j = fibre(lam, gam, j, g, ratio)[0]
+        before, j = j, fibre(lam, gam, j, g, ratio)[0]
+        if j == before:
+            break
     return fibre(lam, gam, j, g, ratio)[1]
 
 
@@ -300,7 +302,7 @@ class NeoHooke:
         line[RATIO] = (1.0 - 2.0 * nu) * shear_modulus  # G/(3 K)
         line[SHRINK] = lateral_constant(nu)
         line[POISSON] = nu
-        sections = beam.sections_at(gauss_points(bounds) * span)
+        sections = beam.sections_at(gauss_points(bounds) * span, shear_areas=beam.has_shear_areas)
         areas = sections.areas
         points[OFFSET] = sections.offsets / span
         line[ECCENTRIC] = float(np.any(points[OFFSET] != 0.0))

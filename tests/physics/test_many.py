@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from physics import (
+    Beam,
     Cubic,
     Exact,
     Fem,
@@ -12,12 +13,13 @@ from physics import (
     NoEquilibrium,
     TautString,
     Theory,
+    VaryingBeam,
     break_of,
     check_rupture,
     critical_stations,
 )
 from physics.exact.many import lateral_constants
-from physics.many import Ducts, solve_many
+from physics.many import Beams, Ducts, solve_many
 from physics.section import lateral_constant
 
 
@@ -54,10 +56,15 @@ def drawn_ducts(count: int, central: bool) -> tuple[Ducts, np.ndarray, np.ndarra
     ids=str,
 )
 def test_each_bears_what_it_bears_alone(theory: Theory, count: int, central: bool) -> None:
-    ducts, thresholds, forces = drawn_ducts(count, central)
+    compare_one_by_one(theory, *drawn_ducts(count, central))
+
+
+def compare_one_by_one(
+    theory: Theory, ducts: Ducts | Beams, thresholds: np.ndarray, forces: np.ndarray
+) -> None:
     found = solve_many(theory, ducts, thresholds, force=forces)
     places = solve_many(theory, ducts, deflection=found.deflection)
-    for i in range(count):
+    for i in range(forces.size):
         beam, grasp = ducts.beam(i), float(ducts.grasp[i])
         event = break_of(theory.pull(beam, grasp), thresholds[i])
         if event is None or event.deflection > 5.0 * beam.span:
@@ -76,6 +83,34 @@ def test_each_bears_what_it_bears_alone(theory: Theory, count: int, central: boo
         got = [getattr(found, name)[i] for name in found.__slots__]
         assert got == pytest.approx(wanted, rel=1e-9, abs=1e-12)
         assert places.force[i] == pytest.approx(forces[i], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "theory", [Exact(), Exact(Linear(shear=True)), Exact(NeoHooke()), Fem()], ids=str
+)
+def test_beams_of_varying_sections_bear_what_each_bears_alone(theory: Theory) -> None:
+    stations = np.array([0.0, 12.0, 25.0, 25.0, 38.0, 50.0])
+    areas = np.array([30.0, 22.0, 26.0, 18.0, 24.0, 30.0])
+    odd = VaryingBeam(
+        stations=stations,
+        areas=areas,
+        second_moments=areas**2 / 9.0,
+        fibre_distances=np.sqrt(areas) / 1.6,
+        offsets=None if isinstance(theory, Fem) else np.linspace(0.0, 0.4, 6),
+        modulus=1.0,
+    )
+    # Half of its mirror image is solved where it is grasped in the middle.
+    even = VaryingBeam.of(Beam.round(span=40.0, diameter=6.0, wall=1.0, modulus=1.0), 5)
+    count = 2 if isinstance(theory, Fem) else 5
+    modulus = np.array([0.2, 0.3, 0.4, 0.5, 0.3])[:count]
+    beams = Beams(
+        [odd, even],
+        np.array([0, 1, 0, 1, 0])[:count],
+        modulus,
+        np.array([0.3, 0.3, 0.45, 0.45, 0.3])[:count],
+        np.array([20.0, 20.0, 31.0, 9.0, 20.0])[:count],
+    )
+    compare_one_by_one(theory, beams, 0.3 * modulus, 0.4 * modulus)
 
 
 def test_where_no_section_at_clamps_or_grasp_is_the_weakest() -> None:
