@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import typer
 
 from app.command_line.bed_options import BED_NAMES
@@ -16,9 +17,10 @@ from app.command_line.load import (
 from app.command_line.study import need
 
 if TYPE_CHECKING:
-    from app.simulation import Preset
+    from app.simulation import OrganBeam, Preset, RoundBeam
     from app.study.curves import Curve
     from app.study.fit import Estimate, Fit
+    from organ_geometry import Organ
     from physics import Beam
 
 __all__ = ["fit"]
@@ -33,6 +35,10 @@ def fit(
     ],
     preset: Annotated[
         str | None, typer.Option(help=f"The duct, for what is not given: {PRESET_HELP}")
+    ] = None,
+    organ: Annotated[
+        Path | None,
+        typer.Option(help="An organ file, whose own sections were pulled; a span in its middle."),
     ] = None,
     span: Annotated[float | None, typer.Option(help="mm between the clamps.")] = None,
     diameter: Annotated[float | None, typer.Option(help="Outer diameter, mm.")] = None,
@@ -71,9 +77,15 @@ def fit(
     Examples: bluntdissect fit pull.csv --span 50.8 --diameter 8.9 -o mine.toml, or
     bluntdissect fit lift.csv --bed normal
     """
-    from app.simulation import THESIS_PRESET, RoundBeam, chosen_preset
+    from app.simulation import (
+        ASSUMED_PRESET,
+        THESIS_PRESET,
+        OrganBeam,
+        RoundBeam,
+        chosen_preset,
+    )
     from app.study.curves import read_curves
-    from organ_geometry import check_target
+    from organ_geometry import check_target, read_organ
 
     need("scipy", *(["matplotlib"] if figure is not None else []))
     for target, kinds in ((output, (".toml",)), (figure, FIGURES)):
@@ -81,12 +93,17 @@ def fit(
             if target.suffix.lower() not in kinds:
                 raise ValueError(f"{target} must end in {' or '.join(kinds)}")
             check_target(target)
-    base = chosen_preset(preset or THESIS_PRESET)
-    if not isinstance(base.beam, RoundBeam):
+    base = chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
+    if organ is None and not isinstance(base.beam, RoundBeam):
         raise ValueError(
-            f"preset {base.name} is of an organ's own sections; a fit takes a round duct: give "
-            "--span and --diameter"
+            f"preset {base.name} is of an organ's own sections: give --organ, or --span and "
+            "--diameter of a round duct"
         )
+    if organ is not None and not isinstance(base.beam, OrganBeam):
+        raise ValueError(f"preset {base.name} brings its own beam; leave out --organ")
+    if organ is not None and bed is not None:
+        raise ValueError("--bed seeks the bed of a round duct: leave out --organ")
+    shape = None if organ is None else read_organ(organ)
     free = poisson == "fit"
     ratio = base.poisson_ratio
     if poisson is not None and not free:
@@ -96,8 +113,10 @@ def fit(
             raise ValueError(f"--poisson must be a number or 'fit', not {poisson}") from None
     found = [curve for path in curves for curve in read_curves(path, broke=broke)]
     given = {"span_mm": span, "diameter_mm": diameter, "wall_mm": wall, "grasp_mm": grasp}
-    if preset is None:
-        for curve in found:
+    for curve in found:
+        if shape is not None and (diameter is not None or "diameter_mm" in curve.facts):
+            raise ValueError(f"{curve.name}: an organ has its own sections; leave out the diameter")
+        if shape is None and preset is None:
             missing = [
                 f"--{key.removesuffix('_mm')}"
                 for key in ("span_mm", "diameter_mm")
@@ -108,7 +127,11 @@ def fit(
                     f"{curve.name}: give {' and '.join(missing)}, a --preset, or lines such as "
                     "'# span_mm = 50.8' above the header"
                 )
-    specimens = [_duct(curve, base, given, ratio) for curve in found]
+    kinds = [_kind(curve, base, given, shape) for curve in found]
+    specimens = [
+        _duct(curve, msgspec.structs.replace(base, beam=kind, poisson_ratio=ratio), given, shape)
+        for curve, kind in zip(found, kinds, strict=True)
+    ]
     if bed is not None:
         if output is not None or free:
             raise ValueError("--bed seeks a bed: -o and --poisson fit go with pulls of a free duct")
@@ -120,10 +143,15 @@ def fit(
             specimens,
             chosen_theory(theory, q=q, shear=shear, law=law),
             free=free,
-            base=base,
+            base=msgspec.structs.replace(base, beam=kinds[0]),
             name=name,
             output=output,
         )
+    if organ is not None:
+        which = "sections all along it" if theory == "exact" else "its weakest section"
+        span_of = f"{specimens[0][1].span:.4g} mm between the clamps"
+        lines.insert(1, ("organ", f"{organ}, {span_of}, {which}"))
+        result["organ"] = str(organ)
     if figure is not None:
         from app.study.fit_figure import draw_fit
 
@@ -138,32 +166,36 @@ def fit(
             print(f"{'written':<18} {path}")
 
 
-def _duct(
-    curve: "Curve", base: "Preset", given: dict[str, float | None], ratio: float
-) -> "tuple[Curve, Beam, float]":
-    """Return a curve, its duct and its grasp: by its file, the options, the preset."""
-    from app.simulation import RoundBeam
-    from physics import Beam
+def _kind(
+    curve: "Curve", base: "Preset", given: dict[str, float | None], organ: "Organ | None"
+) -> "RoundBeam | OrganBeam":
+    """Return the duct of a curve: by its file, the options, the preset."""
+    from app.simulation import OrganBeam, RoundBeam
+    from app.study.ducts import part_of_organ
 
-    assert isinstance(base.beam, RoundBeam)  # noqa: S101 (the caller has looked)
-
-    def of(name: str, otherwise: float | None) -> float | None:
-        option = given[name]
-        return curve.facts.get(name, otherwise if option is None else option)
-
-    span, diameter = of("span_mm", base.beam.span_mm), of("diameter_mm", base.beam.diameter_mm)
-    assert span is not None  # noqa: S101
-    assert diameter is not None  # noqa: S101
-    beam = Beam.round(
-        span=span,
-        diameter=diameter,
-        wall=of("wall_mm", base.beam.wall_mm),
-        modulus=base.modulus_MPa,
-        poisson_ratio=ratio,
+    said = {name: curve.facts.get(name, value) for name, value in given.items()}
+    kind = base.beam
+    wall = kind.wall_mm if said["wall_mm"] is None else said["wall_mm"]
+    if isinstance(kind, OrganBeam):
+        assert organ is not None  # noqa: S101 (the command has looked)
+        return part_of_organ(organ, kind, wall, said["span_mm"])
+    span, diameter = said["span_mm"], said["diameter_mm"]
+    return RoundBeam(
+        span_mm=kind.span_mm if span is None else span,
+        diameter_mm=kind.diameter_mm if diameter is None else diameter,
+        wall_mm=wall,
     )
-    grasp = of("grasp_mm", 0.5 * span)
-    assert grasp is not None  # noqa: S101
-    return curve, beam, beam.grasped_at(grasp)[0]
+
+
+def _duct(
+    curve: "Curve", preset: "Preset", given: dict[str, float | None], organ: "Organ | None"
+) -> "tuple[Curve, Beam, float]":
+    """Return a curve, its duct and its grasp."""
+    from app.simulation import organ_beam
+
+    beam = preset.round_beam() if organ is None else organ_beam(organ, preset)
+    grasp = curve.facts.get("grasp_mm", given["grasp_mm"])
+    return curve, beam, beam.grasped_at(0.5 * beam.span if grasp is None else grasp)[0]
 
 
 Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any], str]
@@ -278,15 +310,9 @@ def _preset(
     name: str,
     theory: str,
 ) -> "Preset":
-    """Return a preset of the first duct with what was found; a break that was not is the base's."""
-    from app.simulation import Preset, RoundBeam
+    """Return the base with what was found; a break that was not is the base's own."""
+    from app.simulation import Preset
 
-    assert isinstance(base.beam, RoundBeam)  # noqa: S101 (the command has looked)
-    beam = specimens[0][1]
-    section = 4.0 * (beam.second_moment / beam.area)  # outer and inner radius squared, summed
-    bore = max(section - beam.fibre_distance**2, 0.0) ** 0.5
-    wall = beam.fibre_distance - bore
-    full = bore < 1e-6 * beam.fibre_distance
     strength = fitted.strength
     note = "; ".join(fitted.said)
     stress = base.break_stress_MPa if strength is None else strength.value
@@ -294,11 +320,7 @@ def _preset(
         name=name,
         title=name,
         description=f"Fitted to {len(specimens)} measured pull{'s' * (len(specimens) > 1)}.",
-        beam=RoundBeam(
-            span_mm=beam.span,
-            diameter_mm=2.0 * beam.fibre_distance,
-            wall_mm=None if full else wall,
-        ),
+        beam=base.beam,
         modulus_MPa=fitted.modulus.value,
         poisson_ratio=fitted.poisson_ratio.value,
         break_stress_MPa=stress,

@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,15 @@ from app.simulation import LIMITS
 
 __all__ = ["Curve", "read_curves"]
 
-LENGTHS = {"mm": 1.0, "um": 1e-3, "cm": 10.0, "m": 1000.0, "in": 25.4, "inch": 25.4}
+LENGTHS = {
+    "mm": 1.0,
+    "um": 1e-3,
+    "\u03bcm": 1e-3,
+    "cm": 10.0,
+    "m": 1000.0,
+    "in": 25.4,
+    "inch": 25.4,
+}
 FORCES = {
     "N": 1.0,
     "mN": 1e-3,
@@ -57,7 +66,8 @@ def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
     ----------
     path
         Columns `deflection_mm` and `force_N`, or with other units, `deflection [in]`; `curve` names
-        the curve of each row where there are several. Lines `# span_mm = 50.8` above the header
+        the curve of each row where there are several. Between semicolons or tabs numbers may have
+        a decimal comma. Lines `# span_mm = 50.8` above the header
         give the duct, `# broke = yes` says that the last point is the break.
     broke
         Whether curves end with the break though the file does not say so.
@@ -100,7 +110,10 @@ def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
         values: dict[str, float] = {}
         for kind in ("deflection", "force"):
             at, factor, name = columns[kind]
-            values[kind] = factor * _number(row, at, f"{path}, line {number}: {name}")
+            text = row[at].strip() if at < len(row) else ""
+            if delimiter != "," and "." not in text:
+                text = text.replace(",", ".", 1)
+            values[kind] = factor * _number(text, f"{path}, line {number}: {name}")
         name = row[columns["curve"][0]].strip() if "curve" in columns else ""
         points.setdefault(name, []).append((values["deflection"], values["force"]))
     if not points:
@@ -137,12 +150,12 @@ def _columns(header: list[str], where: str) -> dict[str, tuple[int, float, str]]
     """Return the place, the factor to mm or N and the name of each column."""
     columns: dict[str, tuple[int, float, str]] = {}
     for at, cell in enumerate(header):
-        text = cell.strip()
+        text = normalize("NFKC", cell.strip())  # the sign for micro is a letter
         if text.lower() == "curve":
             columns["curve"] = at, 1.0, text
             continue
         found = re.fullmatch(
-            r"([A-Za-z_ ]+?)(?:[ _]*[\[(]\s*([A-Za-z]+)\s*[\])]|[_ ]([A-Za-z]+))?", text
+            r"([A-Za-z_ ]+?)(?:[ _]*[\[(]\s*([^\W\d_]+)\s*[\])]|[_ ]([^\W\d_]+))?", text
         )
         name = "" if found is None else found[1].strip().lower().replace(" ", "_")
         unit = None if found is None else found[2] or found[3]
@@ -169,19 +182,20 @@ def _columns(header: list[str], where: str) -> dict[str, tuple[int, float, str]]
         if kind not in columns:
             raise ValueError(
                 f"{where}: there is no column of a {kind} with its unit, such as {example}; the "
-                f"columns are {', '.join(repr(cell.strip()) for cell in header)}"
+                f"columns are {', '.join(repr(cell.strip()) for cell in header)}; lines above the "
+                "header begin with #"
             )
     return columns
 
 
-def _number(row: list[str], at: int, where: str) -> float:
-    text = row[at].strip() if at < len(row) else ""
+def _number(text: str, where: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{where} must be a finite number, got {text!r}")
+        why = "; leave out thousands separators" if "," in text else ""
+        raise ValueError(f"{where} must be a finite number, got {text!r}{why}")
     return value
 
 
@@ -198,9 +212,10 @@ def _curve(
     deflections, forces = points[:, 0], points[:, 1]
     if np.corrcoef(deflections, forces)[0, 1] < 0.0 if np.ptp(deflections) * np.ptp(forces) else 0:
         raise ValueError(f"{path}: {name}: the force falls as the deflection grows: wrong signs?")
-    # What comes after the tear is no pull any more.
+    # What comes after the tear is no pull any more; a duct that is let go has not torn.
     highest = int(np.argmax(forces))
-    after = np.flatnonzero(forces[highest:] < FALLEN * forces[highest])
+    fallen = forces[highest:] < FALLEN * forces[highest]
+    after = np.flatnonzero(fallen & (deflections[highest:] >= deflections[highest]))
     found = Curve(name, deflections, forces, facts, broke)
     if highest > 0 and after.size:
         found = replace(

@@ -15,7 +15,7 @@ that is the exact interval of linear regression.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ FARTHEST = 5.0
 """Deflection, in spans, beyond which a unit is wrong rather than a duct that long."""
 RATIOS = np.linspace(0.0, 0.495, 34)
 """Poisson's ratios that are tried first."""
+TISSUE = 1e-3, 100.0
+"""Moduli, MPa, beyond which a unit is probably wrong: of the presets 0.05 to 11.3."""
 BOUND = 0.95
 """Correlation from which on two parameters are said to trade against each other."""
 
@@ -153,6 +155,11 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
     ]
     said += _of_residuals(residuals, measured, theory)
     said += _of_curves(residuals, np.split(phi, ends), (modulus.value, alone), count - sought)
+    if not TISSUE[0] <= modulus.value <= TISSUE[1]:
+        said.append(
+            f"a modulus of {modulus.value:.3g} MPa is none of soft tissue ({TISSUE[0]:g} to "
+            f"{TISSUE[1]:g} MPa): are the units of force and length right?"
+        )
     strength, breaks = _strength(problem, modulus, ratio, said)
     return Fit(
         theory.name,
@@ -186,7 +193,7 @@ class _Problem:
         return self._known[ratio]
 
     def _forces_of(self, specimen: Specimen, ratio: float) -> Row:
-        beam = replace(specimen.beam, modulus=1.0, poisson_ratio=ratio)
+        beam = specimen.beam.of_material(1.0, ratio)
         pull = self.theory.pull(beam, specimen.grasp)
         found = np.empty_like(specimen.curve.deflections)
         for i in np.argsort(specimen.curve.deflections):  # each from the one before
@@ -212,7 +219,7 @@ class _Problem:
 
     def stress_at_end(self, specimen: Specimen, ratio: float) -> float:
         """Return the highest stress at a curve's last deflection for a modulus of 1 MPa."""
-        beam = replace(specimen.beam, modulus=1.0, poisson_ratio=ratio)
+        beam = specimen.beam.of_material(1.0, ratio)
         pull = self.theory.pull(beam, specimen.grasp)
         pull.to_deflection(float(specimen.curve.deflections[-1]))
         return check_rupture(pull.sample(critical_stations(beam, specimen.grasp)), 1.0).total_stress

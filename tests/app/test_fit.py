@@ -3,18 +3,30 @@
 import json
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from program import refused, run
 
-from app.simulation import preset_named, read_preset
+from app.simulation import OrganBeam, organ_beam, preset_named, read_preset
 from app.simulation.bed import bed_named
 from app.study.bed_fit import fit_bed
 from app.study.beds import lift
 from app.study.curves import Curve, read_curves
 from app.study.fit import Specimen, fit_pulls
 from app.validation.thesis_tables import TABLES
-from physics import Beam, Cubic, Exact, NeoHooke, TautString, Theory, check_rupture
+from assets import BILE_DUCT
+from organ_geometry import read_organ
+from physics import (
+    Beam,
+    Cubic,
+    Exact,
+    NeoHooke,
+    TautString,
+    Theory,
+    check_rupture,
+    critical_stations,
+)
 from physics.bed import SpaceBeam
 
 DUCT = Beam.round(span=50.0, diameter=6.0, wall=1.2, modulus=0.4, poisson_ratio=0.42)
@@ -73,6 +85,11 @@ def test_strength_is_the_stress_at_the_break() -> None:
     assert found.modulus.value == pytest.approx(0.4, rel=1e-9)
 
 
+def test_a_modulus_that_no_tissue_has_is_asked_about() -> None:
+    found = fit_pulls([specimen(1e3 * forces_of(Cubic()))], Cubic())
+    assert any("none of soft tissue" in line for line in found.said)
+
+
 def test_a_theory_that_does_not_follow_and_ducts_that_differ_are_told() -> None:
     noise = np.random.default_rng(4)
     exact = forces_of(Exact(NeoHooke()))
@@ -107,6 +124,36 @@ def test_the_thesis_s_ansys_columns_give_its_modulus(table: object, tmp_path: Pa
     assert run("solve", "--preset", tmp_path / "mine.toml", "--force", 1).returncode == 0
 
 
+def test_an_organ_s_own_sections_give_the_modulus_they_were_pulled_with(tmp_path: Path) -> None:
+    organ, theory = read_organ(BILE_DUCT), Exact()
+    kind = OrganBeam(wall_mm=1.2, clamps_mm=(0.5 * organ.length - 20.0, 0.5 * organ.length + 20.0))
+    truth = msgspec.structs.replace(preset_named("assumed-duct"), modulus_MPa=0.4, beam=kind)
+    pull = theory.pull(organ_beam(organ, truth), 14.0)
+    noise = np.random.default_rng(5)
+    forces = np.array([pull.to_deflection(float(place)).force for place in PLACES])
+    rows = forces + noise.normal(0.0, 0.01 * forces.max(), forces.size)
+    path, mine = tmp_path / "pull.csv", tmp_path / "mine.toml"
+    path.write_text(
+        "# span_mm = 40\n# grasp_mm = 14\n# wall_mm = 1.2\n# broke = yes\ndeflection_mm,force_N\n"
+        + "".join(f"{place},{force}\n" for place, force in zip(PLACES, rows, strict=True))
+    )
+    done = run("fit", path, "--organ", BILE_DUCT, "-o", mine, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["parameters"]
+    low, high = told["modulus"]["region_95"]
+    assert low < 0.4 < high
+    assert told["modulus"]["value"] == pytest.approx(0.4, rel=0.01)
+    stress = pull.sample(critical_stations(pull.beam, 14.0)).total_stress.max()
+    assert told["strength"]["value"] == pytest.approx(stress, rel=0.01)
+    found = read_preset(mine.read_bytes(), "mine.toml")
+    assert found.beam == kind
+    assert organ_beam(organ, found).modulus == told["modulus"]["value"]
+    asked = ["fit", path, "--organ", BILE_DUCT]
+    assert "leave out the diameter" in refused([*asked, "--diameter", 8])
+    assert "brings its own beam" in refused([*asked, "--preset", "thesis-bile-duct"])
+    assert "of a round duct" in refused([*asked, "--bed", "normal"])
+
+
 def test_a_bed_s_stiffness_and_toughness_are_found_again(tmp_path: Path) -> None:
     base = preset_named("thesis-bile-duct").round_beam()
     beam = SpaceBeam.of(base, elements=32, nodes_at=[25.4])
@@ -126,7 +173,7 @@ def test_units_columns_and_breaks_of_a_file(tmp_path: Path) -> None:
     path = tmp_path / "pull.csv"
     path.write_text(
         "\ufeff# pulled by hand\n# span_mm = 48\n\ncurve;time_s;displacement (cm);Load [mN]\n"
-        "a;0;0;0\na;1;0.1;100\na;2;0.2;210\na;3;0.3;340\na;4;0.4;500\na;5;0.5;20\n"
+        "a;0;0;0\na;1;0.1;100\na;2;0,2;210\na;3;0,3;340\na;4;0.4;500\na;5;0.5;20\n"
         "b;0;0.1;110\nb;1;0.2;220\nb;2;0.3;330\nb;3;0.4;440\n",
         encoding="utf-8",
     )
@@ -137,6 +184,13 @@ def test_units_columns_and_breaks_of_a_file(tmp_path: Path) -> None:
     assert first.broke
     assert not second.broke
     assert second.name == "pull b"
+    path.write_text(
+        "deflection (\u00b5m)\tforce (mN)\n1000\t100\n2000\t200\n3000\t310\n1000\t90\n",
+        encoding="utf-8",
+    )
+    (let_go,) = read_curves(path)
+    assert let_go.deflections.tolist() == pytest.approx([1, 2, 3, 1])
+    assert not let_go.broke
 
 
 @pytest.mark.parametrize(
@@ -148,6 +202,9 @@ def test_units_columns_and_breaks_of_a_file(tmp_path: Path) -> None:
         ("deflection_mm,time_s\n1,2\n", "there is no column of a force"),
         ("deflection_mm,force_N,load_N\n", "are both a force"),
         ("deflection_mm,force_N\n1,2\n2,x\n", "line 3: force_N must be a finite number, got 'x'"),
+        ('deflection_mm,force_mN\n1,"1,031"\n', "got '1,031'; leave out thousands separators"),
+        ("deflection_mm;force_mN\n1;1.031,5\n", "got '1.031,5'; leave out thousands separators"),
+        ("Machine 3\ndeflection_mm,force_N\n", "lines above the header begin with #"),
         ("deflection_mm,force_N\n1,2\n2\n", "line 3: force_N must be a finite number, got ''"),
         ("deflection_mm,force_N\n1,2\n2,3\n", "has 2 points away from rest"),
         ("deflection_mm,force_N\n", "has no points below its header"),
