@@ -41,6 +41,9 @@ MOST_SLIPS = 50
 """How often strands may slip off rods in one substep, each time with another equilibrium."""
 IN_PLANE = 2 + 8 + 32
 """Bits of what is held in the plane of x and z: y, and turning about x and z."""
+THIN = 0.5
+"""Part of an element's shear flexibility that stands for bending within it, from which on it is
+stretched along its chord."""
 SHORTER, LONGER = 0.2, 3.0
 """Factors of a substep whose energy does not balance, and of one after an eighth of that error."""
 EVERYWHERE = (True, True, True)
@@ -186,6 +189,7 @@ class BeamOnBed:
             h=np.diff(x),
             stiff=blank((elements, 6)),
             strain=blank((elements, 6)),
+            chord=blank((elements, 2)),
             first=np.searchsorted(self._node, np.arange(nodes + 1)).astype(np.int64),
             strand=table,
             damage=blank(strands.count),
@@ -239,15 +243,16 @@ class BeamOnBed:
         kernels.set_rest(self._rest_x, self._rest_q, s.h, s.strain)
         s.floor[:, 1] = self._rest_x[:, 2]
         s.stiff[:] = self._elastic
+        s.chord[:] = 0.0
         # One shear strain an element leaves bending out, h^2/(12 E I), which is added to its shear
         # flexibility [MacNeal 1978]: under forces at the nodes a straight element is then exact at
         # small loads.
         whole = self._elastic[:, 0] > 0.0
         for shear, bending in ((1, 5), (2, 4)):
-            s.stiff[whole, shear] = 1.0 / (
-                1.0 / self._elastic[whole, shear]
-                + s.h[whole] ** 2 / (12.0 * self._elastic[whole, bending])
-            )
+            within = s.h[whole] ** 2 / (12.0 * self._elastic[whole, bending])
+            s.stiff[whole, shear] = 1.0 / (1.0 / self._elastic[whole, shear] + within)
+            part = s.stiff[whole, shear] * within
+            s.chord[whole, shear - 1] = np.where(part > THIN, part * part, 0.0)
         ends = self.strands.ends[self._order] - self._rest_x[self._node]
         w, x, y, z = self._rest_q[self._node].T
         turn = np.stack(

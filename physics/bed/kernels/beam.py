@@ -19,6 +19,16 @@ second derivative in these coordinates is exactly, [v] the matrix of v x,
 
 with C and C_m turned by R. It is symmetric everywhere, at rest or not: Newton converges
 quadratically and Cholesky's factors tell a stable equilibrium from one that would not stay.
+
+An element's shear also stands for bending within it [MacNeal 1978]. In a thin beam that is nearly
+all of its shear, f_2 and f_3 of it, and by Gamma_1 alone such an element would lengthen by shear,
+where in truth it is stretched along its chord. Then (`chord` has f^2, else 0)
+
+    L = sqrt((1 + Gamma_1)^2 + f_2^2 Gamma_2^2 + f_3^2 Gamma_3^2),  N = EA (L - 1) for EA Gamma_1,
+
+and with e = dL/dGamma the force is N e + (0, G_2 Gamma_2, G_3 Gamma_3), its tangent
+
+    C = (EA - N/L) e e^T + diag(N/L, G_2 + f_2^2 N/L, G_3 + f_3^2 N/L).
 """
 
 import math
@@ -41,9 +51,8 @@ from physics.bed.kernels.vectors import (
 
 
 @inner
-def turned(stiff: Floats, e: int, at: int, t1: Three, t2: Three, t3: Three) -> Nine:
-    """Return the diagonal stiffnesses from column `at` on, turned by the columns t1, t2, t3."""
-    a, b, c = stiff[e, at], stiff[e, at + 1], stiff[e, at + 2]
+def turned(a: float, b: float, c: float, t1: Three, t2: Three, t3: Three) -> Nine:
+    """Return three diagonal stiffnesses, turned by the columns t1, t2, t3."""
     # Less the last one, which multiplies the identity: two dyads instead of three.
     a -= c
     b -= c
@@ -60,6 +69,23 @@ def turned(stiff: Floats, e: int, at: int, t1: Three, t2: Three, t3: Three) -> N
         m02,
         m12,
         c + a * t1[2] * t1[2] + b * t2[2] * t2[2],
+    )
+
+
+@inner
+def with_dyad(m: Nine, s: float, v: Three) -> Nine:
+    """Return m + s v v^T."""
+    m01, m02, m12 = m[1] + s * v[0] * v[1], m[2] + s * v[0] * v[2], m[5] + s * v[1] * v[2]
+    return (
+        m[0] + s * v[0] * v[0],
+        m01,
+        m02,
+        m01,
+        m[4] + s * v[1] * v[1],
+        m12,
+        m02,
+        m12,
+        m[8] + s * v[2] * v[2],
     )
 
 
@@ -117,11 +143,25 @@ def beam_pass(s: State) -> None:
         k1 = f * dot(t1, c) - strain[e, 3]
         k2 = f * dot(t2, c) - strain[e, 4]
         k3 = f * dot(t3, c) - strain[e, 5]
-        n1, n2, n3 = stiff[e, 0] * g1, stiff[e, 1] * g2, stiff[e, 2] * g3
+        c1, c2, c3 = stiff[e, 0], stiff[e, 1], stiff[e, 2]
+        n1, n2, n3 = c1 * g1, c2 * g2, c3 * g3
         m1, m2, m3 = stiff[e, 3] * k1, stiff[e, 4] * k2, stiff[e, 5] * k3
         # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
+        f2, f3 = s.chord[e, 0], s.chord[e, 1]
+        thin = f2 > 0.0 or f3 > 0.0
+        dyad, way = 0.0, t1  # EA - N/L, and e in space
+        if thin:
+            length = math.sqrt((1.0 + g1) ** 2 + f2 * g2**2 + f3 * g3**2)
+            e1, e2, e3 = (1.0 + g1) / length, f2 * g2 / length, f3 * g3 / length
+            way = added(added(scaled(t1, e1), scaled(t2, e2)), scaled(t3, e3))
+            g1 = length - 1.0
+            tight = c1 * g1 / length
+            dyad = c1 - tight
+            n1, c1, c2, c3 = c1 * g1, tight, c2 + f2 * tight, c3 + f3 * tight
         energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
+        if thin:
+            n1, n2, n3 = n1 * e1, n2 + n1 * e2, n3 + n1 * e3
         n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
         m = added(added(scaled(t1, m1), scaled(t2, m2)), scaled(t3, m3))
         tau = 1.0 / (1.0 + math.sqrt(1.0 + dot(c, c)))
@@ -161,8 +201,10 @@ def beam_pass(s: State) -> None:
 
         # The tangent in (u', sigma, D), 3 x 3 blocks by rows: p for u' sigma (over h), w for
         # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
-        big_c = turned(stiff, e, 0, t1, t2, t3)
-        big_m = turned(stiff, e, 3, t1, t2, t3)
+        big_c = turned(c1, c2, c3, t1, t2, t3)
+        if thin:
+            big_c = with_dyad(big_c, dyad, way)
+        big_m = turned(stiff[e, 3], stiff[e, 4], stiff[e, 5], t1, t2, t3)
         cd = times_cross(big_c, d)  # C [d]
         p = (
             cd[0],

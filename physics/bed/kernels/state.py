@@ -59,6 +59,8 @@ class State(NamedTuple):
     h: Floats  # (N - 1,) lengths at rest, mm
     stiff: Floats  # (N - 1, 6) N, N mm^2
     strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
+    # (N - 1, 2) squares of the parts of both shears that are bending within an element, if thin
+    chord: Floats
     first: Ints  # (N + 1,)
     strand: Floats  # (STRAND_ROWS, S)
     damage: Floats  # (S,) 0 whole to 1 parted
