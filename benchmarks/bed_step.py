@@ -61,6 +61,32 @@ def ours(strands: int) -> tuple[Floats, int]:
 
 
 @njit(cache=True)
+def strand_forces(
+    x: Floats, f: Floats, node: NDArray[np.int64], arm: Floats, feet: Floats, law: Floats,
+    most: Floats,
+) -> None:  # fmt: skip
+    """Add the forces of strands that yield and part to those on the nodes."""
+    for s in range(node.size):
+        if most[s] >= law[3, s]:
+            continue
+        d0 = x[node[s], 0] + arm[s, 0] - feet[s, 0]
+        d1 = x[node[s], 1] + arm[s, 1] - feet[s, 1]
+        d2 = x[node[s], 2] + arm[s, 2] - feet[s, 2]
+        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        u = length - law[1, s]
+        if u <= 0.0:
+            continue
+        most[s] = max(most[s], u)
+        soft = 1.0
+        if most[s] > law[2, s]:
+            soft = law[2, s] * (law[3, s] - most[s]) / (most[s] * (law[3, s] - law[2, s]))
+        pull = soft * law[0, s] * u / length
+        f[node[s], 0] -= pull * d0
+        f[node[s], 1] -= pull * d1
+        f[node[s], 2] -= pull * d2
+
+
+@njit(cache=True)
 def spring_step(
     x: Floats, v: Floats, rest: Floats, node: NDArray[np.int64], arm: Floats, feet: Floats,
     law: Floats, most: Floats, stretching: float, bending: float, mass: float, count: int,
@@ -82,24 +108,7 @@ def spring_step(
             f[i] += 2.0 * bend
             f[i - 1] -= bend
             f[i + 1] -= bend
-        for s in range(node.size):
-            if most[s] >= law[3, s]:
-                continue
-            d0 = x[node[s], 0] + arm[s, 0] - feet[s, 0]
-            d1 = x[node[s], 1] + arm[s, 1] - feet[s, 1]
-            d2 = x[node[s], 2] + arm[s, 2] - feet[s, 2]
-            length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-            u = length - law[1, s]
-            if u <= 0.0:
-                continue
-            most[s] = max(most[s], u)
-            soft = 1.0
-            if most[s] > law[2, s]:
-                soft = law[2, s] * (law[3, s] - most[s]) / (most[s] * (law[3, s] - law[2, s]))
-            pull = soft * law[0, s] * u / length
-            f[node[s], 0] -= pull * d0
-            f[node[s], 1] -= pull * d1
-            f[node[s], 2] -= pull * d2
+        strand_forces(x, f, node, arm, feet, law, most)
         for i in range(1, nodes - 1):
             if i != nodes // 2:
                 for r in range(3):
@@ -148,6 +157,62 @@ def mujoco(strands: int) -> tuple[Floats, int]:
     if not np.isfinite(data.qpos).all():
         raise ArithmeticError("its chain has left")
     return times, int((model.tendon_stiffness == 0.0).sum())
+
+
+def elastica(strands: int) -> tuple[Floats, int]:
+    """Return the times of PyElastica: a Cosserat rod in explicit steps, the same strands on it."""
+    peer: Any = import_module("elastica")
+    beam = SpaceBeam.of(DUCT, elements=ELEMENTS)
+    each = layer(strands).strands_under(beam)
+    node = np.rint(each.stations / (beam.span / ELEMENTS)).astype(np.int64)
+    law = np.stack([each.stiffness, each.length, each.yield_, each.part])
+    most, arm, middle = np.zeros(each.count), each.ends - beam.places[node], ELEMENTS // 2
+
+    parts = (peer.BaseSystemCollection, peer.Constraints, peer.Forcing, peer.Damping)
+    simulator = type("Simulator", parts, {})()
+
+    class Pulls(peer.NoForces):
+        def apply_forces(self, system: Any, time: float = 0.0) -> None:
+            x, f = system.position_collection.T, system.external_forces.T
+            strand_forces(x, f, node, arm, each.feet, law, most)
+
+    class Held(peer.ConstraintBase):
+        height = 0.0
+
+        def constrain_values(self, system: Any, time: float) -> None:
+            system.position_collection[2, middle] = Held.height
+
+        def constrain_rates(self, system: Any, time: float) -> None:
+            system.velocity_collection[:, middle] = 0.0
+
+    rod = peer.CosseratRod.straight_rod(
+        ELEMENTS, np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), beam.span,
+        float(beam.radius[0]), DENSITY, youngs_modulus=DUCT.modulus,
+        shear_modulus=0.5 * DUCT.modulus / (1.0 + DUCT.poisson_ratio),
+    )  # fmt: skip
+    # A wave crosses half an element in a step: 0.7 of one leaves it.
+    count = int(np.ceil(SECONDS / (0.5 * beam.span / ELEMENTS * np.sqrt(DENSITY / DUCT.modulus))))
+    dt = SECONDS / count
+    simulator.append(rod)
+    ends = {"constrained_position_idx": (0, -1), "constrained_director_idx": (0, -1)}
+    simulator.constrain(rod).using(peer.FixedConstraint, **ends)
+    simulator.constrain(rod).using(Held)
+    simulator.add_forcing_to(rod).using(Pulls)
+    simulator.dampen(rod).using(
+        peer.AnalyticalLinearDamper, uniform_damping_constant=100.0, time_step=dt
+    )
+    simulator.finalize()
+    stepper = peer.PositionVerlet()
+
+    def step(number: int) -> None:
+        Held.height = LIFT * number
+        for part in range(count):
+            stepper.step(simulator, number * SECONDS + part * dt, dt)
+
+    times = timed(step)
+    if not np.isfinite(rod.position_collection).all():
+        raise ArithmeticError("its rod has left")
+    return times, int((most >= law[3]).sum())
 
 
 def _model(beam: SpaceBeam, each: Strands) -> str:
@@ -205,6 +270,7 @@ def bed_figures() -> dict[str, Any]:
         ("ours_2000", ours, 2000),
         ("mass_spring_600", mass_spring, 600),
         ("mujoco_600", mujoco, 600),
+        ("pyelastica_600", elastica, 600),
     ):
         try:
             times, parted = play(strands)
@@ -226,7 +292,7 @@ def measure_bed(console: Console) -> dict[str, Any]:
         f"\nDuct of {ELEMENTS} elements lifted off its bed: processor time of a step of 1/1000 s"
     )
     first = figures["ours_600_median_us"]
-    for name in ("ours_600", "ours_2000", "mass_spring_600", "mujoco_600"):
+    for name in ("ours_600", "ours_2000", "mass_spring_600", "mujoco_600", "pyelastica_600"):
         if f"{name}_note" in figures:
             console.print(f"{name}: {figures[f'{name}_note']}", highlight=False, markup=False)
             continue

@@ -41,6 +41,8 @@ def bed_checks() -> list[BedCheck]:
     return [
         bathe(),
         elastica(),
+        pushed(),
+        taut(),
         hetenyi(1e5),
         hetenyi(6.85),
         order_of_convergence(),
@@ -86,6 +88,38 @@ def elastica() -> BedCheck:
         "deflection of its end turned by 80 degrees, mm",
         abs(float(history.hands[-1, 0, 2])),
         2.0 * math.sin(half) / complete * span,
+        history.open_share,
+    )
+
+
+def pushed() -> BedCheck:
+    """Push one end of a pinned column in by 0.2 mm: beyond its buckling load [Timoshenko 1961]."""
+    span, bending, way = 100.0, 100.0, 0.2
+    beam = _beam(span, 100, (1e4, 1e7, bending), ends=("pinned", "roller"))
+    hand = Hand(at=span, path=((-way, 0.0, 0.0),), steps=4, along=(True, False, False))
+    history = pull(beam, None, [hand])
+    critical = bending * (math.pi / span) ** 2
+    return BedCheck(
+        "Column pushed beyond its buckling load (Timoshenko 1961)",
+        "force, N",
+        -float(history.forces[-1, 0, 0]),
+        critical * (1.0 + 0.5 * way / span),
+        history.open_share,
+    )
+
+
+def taut() -> BedCheck:
+    """Lead a thin beam away sideways and up at a quarter of its span: a string between pins."""
+    span, at, stretching, off = 100.0, 25.0, 50.0, (12.0, 20.0)
+    beam = _beam(span, 60, (stretching, 1e6, 1e-4), ends=("pinned", "pinned"), nodes_at=(at,))
+    history = pull(beam, None, [Hand(at=at, path=((0.0, *off),), steps=4)])
+    sides = [(part, math.hypot(part, *off)) for part in (at, span - at)]
+    across = sum(stretching * (length / part - 1.0) / length for part, length in sides)
+    return BedCheck(
+        "Thin beam led off its line (a string between two pins)",
+        "force across, N",
+        math.hypot(*history.forces[-1, 0, 1:]),
+        across * math.hypot(*off),
         history.open_share,
     )
 

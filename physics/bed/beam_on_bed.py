@@ -532,7 +532,7 @@ class BeamOnBed:
     def _balanced(self, tolerance: float) -> float | None:
         """Find equilibrium and damage with strands on rods as they are; the energy dissipated."""
         s = self.state
-        # The tangent of a beam pressed against a rod is not exact: the last digits come slowly.
+        # The tangent of strands that end near a rod is not exact: the last digits come slowly.
         floor = self.rounding + (1e-9 if s.rods[:, kernels.IN_USE].any() else 0.0)
         if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
             return kernels.yielded(s)

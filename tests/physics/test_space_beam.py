@@ -30,7 +30,7 @@ def deformed(seed: int) -> BeamOnBed:
         2 * elongations,
         np.array([0.0, 1, 0, 1, 0, 1, 0, 1, 0]),
     )
-    made = BeamOnBed(beam, strands, floor=np.full(4, 0.7))
+    made = BeamOnBed(beam, strands, floor=np.full(4, 0.7), rods=2)
     state = made.state
     state.x[:] += rng.normal(size=(4, 3)) * 0.3
     state.q[:] += rng.normal(size=(4, 4)) * 0.3
@@ -47,6 +47,10 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
 ) -> None:
     state = deformed(seed).state
     state.chord[1:] = thin, 0.5 * thin
+    if kind == k.POTENTIAL and thin:
+        # Rods pressed into the first node beside the shaft and into the last past the tip.
+        state.rods[0] = *(state.x[0] - [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
+        state.rods[1] = *(state.x[3] + [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
     nodes = state.x.shape[0]
     size = 6 * nodes
     k.assemble(state, kind, 0.0)

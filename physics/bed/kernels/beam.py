@@ -150,7 +150,8 @@ def beam_pass(s: State) -> None:
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
         f2, f3 = s.chord[e, 0], s.chord[e, 1]
         thin = f2 > 0.0 or f3 > 0.0
-        dyad, way = 0.0, t1  # EA - N/L, and e in space
+        e1, e2, e3 = 1.0, 0.0, 0.0
+        way, dyad = t1, 0.0  # e in space, and EA - N/L
         if thin:
             length = math.sqrt((1.0 + g1) ** 2 + f2 * g2**2 + f3 * g3**2)
             e1, e2, e3 = (1.0 + g1) / length, f2 * g2 / length, f3 * g3 / length

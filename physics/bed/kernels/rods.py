@@ -11,7 +11,16 @@ past the tip: these two jump, so that in a search for equilibrium they stand as 
 
 import math
 
-from physics.bed.kernels.state import CONTACT, IN_USE, RADIUS, SHAFT, TIP, State
+from physics.bed.kernels.state import (
+    CONTACT,
+    DELAYED,
+    IN_USE,
+    POTENTIAL,
+    RADIUS,
+    SHAFT,
+    TIP,
+    State,
+)
 from physics.bed.kernels.vectors import Floats, Three, added, cross, dot, inner, scaled
 
 SLIPS, MOST_WRAP = 3.0, 3.2
@@ -133,8 +142,10 @@ def reached(s: State, n: int, m: int) -> tuple[bool, float, Three]:
 
 
 @inner
-def rods_near(s: State, n: int, live: bool) -> bool:
+def rods_near(s: State, n: int, kind: int) -> bool:
     """Add the contact of node n with the rods; return whether its strands may touch one."""
+    # Pressed away from a rod a node is pushed off to its sides as well. That is no part of a tick's
+    # tangent, which so stays definite.
     any_near = False
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
@@ -145,14 +156,21 @@ def rods_near(s: State, n: int, live: bool) -> bool:
             d = scaled(d, 1.0 / away)
             push = s.thick[n, 1]
             b = s.diagonal[n]
+            aside = push * deep / away if kind == POTENTIAL else 0.0
+            u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
+            before = s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2]
+            along = aside if dot(before, u) > 0.0 else 0.0  # past the tip it is round
             for r in range(3):
                 s.g[n, r] -= push * deep * d[r]
                 s.pull[m, r] += push * deep * d[r]
                 s.press[m, r] += push * deep * d[r]
                 for col in range(r + 1):
                     b[r, col] += push * d[r] * d[col]
+                    if aside > 0.0:
+                        b[r, col] += aside * d[r] * d[col] + along * u[r] * u[col]
+                b[r, r] -= aside
             s.sums[CONTACT] += 0.5 * push * deep * deep
-        if near or not live:
+        if near or kind != DELAYED:
             any_near = True
         else:  # out of reach: strands forget on which side they touched it
             for i in range(s.first[n], s.first[n + 1]):

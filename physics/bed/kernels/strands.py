@@ -101,7 +101,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
     whole = 0
     rods = any_rod(s)
     for n in range(s.x.shape[0]):
-        near = rods and rods_near(s, n, kind == DELAYED)
+        near = rods and rods_near(s, n, kind)
         if s.first[n] == s.first[n + 1]:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
