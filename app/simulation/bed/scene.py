@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from app.bounded_file import read_bounded
 from app.simulation.bed.preset import bed_named
 from physics import Beam
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
@@ -20,6 +21,8 @@ Point = tuple[Number, Number, Number]
 Steps = int | list[int]
 Span = tuple[Number, Number]
 
+MOST_BYTES = 20_000_000
+"""Size of a scene file: some 100,000 strands, each in a table of its own."""
 DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
@@ -355,7 +358,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def read_scene(path: Path) -> PeelScene:
     """Return the scene in a file."""
     try:
-        return msgspec.toml.decode(path.read_bytes(), type=PeelScene)
+        return msgspec.toml.decode(read_bounded(path, MOST_BYTES, "scene"), type=PeelScene)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     except UnicodeDecodeError:
