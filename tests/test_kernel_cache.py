@@ -90,6 +90,24 @@ def _no_kernel(x: float) -> float:
     return x + "one"  # pyright: ignore
 
 
+@kernel_cache.njit
+def _doubled(x: float) -> float:
+    return x + x
+
+
+def test_of_arguments_of_the_same_types_those_of_the_first_call_are_looked_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[object] = []
+    type_of = kernel_cache._type_of
+    monkeypatch.setattr(
+        kernel_cache, "_type_of", lambda each: (looks.append(each), type_of(each))[1]
+    )
+    doubled = kernel_cache.SameTypes(_doubled)
+    assert [doubled(each) for each in (1.0, 2.5, -3.0)] == [2.0, 5.0, -6.0]
+    assert looks == [1.0]
+
+
 def test_cycles_are_not_collected_while_a_kernel_is_compiled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kernel_cache import njit
+from kernel_cache import SameTypes, njit
 from physics.bed import kernels
 from physics.bed.space_beam import HELD, SpaceBeam
 from physics.bed.strands import Strands
@@ -585,7 +585,7 @@ class BeamOnBed:
         # each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
         # slide.
         step = seconds / ticks
-        if not kernels.tick(self.state, ticks, step / (delay + step), drag / step, newton):
+        if not _TICK(self.state, ticks, step / (delay + step), drag / step, newton):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     # What there is to read
@@ -676,23 +676,18 @@ class BeamOnBed:
     @property
     def books(self) -> Books:
         """The energy balance."""
-        sums = self.state.sums
-        work, *spent = (
-            float(sums[row])
-            for row in (
-                kernels.WORK,
-                kernels.STORED,
-                kernels.DISSIPATED,
-                kernels.SNAP,
-                kernels.DRAG,
-            )
-        )
+        sums: list[float] = self.state.sums.tolist()
+        work, stored = sums[kernels.WORK], sums[kernels.STORED]
+        dissipated, snap, drag = sums[kernels.DISSIPATED], sums[kernels.SNAP], sums[kernels.DRAG]
         return Books(
             work,
-            *spent,
-            open=work - sum(spent),
-            rod_work=float(sums[kernels.ROD_WORK]),
-            rod_dissipated=float(sums[kernels.ROD_DISSIPATED]),
+            stored,
+            dissipated,
+            snap,
+            drag,
+            open=work - (stored + dissipated + snap + drag),
+            rod_work=sums[kernels.ROD_WORK],
+            rod_dissipated=sums[kernels.ROD_DISSIPATED],
         )
 
     def stresses(self) -> Floats:
@@ -735,6 +730,9 @@ class BeamOnBed:
         self._measure_rest()
         # The discrete energy changes slightly with the nodes: it stays `open`, no hand's work.
         self._changed()
+
+
+_TICK = SameTypes(kernels.tick)
 
 
 @njit(cache=True, nogil=True)

@@ -88,15 +88,23 @@ def test_what_is_streamed_comes_as_viser_would_send_it(server: viser.ViserServer
         for _ in range(2):  # once, as it does not differ then
             stream(mesh, "vertices", places + np.float32(up))
             stream(label, "text", f"{up}")
-            place_node(label, np.array([up, 0.0, 0.0]))
+            place_node(label, up, 0.0, 0.0)
 
     def assigned(up: float) -> None:
         mesh.vertices, label.text = places + np.float32(up), f"{up}"
         label.position = np.array([up, 0.0, 0.0])
 
-    ours, visers = queued(lambda: streamed(1.0)), queued(lambda: assigned(2.0))
-    again = queued(lambda: streamed(2.0))
-    assert [type(each) for each in ours] == [type(each) for each in visers]
+    def keys(messages: list[Any]) -> list[Any]:
+        return [(type(one), one.redundancy_key(), one.owner) for one in messages]
+
+    ours = queued(lambda: streamed(1.0))
+    with server.atomic():  # as pictures are drawn
+        together = keys(queued(lambda: streamed(1.5)))
+        held = len(buffer.message_from_id)
+        visers = queued(lambda: assigned(2.0))
+        assert len(buffer.message_from_id) == held  # each in place of what has not gone out yet
+        again = queued(lambda: streamed(2.0))
+    assert keys(ours) == together == keys(visers)
     assert again == []
     np.testing.assert_array_equal(mesh.vertices, places + 2.0)
     arrays: list[memoryview] = []

@@ -17,6 +17,7 @@ from app.simulation.bed.hand import HOLDING, Hand, Instrument
 from app.simulation.bed.preset import BedPreset, beam_in_space
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
+from kernel_cache import njit
 from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, Books
 
@@ -42,6 +43,13 @@ MOST_OPENING = 40.0
 TOWARDS_HAND = {"dissector": (0.0, -1.0, 0.0), "swab": (0.0, -0.6, 0.8)}
 """Way from the tip back along an instrument's shaft: jaws pass behind the duct from the side of the
 viewer, a swab comes from above."""
+RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
+    "hook": ((),) * HANDS,
+    "grasper": ((),) * HANDS,
+    "dissector": tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS)),
+    "swab": tuple((2 * hand,) for hand in range(HANDS)),
+}
+"""Rods of the beam that each hand's instrument is."""
 BIN_MM, FREED_PART = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 STILL_MM = 1e-6
@@ -140,9 +148,13 @@ class BeddedDuct:
         )
         self.torn: RuptureCheck | None = None
         self.torn_element = -1  # of the beam, which is none any more
-        self._share = self._peak = self._station = 0.0
+        self.share = self.station = 0.0  # of the threshold, largest, and mm from the first clamp
+        self._peak = 0.0
+        self.parted = self.beam.parted
+        self.freed = self.beam.freed  # mm
+        self._before = np.empty_like(self.beam.places)
         self._still = True
-        self._reading: BedReading | None = None
+        self._read_again()
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
@@ -158,7 +170,7 @@ class BeddedDuct:
         """Give a hand another instrument, which touches nothing yet."""
         self.release(hand)
         self._withdraw(hand)
-        self._reading = None
+        self._read_again()
         holder = self.hands[hand]
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
@@ -177,7 +189,8 @@ class BeddedDuct:
         except ValueError:  # at a clamp, or on top of the other hook
             return None
         holder.put(self.beam.places[holder.node])
-        self._still, self._reading = False, None
+        self._still = False
+        self._read_again()
         return holder.place.copy()
 
     def release(self, hand: int) -> bool:
@@ -187,7 +200,8 @@ class BeddedDuct:
             return False
         self.beam.let_go(holder.node)
         holder.node = None
-        self._still, self._reading = False, None
+        self._still = False
+        self._read_again()
         return True
 
     def move_hand(self, hand: int, place: Floats) -> None:
@@ -210,17 +224,18 @@ class BeddedDuct:
 
     def rods_of(self, hand: int) -> tuple[int, ...]:
         """Return the rods of the beam that are a hand's jaws or its swab."""
-        return tuple(rod for rod, _ in self._tips(hand))
+        return RODS[self.hands[hand].instrument][hand]
 
     def _tips(self, hand: int) -> list[tuple[int, Floats]]:
         """Return the rods of a hand's instrument and where their tips are."""
         holder = self.hands[hand]
         if holder.instrument == "swab":
-            return [(2 * hand, holder.place)]
+            return [(self.rods_of(hand)[0], holder.place)]
         if holder.instrument == "dissector":
             # Closed jaws lie side by side, so that no strand is between them.
             apart = np.array([0.5 * holder.opening + 1.05 * JAW_RADIUS, 0.0, 0.0])
-            return [(2 * hand, holder.place - apart), (2 * hand + 1, holder.place + apart)]
+            left, right = self.rods_of(hand)
+            return [(left, holder.place - apart), (right, holder.place + apart)]
         return []
 
     def _withdraw(self, hand: int) -> None:
@@ -234,7 +249,7 @@ class BeddedDuct:
         """Advance by one tick; return whether anything has moved."""
         if self._still and all(hand.arrived for hand in self.hands):
             return False
-        self._reading = None
+        self._read_again()
         beam = self.beam
         for number, hand in enumerate(self.hands):
             hand.advance()
@@ -242,16 +257,20 @@ class BeddedDuct:
                 beam.lead(hand.node, hand.place)
             for rod, tip in self._tips(number):
                 beam.lead_rod(rod, tip)
-        before = beam.places.copy()
+        self._before[:] = beam.places
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
-        self._still = bool(np.abs(beam.places - before).max() <= STILL_MM)
+        farthest, parted = _changes(self._before, beam.places, beam.state.damage)
+        self._still = farthest <= STILL_MM
+        if parted != self.parted:
+            self.parted, self.freed = parted, beam.freed
         check = self.surface.check(beam, self.threshold)
-        self._station = check.station
-        self._share = check.total_stress / self.threshold
-        self._peak = max(self._peak, self._share)
-        if self._share > 1.0 and self.torn is None:
+        self.station = check.station
+        self.share = check.total_stress / self.threshold
+        self._peak = max(self._peak, self.share)
+        if self.share > 1.0 and self.torn is None:
             self.torn = check
             self.torn_element = beam.tear(beam.worst_stress().station)
+            self.parted, self.freed = beam.parted, beam.freed
             for number in range(HANDS):  # a duct in two slips off what holds it
                 self.release(number)
         return True
@@ -262,22 +281,33 @@ class BeddedDuct:
             self._reading = self._read()
         return self._reading
 
+    @property
+    def forces(self) -> Floats:
+        """(HANDS, 3) of each hand on duct or strands, N."""
+        if self._forces is None:
+            beam = self.beam
+            self._forces = np.zeros((HANDS, 3))
+            for number, hand in enumerate(self.hands):
+                if hand.node is not None:
+                    self._forces[number] = beam.hand_force(hand.node)
+                for rod in self.rods_of(number):
+                    self._forces[number] += beam.rod_force(rod)
+        return self._forces
+
+    def _read_again(self) -> None:
+        self._reading: BedReading | None = None
+        self._forces: Floats | None = None
+
     def _read(self) -> BedReading:
         beam = self.beam
-        forces = np.zeros((HANDS, 3))
-        for number, hand in enumerate(self.hands):
-            if hand.node is not None:
-                forces[number] = beam.hand_force(hand.node)
-            for rod, _ in self._tips(number):
-                forces[number] += beam.rod_force(rod)
         return BedReading(
             strands=beam.strands.count,
-            parted=beam.parted,
-            freed=beam.freed,
-            stress_share=self._share,
-            station=self._station,
+            parted=self.parted,
+            freed=self.freed,
+            stress_share=self.share,
+            station=self.station,
             peak_share=self._peak,
-            forces=forces,
+            forces=self.forces,
             held=tuple(hand.node is not None for hand in self.hands),
             books=beam.books,
             torn_at=None if self.torn is None else self.torn.station,
@@ -308,3 +338,15 @@ class BeddedDuct:
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""
         return self.surface.move(self.beam, out, piece, self.torn_element)
+
+
+@njit(cache=True, nogil=True)
+def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int]:
+    """Return how far the node has moved that moved farthest, mm, and how many strands parted."""
+    farthest, parted = 0.0, 0
+    for n in range(places.shape[0]):
+        for i in range(3):
+            farthest = max(farthest, abs(places[n, i] - before[n, i]))
+    for i in range(damage.shape[0]):
+        parted += damage[i] >= 1.0
+    return farthest, parted

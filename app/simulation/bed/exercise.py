@@ -190,7 +190,7 @@ class BedTrial(Trial[BeddedDuct]):
 
     def _follow(self, duct: BeddedDuct) -> None:
         """Note how fast the hands move, and of the one that pulls hardest force and place."""
-        forces = duct.reading().forces
+        forces = duct.forces
         pulled = -1
         for hand, holder in enumerate(duct.hands):
             way = holder.place - self._places[hand]

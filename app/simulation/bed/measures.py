@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading
+from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 
@@ -87,14 +87,14 @@ class DissectionMeasureTaker:
         """Start on a duct at rest, whose bed may be opened already."""
         self._duct = duct
         self._damage = duct.beam.damage.copy()
-        self._before = self._parted = duct.beam.parted
+        self._before = self._parted = duct.parted
         self._books = duct.beam.books
-        self._places = np.array([hand.place for hand in duct.hands])
+        self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
 
     def _measure_freed(self) -> None:
-        self.freed = self._duct.beam.freed
+        self.freed = self._duct.freed
         self._parted_by_rods = self._duct.beam.parted_by_rods
         self.stretches = self._duct.freed_stretches()
 
@@ -102,22 +102,21 @@ class DissectionMeasureTaker:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self._duct
-        reading = duct.reading()
-        share = reading.stress_share
+        share = duct.share
         if share > self.peak:
-            self.peak, self.peak_station = share, reading.station
+            self.peak, self.peak_station = share, duct.station
         self._above_half += share > 0.5
         growth = (share - self._shares[-1]) / RATE_SECONDS
         if growth > 0.0:
             self.soonest = min(self.soonest, max(1.0 - share, 0.0) / growth)
         self._shares = (share, *self._shares[:-1])
         self._torn = duct.torn
-        self._take_forces(reading.forces)
+        self._take_forces(duct.forces)
         if moved:
-            self._take_work(reading)
+            self._take_work(duct.forces.tolist())
             self._duct_energy = max(self._duct_energy, duct.beam.stored_in_beam)
-            if reading.parted > self._parted:
-                self._parted = reading.parted
+            if duct.parted > self._parted:
+                self._parted = duct.parted
                 self._take_parted()
                 self._measure_freed()
 
@@ -135,25 +134,28 @@ class DissectionMeasureTaker:
                 self._pulled += size
                 self._turned += size * math.acos(min(max(float(force[2]) / size, -1.0), 1.0))
 
-    def _take_work(self, reading: BedReading) -> None:
+    def _take_work(self, forces: list[list[float]]) -> None:
         """Divide the tick's work, as it is in the books, between the hands."""
         # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
         # both do the same, in proportion to force times way of each.
-        duct, books = self._duct, reading.books
+        duct, books = self._duct, self._duct.beam.books
         swept = books.rod_work - self._books.rod_work
         held = books.work - self._books.work - swept
         self._books = books
-        places = np.array([hand.place for hand in duct.hands])
-        shares = np.abs((reading.forces * (places - self._places)).sum(axis=1))
+        places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
+        shares = [
+            abs(f[0] * (a[0] - b[0]) + f[1] * (a[1] - b[1]) + f[2] * (a[2] - b[2]))
+            for f, a, b in zip(forces, places, self._places, strict=True)
+        ]
         self._places = places
         # The books are a step behind: a hand that has just let go still gets its last share.
         holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
         sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
         self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
-            total = sum(float(shares[i]) for i in hands)
+            total = sum(shares[i] for i in hands)
             for i in hands:
-                part = float(shares[i]) / total if total > 0.0 else 1.0 / len(hands)
+                part = shares[i] / total if total > 0.0 else 1.0 / len(hands)
                 self._work[i] += part * work
 
     def _take_parted(self) -> None:

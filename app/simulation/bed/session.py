@@ -6,6 +6,7 @@ next tick. Places are mm in the duct's frame (`app.simulation.bed.hand`).
 """
 
 import copy
+import math
 from threading import RLock
 
 import numpy as np
@@ -100,12 +101,16 @@ class BedSession:
         """Lead a hand's tip to a place, (3,) mm."""
         with self._lock:
             wanted = np.asarray(place, dtype=np.float64)
-            if not (0 <= hand < HANDS and wanted.shape == (3,) and np.all(np.isfinite(wanted))):
+            if not (0 <= hand < HANDS and wanted.shape == (3,)):
                 return
-            wanted = np.clip(wanted, *self._reach)
-            if wanted.tolist() != self.duct.hands[hand].target.tolist():
-                self.duct.move_hand(hand, wanted)
-                self.run.note(hand, "move", *wanted.tolist())
+            x, y, z = wanted.tolist()
+            if not all(map(math.isfinite, (x, y, z))):
+                return
+            x = min(max(x, -REACH), self._span + REACH)
+            y, z = min(max(y, -REACH), REACH), min(max(z, -REACH), REACH)
+            if [x, y, z] != self.duct.hands[hand].target.tolist():
+                self.duct.move_hand(hand, np.array([x, y, z]))
+                self.run.note(hand, "move", x, y, z)
 
     def release(self, hand: int) -> None:
         """Let go of the duct."""
@@ -254,10 +259,6 @@ class BedSession:
         dissection = Dissection.of(self._organ, preset)
         self.duct = BeddedDuct(dissection, bed, seed=bed_seed, threshold=threshold)
         self.run = DissectionRun()
-        self._reach = (
-            np.array([-REACH, -REACH, -REACH]),
-            np.array([self._span + REACH, REACH, REACH]),
-        )
         self._torn_ticks = 0
         self.drawn.follow(self.duct.dissection)
 

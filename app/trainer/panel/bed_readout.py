@@ -1,8 +1,7 @@
 """The read-out of a duct in its bed: distance to break in large, what is freed, and the cost."""
 
 import html
-
-import numpy as np
+import math
 
 from app.simulation import Spread
 from app.simulation.bed import BedReading, BedSession
@@ -42,7 +41,7 @@ def bed_phase(reading: BedReading) -> str:
 def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None = None) -> str:
     """Return the read-out as HTML."""
     torn = reading.torn_at is not None
-    forces = np.linalg.norm(reading.forces, axis=1)
+    forces = [math.hypot(*force) for force in reading.forces.tolist()]
     books, peak = reading.books, min(reading.peak_share, 1.0)
     # The first touch is all stretch: no share is told of less than a hundredth of a millijoule.
     economy = books.dissipated / books.work if books.work > 0.01 else None
@@ -52,7 +51,7 @@ def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None
             cell(term("Strands parted", PARTED), f"{reading.parted}", f"of {reading.strands}"),
             cell(term("Peak", PEAK), f"{100.0 * peak:.0f}", "% of break"),
             *(
-                cell(term(hand, FORCE), figure(float(force)), "N")
+                cell(term(hand, FORCE), figure(force), "N")
                 for hand, force in zip(HANDS, forces, strict=True)
             ),
             cell(

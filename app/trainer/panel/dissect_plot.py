@@ -19,13 +19,14 @@ from app.trainer.panel.plots import (
     key_html,
     line,
 )
+from app.trainer.viser_bridge import set_plot
 
 __all__ = ["DissectPlot"]
 
 SECONDS = 20.0
 """Length of the plot, s."""
-MOST_POINTS = 220
-"""Points kept: some more than a panel shows that is updated ten times a second."""
+MOST_POINTS = 110
+"""Points kept: some more than a panel shows that is updated five times a second."""
 ABOVE = 1.08
 """Height of an axis over its largest figure."""
 IDLE_SECONDS = 1.0
@@ -89,7 +90,7 @@ class DissectPlot:
                 rows[0, -1] = run.seconds - TICK_SECONDS
             rows[:, :-1] = rows[:, 1:]
             rows[0, -1] = run.seconds
-            rows[1:-2, -1] = np.linalg.norm(reading.forces, axis=1)
+            rows[1:-2, -1] = [math.hypot(*force) for force in reading.forces.tolist()]
             rows[-2, -1] = 100.0 * max(0.0, reading.distance_to_break)
             rows[-1, -1] = math.nan if exercise is None else 100.0 * (1.0 - exercise.share_limit)
         self._draw()
@@ -121,7 +122,7 @@ class DissectPlot:
         if top != self._top:
             self._top = top
             self._chart.scales = _scales(top)
-        self._chart.data = (drawn[0] - now, *drawn[1:])
+        set_plot(self._chart, (drawn[0] - now, *drawn[1:].copy()))
         set_if_changed(self._key, content=self._keys[bool(np.isfinite(drawn[-1, -1]))])
 
 

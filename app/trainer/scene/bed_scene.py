@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -123,7 +122,7 @@ class BedScene(DuctOnStage[BedSession]):
             return (organ_place - self._first) @ dissection.frame
 
         station = None if hold.station is None else hold.station - dissection.clamps[0]
-        return replace(hold, station=station, start=place(hold.start), place=place(hold.place))
+        return Hold(station, place(hold.start), place(hold.place), hold.hand)
 
     def _values(self, colours: Colours) -> list[NDArray[np.float32]]:
         """Return what each surface's vertices are coloured by, 0 to 1."""
@@ -195,17 +194,17 @@ class BedScene(DuctOnStage[BedSession]):
                 for number in range(HANDS)
             ]
         frame = self._session.duct.dissection.frame
-        sizes = np.sqrt((reading.forces**2).sum(axis=1))
-        at_break = float(sizes.max()) / max(reading.stress_share, LEAST_SHARE)
+        sizes = [math.hypot(*force) for force in reading.forces.tolist()]
+        at_break = max(sizes) / max(reading.stress_share, LEAST_SHARE)
         hands = self._session.duct.hands
         for arrow, hand, force, size in zip(
             self._arrows, hands, reading.forces, sizes, strict=True
         ):
-            arrow.visible = wanted = bool(figures and size > LEAST_FORCE)
+            arrow.visible = wanted = figures and size > LEAST_FORCE
             if wanted:
-                way = frame @ force
-                foot = self._first + frame @ hand.place + ARROW_FOOT * stage.radius / size * way
-                arrow.show(foot, way, at_break=at_break)
+                out = ARROW_FOOT * stage.radius / size * force
+                foot = self._first + frame @ (hand.place + out)
+                arrow.show(foot, frame @ force, at_break=at_break)
 
     def _offer_instruments(self, hand: DragProxy) -> None:
         for number, drawn in enumerate(self._instruments):

@@ -5,8 +5,9 @@ inside it follows it instead, and others are about the instruments.
 """
 
 import asyncio
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.solids import Solid, grid_faces
 from app.trainer.viser_bridge import stream
+from kernel_cache import njit
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]
@@ -58,7 +60,7 @@ class _Tube:
 
     def follow(self, vertices: NDArray[np.float32]) -> None:
         self._vertices = vertices  # which each frame overwrites
-        if np.abs(vertices[self._drawn] - self._at).max() > SLACK:
+        if _farther(vertices, self._drawn, self._at, SLACK):
             stream(self.mesh, "vertices", self._places(vertices))
 
     def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -82,6 +84,21 @@ class _Tube:
         segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
         before, after = self.stations[segment : segment + 2].tolist()
         return Hold(before + float(part[segment]) * (after - before), grip, place)
+
+
+@njit(cache=True, nogil=True)
+def _farther(
+    places: NDArray[np.float32],
+    numbers: NDArray[np.int64],
+    from_: NDArray[np.float32],
+    slack: float,
+) -> bool:
+    """Return whether one of these places has moved farther along an axis."""
+    for n in range(numbers.shape[0]):
+        for i in range(3):
+            if abs(places[numbers[n], i] - from_[n, i]) > slack:
+                return True
+    return False
 
 
 class DragProxy:
@@ -190,9 +207,9 @@ class DragProxy:
         @mesh.on_drag(button, modifier=modifier)
         async def _(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             nonlocal begun, at, into
-            hand = np.asarray(event.end_position, np.float64)
-            if not np.isfinite(hand).all():
+            if not all(map(math.isfinite, event.end_position)):
                 return
+            hand = np.array(event.end_position, np.float64)
             if event.phase == "start":
                 into = depth != self.swapped
                 going_on = self._hold if self._ending is not None and into != self._depth else None
@@ -214,7 +231,7 @@ class DragProxy:
                     place = at + (self._into_picture(moved) if into else moved)
                 else:
                     place = self._place_of(hand, held.start)
-                self._hold = replace(held, place=place)
+                self._hold = Hold(held.station, held.start, place, held.hand)
                 if event.phase != "end":
                     self._moved(self._hold)
                 elif self._in_screen:

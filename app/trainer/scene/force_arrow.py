@@ -1,5 +1,7 @@
 """A hand's force: an arrow with a number where it pulls."""
 
+import math
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -36,12 +38,13 @@ class ForceArrow(Drawn):
         self, foot: NDArray[np.float64], force: NDArray[np.float64], *, at_break: float
     ) -> None:
         """Draw a force, (3,) N, from its foot, (3,) mm; `at_break`, N, sets the scale."""
-        size = float(np.linalg.norm(force))
+        size = math.hypot(*force.tolist())
         length = self._length * min(size / at_break, 1.5) if at_break > 0.0 else 0.0
         drawn = self._visible and size > 0.0
         if drawn:
             tip = foot + force * (max(length, 0.3 * self._length) / size)
             stream(self._arrow, "points", np.array([[foot, tip]], np.float32))
-            place_node(self._label, tip)
+            place_node(self._label, *tip.tolist())
             stream(self._label, "text", f"{size:.2f} N")
-        self._arrow.visible = self._label.visible = drawn
+        if drawn != self._arrow.visible:
+            self._arrow.visible = self._label.visible = drawn

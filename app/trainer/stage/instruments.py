@@ -125,7 +125,8 @@ class DrawnInstrument:
 
     def show(self, hand: Hand, *, sunk: float = 0.0) -> None:
         """Draw it where the hand has it, a hook `sunk` into the wall, mm."""
-        place_node(self._node, hand.place + np.array([0.0, 0.0, sunk]))
+        x, y, z = hand.place.tolist()
+        place_node(self._node, x, y, z + sunk)
         if self._jaws is not None:
             self._jaws.open(hand.opening + GAP * self._jaws.radius)
         holds = hand.node is not None

@@ -1,5 +1,6 @@
 """The stage: everything static around the duct, on one client's scene."""
 
+import math
 import time
 from typing import Literal
 
@@ -177,11 +178,11 @@ class Stage:
         if way.tolist() != self._hook_direction.tolist():
             turn = hook_wxyz(direction)
         place = np.array(point, np.float64)
-        if place.shape != (3,) or not np.isfinite(place).all():
-            raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
         if radius is not None:
             place -= (radius - self.radius) * way
-        place_node(self._hook, place)
+        if place.shape != (3,) or not all(map(math.isfinite, place.tolist())):
+            raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
+        place_node(self._hook, *place.tolist())
         if turn is not None:
             self._hook.wxyz = turn
             self._hook_direction = way.copy()

@@ -15,8 +15,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.viser_bridge import run_in_page, stream
-from kernel_cache import njit
+from app.trainer.viser_bridge import hand_over, run_in_page
+from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 
 __all__ = ["NUMBERS", "PARTED", "DrawnStrands", "StrandsInBed", "film_pairs", "write_strands"]
@@ -100,10 +100,10 @@ class DrawnStrands:
 
     def send(self, numbers: NDArray[np.float32]) -> None:
         """Draw the strands by new numbers, if that can be seen to differ."""
-        sent = self._sent.reshape(-1)[: numbers.size]
-        if np.abs(numbers - sent).max() > LEAST_CHANGE:
-            sent[:] = numbers
-            stream(self._mesh, "vertices", self._sent)
+        if _differ(numbers, self._sent.reshape(-1)):
+            self._sent = np.zeros(self._sent.shape, np.float32)
+            self._sent.reshape(-1)[: numbers.size] = numbers
+            hand_over(self._mesh, "vertices", self._sent)
 
     def remove(self) -> None:
         """Remove them from the scene."""
@@ -167,7 +167,7 @@ def write_strands(
     if out is None:
         out = np.zeros(s.rods.size + NUMBERS * beam.strands.count, np.float32)
     out[: s.rods.size] = s.rods.reshape(-1)
-    _write(s, aside, out[s.rods.size :])
+    _WRITE(s, aside, out[s.rods.size :])
     return out
 
 
@@ -181,6 +181,15 @@ def film_pairs(along: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArra
             near = np.diff(along[band]) <= FILM_WIDTH
             pairs.append(np.stack([band[:-1], band[1:]], axis=1)[near])
     return np.concatenate(pairs)
+
+
+@njit(cache=True, nogil=True)
+def _differ(numbers: NDArray[np.float32], sent: NDArray[np.float32]) -> bool:
+    """Return whether the numbers differ from those sent, which some more may follow."""
+    largest = np.float32(0.0)
+    for i in range(numbers.shape[0]):
+        largest = max(largest, abs(numbers[i] - sent[i]))
+    return bool(largest > LEAST_CHANGE)
 
 
 @njit(cache=True, nogil=True)
@@ -210,6 +219,9 @@ def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32
             elongation = length - s.strand[kernels.LENGTH, i]
             row = kernels.PART if elongation > 0.0 else kernels.LENGTH
             out[at + 3] = elongation / s.strand[row, i]
+
+
+_WRITE = SameTypes(_write)
 
 
 def _text(numbers: NDArray[np.generic]) -> str:

@@ -16,7 +16,7 @@ from app.trainer.viser_bridge import watch_pace
 
 __all__ = ["ModeView"]
 
-PANEL_SECONDS = 0.1
+PANEL_SECONDS = 0.2
 """s, shortest time between updates of the panel: faster changes of a figure cannot be read."""
 LEAST_PICTURES = 5.0
 """Frames per second below which a page gets the simple picture."""

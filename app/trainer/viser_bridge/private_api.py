@@ -40,11 +40,13 @@ __all__ = [
     "PAGE_MESSAGES",
     "close_page",
     "connection_of",
+    "hand_over",
     "page_number",
     "page_of",
     "place_node",
     "queue_script",
     "read_icons",
+    "set_plot",
     "start_server",
     "stop_server",
     "stream",
@@ -374,24 +376,72 @@ def _fields(kind: type[Any]) -> list[tuple[str, Any, type | None]]:
 
 def stream(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> None:
     """Send a text, or a copy of an array, of a scene node if it differs, as assigning does."""
+    before = getattr(node._impl.props, name)  # pyright: ignore[reportPrivateUsage]
+    if not (before == value if isinstance(value, str) else np.array_equal(before, value)):
+        hand_over(node, name, value if isinstance(value, str) else value.copy())
+
+
+def hand_over(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> None:
+    """Send a text or an array of a scene node, which nobody writes to from now on."""
     state = node._impl  # pyright: ignore[reportPrivateUsage]
     if state.removed:
         raise RuntimeError(f"{state.name} has been removed")
-    before = getattr(state.props, name)
-    if not (before == value if isinstance(value, str) else np.array_equal(before, value)):
-        sent = value if isinstance(value, str) else value.copy()
-        setattr(state.props, name, sent)
-        node._queue_update(name, sent)  # pyright: ignore[reportPrivateUsage]
+    setattr(state.props, name, value)
+    message = _messages.SceneNodeUpdateMessage(state.name, {name: value})
+    _queue(state, message, f"scene:{state.name}:update:{name}")
 
 
-def place_node(node: viser.SceneNodeHandle, place: NDArray[np.float64]) -> None:
-    """Send where a scene node is, (3,), if it differs: as assigning does, in less time."""
+def place_node(node: viser.SceneNodeHandle, x: float, y: float, z: float) -> None:
+    """Send where a scene node is if it differs: as assigning does, in less time."""
     state = node._impl  # pyright: ignore[reportPrivateUsage]
-    x, y, z = place.tolist()
     if state.position.tolist() != [x, y, z]:
-        state.position[:] = place
+        state.position[:] = x, y, z
         message = _messages.SetPositionMessage(state.name, (x, y, z))
-        state.api._queue_scene_message(message)  # pyright: ignore[reportPrivateUsage]
+        _queue(state, message, f"scene:{state.name}:update:SetPositionMessage")
+
+
+def _queue(
+    state: Any,
+    message: _messages.SceneNodeUpdateMessage | _messages.SetPositionMessage,
+    key: str,
+) -> None:
+    """Queue an update of a scene node under its `redundancy_key`, as viser does in more time."""
+    message.owner = state.api._owner_id
+    object.__setattr__(message, "_cached_redundancy_key", key)
+    interface = state.api._websock_interface
+    buffer: AsyncMessageBuffer = interface.get_message_buffer()
+    with interface._record_lock:
+        if not buffer.done and not interface._record_handles:
+            with buffer.buffer_lock:
+                if buffer.atomic_counter:  # the block's end wakes who sends
+                    _push(buffer, message, key)
+                    return
+        interface.queue_message(message)
+
+
+def _push(buffer: AsyncMessageBuffer, message: Any, key: str) -> None:
+    """Add an update of a scene node, in place of an older one; the buffer is locked."""
+    numbers, of_node = buffer.id_from_redundancy_key, buffer.ids_from_entity_state_key
+    before = numbers.get(key)
+    if before is not None:
+        buffer.pop_message_locked(before)
+    number = buffer.message_counter
+    buffer.message_counter = number + 1
+    buffer.message_from_id[number], numbers[key] = message, number
+    node = "scene", message.name
+    if node in of_node:
+        of_node[node].add(number)
+    else:
+        of_node[node] = {number}
+
+
+def set_plot(plot: viser.GuiUplotHandle, data: tuple[NDArray[np.float64], ...]) -> None:
+    """Send the data of a plot, which nobody writes to from now on: as assigning does."""
+    state = cast(Any, plot)._impl
+    if state.removed:
+        raise RuntimeError("the plot has been removed")
+    state.props.data = data
+    plot._queue_update("data", data)  # pyright: ignore[reportPrivateUsage]
 
 
 def stop_server(server: viser.ViserServer) -> None:
