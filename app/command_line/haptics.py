@@ -88,6 +88,8 @@ def haptics(
     """
     if sum((serve_virtual, device is not None, replay is not None)) != 1:
         raise ValueError("give one of --serve-virtual, --device and --replay")
+    if device is None and not (seconds is None and report is None and record is None):
+        raise ValueError("--seconds, --report and --record are of a run with --device")
     if serve_virtual:
         _serve(address, hand)
         return

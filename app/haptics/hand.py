@@ -14,7 +14,8 @@ __all__ = ["HandScript", "SimulatedHand", "SimulatedHardware", "Waypoint", "read
 MOST_BYTES = 1_000_000
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
-Place = tuple[float, float, float]
+Along = Annotated[float, Meta(ge=-1e4, le=1e4)]
+Place = tuple[Along, Along, Along]
 
 
 class SimulatedHardware(Struct, frozen=True, forbid_unknown_fields=True):

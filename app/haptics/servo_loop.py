@@ -11,8 +11,8 @@ of the forces along r_2, the rule being exact then for forces that change by a p
     a = r_1 . r_2 / |r_2|,  b = |r_2|,  D = [(F_2 - F_1)/b - (F_1 - F_0)/a] / (a + b)
     W_2 = [(F_1 + F_2)/2 - D b^2/6] . r_2
 
-unless the hands turned by more than 60 degrees between the two, where their steps are short, or the
-duct tore.
+unless the hands turned by more than 60 degrees between the two, where their steps are short, a hook
+came to the duct or off it, or the duct tore. A hook that the duct lies above begins where that is.
 """
 
 import math
@@ -43,8 +43,11 @@ hand without states for some periods is caught up with in such steps."""
 
 # Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets
 # of the hooks, mm: where those ways began, now, a period ago, and on the way between; then of the
-# model's last step: how far the hands drew, mm, forces at its beginning and a step before, N.
-PLACE, ORIGIN, LED_FROM, LED, LED_BEFORE, LED_NOW, DRAWN, PULLED, PULLED_BEFORE, ROWS = range(10)
+# model's last step: how far the hands drew, mm, forces at its beginning and a step before, N, and
+# where the hooks were, mm.
+PLACE, ORIGIN, LED_FROM, LED, LED_BEFORE, LED_NOW, DRAWN, PULLED, PULLED_BEFORE, HOOKED, ROWS = (
+    range(11)
+)
 ALONG = 0.5
 """Cosine between two steps of the hands up to which the second goes on from the first."""
 
@@ -109,6 +112,7 @@ def _book(
     ways: Array,
     forces: Array,
     elastic: Array,
+    hooks: Array,
     held: NDArray[np.bool_],
     stride: int,
     strides: int,
@@ -127,17 +131,21 @@ def _book(
             was = ways[LED_BEFORE, h, j]
             now = was + stride / strides * (ways[LED, h, j] - was)
             was += (stride - 1) / strides * (ways[LED, h, j] - was)
-            if not pushes:  # below rest, and aside, there is no force
-                was, now = (max(was, 0.0), max(now, 0.0)) if j == UP else (0.0, 0.0)
+            if not pushes:  # aside, and below where the duct is by itself, there is no force
+                was = max(was, ways[HOOKED, h, j]) if j == UP else 0.0
+                now = max(now, hooks[h, j]) if j == UP else 0.0
             way, before = now - was if held[h] else 0.0, ways[DRAWN, h, j]
             ahead += way * way
             behind += before * before
             along += way * before
             ways[LED_NOW, h, j] = way
     if ahead == 0.0 and not pushes and np.array_equal(ways[PULLED], forces):
-        return  # nobody has moved: the next step goes on from the one before
+        return  # nobody draws: the next step goes on from the one before
     ahead, behind = math.sqrt(ahead), math.sqrt(behind)
     goes_on = not pushes and along > ALONG * ahead * behind
+    for h in range(ways.shape[1]):  # a hook that comes or goes changes all forces
+        first, last = ways[PULLED, h, UP], elastic[h, UP]
+        goes_on &= (first > 0.0) == (last > 0.0) == (ways[PULLED_BEFORE, h, UP] > 0.0)
     for h in range(ways.shape[1]):
         for j in range(3):
             first, last, way = ways[PULLED, h, j], elastic[h, j], ways[LED_NOW, h, j]
@@ -151,6 +159,7 @@ def _book(
             ways[DRAWN, h, j] = way if forces[h, j] == elastic[h, j] else 0.0
             ways[PULLED_BEFORE, h, j] = first
             ways[PULLED, h, j] = forces[h, j]
+            ways[HOOKED, h, j] = hooks[h, j]
 
 
 @njit(cache=True, nogil=True)
@@ -158,6 +167,7 @@ def _settle(
     ways: Array,
     forces: Array,
     elastic: Array,
+    hooks: Array,
     held: NDArray[np.bool_],
     strides: int,
     hands: int,
@@ -172,7 +182,7 @@ def _settle(
     figures: Array,
 ) -> None:
     """Book the model's last step and find the forces of the next period."""
-    _book(ways, forces, elastic, held, strides, strides, hands, pushes, works)
+    _book(ways, forces, elastic, hooks, held, strides, strides, hands, pushes, works)
     ways[LED_BEFORE] = ways[LED]
     regulate(
         ways[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
@@ -288,13 +298,13 @@ class ServoLoop:
         # A hand that was lost for some periods is followed along its way.
         for stride in range(1, strides):
             model.step(self._led_now, held)
-            _book(ways, model.forces, model.elastic_forces, held, stride, strides, hands,
-                  model.pushes, self._works)  # fmt: skip
+            _book(ways, model.forces, model.elastic_forces, model.hooks, held, stride, strides,
+                  hands, model.pushes, self._works)  # fmt: skip
             _stride(ways, (stride + 1) / strides)
         model.step(self._led_now, held)
         _settle(
-            ways, model.forces, model.elastic_forces, held, strides, hands, model.pushes,
-            self._works, model.stored + model.spent, self.settings.scale,
+            ways, model.forces, model.elastic_forces, model.hooks, held, strides, hands,
+            model.pushes, self._works, model.stored + model.spent, self.settings.scale,
             live and not self.ended, *regulator.state,
         )  # fmt: skip
 

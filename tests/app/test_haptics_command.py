@@ -98,6 +98,7 @@ def test_a_service_that_goes_away_is_an_error_with_a_report(tmp_path: Path) -> N
         (["--device", "virtual", "--second-at", "3"], "give --second"),
         (["--device", "virtual", "--second", "9", "--second-at", "nan"], "says how far"),
         (["--device", "haply", "--address", "http://a"], "ws://127.0.0.1:10001"),
+        (["--serve-virtual", "--seconds", "3"], "of a run with --device"),
         (["--replay", "none.json"], "cannot read none.json"),
         (["--device", "virtual", "--report", "no/folder/r.json"], "no folder"),
     ],

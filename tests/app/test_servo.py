@@ -350,6 +350,24 @@ def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
     assert model.torn
 
 
+@pytest.mark.parametrize(("second", "later"), [(29.0, 0.2), (37.0, 0.3), (31.0, -0.2)])
+def test_the_work_of_two_hands_is_stored_to_a_millionth(second: float, later: float) -> None:
+    loop = ServoLoop(choice(Exact(), 15.0, second).felt(1.0), LoopSettings(), LIMITS, 2)
+    worst = peak = 0.0
+    for period in range(
+        1200
+    ):  # each of them comes to the duct and off it while the other one moves
+        times = np.maximum(1e-3 * period - np.array([max(-later, 0.0), max(later, 0.0)]), 0.0)
+        heights = np.array([6.0, 4.0]) * np.sin(np.pi * times * np.array([1.1, 0.9]))
+        places = np.rint(1e-3 / PLACE_UNIT * heights).astype(np.int64)
+        loop.step(np.array([[0, 0, place] for place in places]), [FRESH | LIVE] * 2)
+        work = float(loop.regulator.books[MODELLED])
+        peak = max(peak, work)
+        worst = max(worst, abs(work - loop.model.stored))
+    assert peak > 1.0
+    assert worst < 1e-6 * peak
+
+
 def in_bed(bed: str = "firm", second: float | None = None) -> DuctChoice:
     return DuctChoice.of(DUCT, None, Cubic(), None, second, bed=bed_named(bed))
 

@@ -252,6 +252,8 @@ def test_a_hand_is_read_from_its_file_or_refused_by_name(tmp_path: Path) -> None
         ("[hand]\nstiffness = 1\n", "stiffness"),
         ("[device]\nmass_kg = 0\n", "mass_kg"),
         ("[device]\nmass_kg = nan\n", "mass_kg"),
+        ("[device]\nstart_m = [0, 0, inf]\n", "start_m"),
+        ("[[path]]\ntime_s = 1\noffset_mm = [0, nan, 0]\n", "offset_mm"),
         ("[[path]]\ntime_s = 1\noffset_mm = [0,0,0]\n" * 2, "must grow"),
         ("[hand", "no hand"),
     ):
