@@ -18,7 +18,7 @@ from physics import Beam, Exact, break_of
 
 __all__ = ["measure_study"]
 
-ROWS, MANY = 10_240, 102_400
+ROWS, MANY = 10_240, 204_800
 """Rows of a study of seconds, and of one beside which the start of workers is short."""
 PEERS = 300
 """Rows that are solved one by one, for their rate."""

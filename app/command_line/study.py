@@ -94,10 +94,11 @@ def run(
         print(json.dumps(result))
         return
     kept = done.rows - done.solved
+    rate = f", {done.solved / max(seconds, 1e-9):,.0f} ducts a second"
     lines = [
         ("ducts", f"{done.rows:,}" + (f", {kept:,} of them from before" if kept else "")),
         ("faults", f"{done.faults:,} ducts could not be solved" if done.faults else "none"),
-        ("time", f"{seconds:.1f} s, {done.solved / max(seconds, 1e-9):,.0f} ducts a second"),
+        ("time", f"{seconds:.1f} s" + rate if done.solved else "none was left to solve"),
         ("results", result["results"]),
     ]
     for name, value in lines:

@@ -11,7 +11,8 @@ only. The plan stands beside them; a folder is gone on with by the same plan and
 import csv
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -141,14 +142,31 @@ class ResultsFolder:
         self.part(block).parent.mkdir(exist_ok=True)
         write_atomic(self.part(block), content)
 
-    def join(self, plan: Plan, blocks: int) -> None:
-        """Join the parts in order into one file, part by part."""
+    @contextmanager
+    def joining(self, plan: Plan, blocks: int) -> Generator[Callable[[], None]]:
+        """Give what joins the parts that are there in order; all are at the end."""
         about = {"plan": plan.text, "versions": study_versions(), "seed": plan.seed}
         unfinished = self.path / ".results.part"
-        schema = pq.read_schema(self.part(0)).with_metadata({KEY: json.dumps(about).encode()})
-        with pq.ParquetWriter(unfinished, schema, compression="zstd") as writer:
-            for block in range(blocks):
-                writer.write_table(pq.read_table(self.part(block)))
+        left = iter(range(blocks))
+        waiting = next(left, None)
+        writer: Any = None
+
+        def join() -> None:
+            nonlocal waiting, writer
+            while waiting is not None and self.part(waiting).exists():
+                table = pq.read_table(self.part(waiting))
+                if writer is None:
+                    schema = table.schema.with_metadata({KEY: json.dumps(about).encode()})
+                    writer = pq.ParquetWriter(unfinished, schema, compression="zstd")
+                writer.write_table(table)
+                waiting = next(left, None)
+
+        try:
+            yield join
+            join()
+        finally:
+            if writer is not None:
+                writer.close()
         unfinished.replace(self.table)
         shutil.rmtree(self.part(0).parent)
 
