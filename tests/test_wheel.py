@@ -119,12 +119,12 @@ def test_runs_where_nothing_else_of_ours_is(
             assert trainer.stdout is not None
             address = re.search(r"http://127\.0\.0\.1:\d+", trainer.stdout.readline())
             assert address is not None
-            with urlopen(f"{address[0]}/healthz", timeout=20) as answer:
+            with urlopen(f"{address[0]}/healthz", timeout=180) as answer:
                 assert answer.status == 200
-            with urlopen(address[0], timeout=20) as answer:
+            with urlopen(address[0], timeout=180) as answer:
                 assert b"<html" in answer.read().lower()
             trainer.send_signal(signal.SIGTERM)
-            assert trainer.communicate(timeout=30)[1] == ""
+            assert trainer.communicate(timeout=180)[1] == ""
             assert trainer.returncode == 0
         finally:
             trainer.kill()

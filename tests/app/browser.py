@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import pytest
@@ -28,6 +28,26 @@ from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 from app.trainer.view.dissect_view import DissectView
 from app.trainer.view.pull_view import PullView
+
+CAMERA = """() => {
+    const camera = window.__viserMutable.cameraControl, at = camera.camera.position.clone();
+    const world = window.__viserMutable.nodeRefFromName[''].matrixWorld.clone().invert();
+    const place = camera.camera.position.clone().applyMatrix4(world).toArray();
+    return [...place, ...camera.getTarget(at).applyMatrix4(world).toArray()];
+}"""
+RESTS = """() => new Promise(done => {
+    const camera = %s;
+    let before = [], same = 0;
+    const look = () => {
+        const now = camera();
+        same = now.every((x, k) => x === before[k]) ? same + 1 : 0;
+        before = now;
+        if (same > 20) done(now); else requestAnimationFrame(look);
+    };
+    look();
+})"""
+CAMERA_NEAR = 0.5
+"""mm: the picture's shape is told in whole pixels, and the camera follows it."""
 
 SWITCHES = [
     "--no-sandbox",
@@ -51,9 +71,11 @@ for (const name of ["drawArrays", "drawElements", "drawRangeElements", "drawArra
 drawing in software. All else of the page runs as it does for a user."""
 RADIUS = 4.445
 """Of the shipped duct as it is drawn, as thick as the thesis's bar, mm."""
-PATIENCE = 60_000
-"""ms: software rendering on two busy cores."""
+PATIENCE = 180_000
+"""ms: software rendering on two busy cores. It is waited for conditions, which mostly come at once:
+that a test waits for long is only seen when it fails."""
 expect.set_options(timeout=PATIENCE)
+ViewT = TypeVar("ViewT", PullView, DissectView)
 
 
 def chromium() -> Path:
@@ -106,6 +128,7 @@ def running_browser(*, drawing: bool) -> Iterator[Browser]:
 def new_context(browser: Browser, width: int = 1280, height: int = 800) -> BrowserContext:
     """Tabs that share nothing with others; they draw if the browser does."""
     context = browser.new_context(viewport={"width": width, "height": height})
+    context.set_default_timeout(PATIENCE)
     if browser is not _Shared.browsers.get(True):
         context.add_init_script(DRAWS_NOTHING)
     return context
@@ -153,7 +176,7 @@ def trainer_page(
     try:
         page.goto(f"{address}/?fixedDpr={dots:g}{query}")
         trainer = TrainerPage(page)
-        trainer.wait_for_node("skin", 3 * PATIENCE)  # it may be compiling yet
+        trainer.wait_for_node("skin")  # it may be compiling yet
         if not first_minute:
             trainer.start()
         yield trainer
@@ -182,9 +205,7 @@ def _empty_page(browser: Browser, width: int, height: int) -> Page:
             _Shared.idle.remove(page)
             page.set_viewport_size({"width": width, "height": height})
             return page
-    page = new_context(browser, width, height).new_page()
-    page.set_default_timeout(PATIENCE)
-    return page
+    return new_context(browser, width, height).new_page()
 
 
 def _leave(page: Page) -> None:
@@ -224,6 +245,74 @@ class TrainerPage:
         while not condition():
             assert time.monotonic() < end, "it has not come true in time"
             self.page.wait_for_timeout(50)
+
+    def eventually(self, check: Callable[[], object], seconds: float = PATIENCE / 1000) -> None:
+        """Repeat a check until it holds; at the end it says itself what is wrong.
+
+        Read-out and scene come in messages and are drawn by parts of the page that know nothing of
+        each other: what one shows is not yet what the other shows.
+        """
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                check()
+            except AssertionError:
+                if time.monotonic() > end:
+                    raise
+            else:
+                return
+            self.page.wait_for_timeout(50)
+
+    def camera(self) -> np.ndarray:
+        """(2, 3) where the page's camera is and what it looks at, mm on the stage."""
+        return np.array(self.page.evaluate(CAMERA)).reshape(2, 3)
+
+    def wait_for_camera(self, view: PullView | DissectView, *, free: bool = False) -> np.ndarray:
+        """Wait until the page shows the whole duct, and the trainer knows it; return `camera`.
+
+        Until a moment later the trainer would put a camera back that has moved: `free` waits for
+        that too.
+        """
+
+        def at_home() -> bool:
+            stage, told = view._scene._stage, view.client.camera
+            if stage is None or not stage._arrived:
+                return False
+            if stage._looked_around:  # so seems a page that sets its own camera only now
+                view.state.bring_home()
+                return False
+            left = time.monotonic() - stage._framed_at > stage._settling_time
+            place = self.camera()
+            wanted = stage._viewpoint(told.aspect)
+            return (
+                (left or not free)
+                and np.allclose(place, [wanted.position, wanted.look_at], atol=CAMERA_NEAR)
+                and np.allclose(place, [told.position, told.look_at], atol=1e-3)
+            )
+
+        self.wait_until(at_home)
+        return self.camera()
+
+    def rest(self) -> np.ndarray:
+        """Wait until the camera stands still from picture to picture; return `camera`."""
+        return np.array(self.page.evaluate(RESTS % CAMERA)).reshape(2, 3)
+
+    def wait_for_disabled(self, label: str) -> None:
+        """Wait until a slider takes nothing any more."""
+        thumb = self.row(label).locator("[role=slider]")
+        expect(thumb).to_have_attribute("aria-disabled", "true")
+
+    def aim(self, place: tuple[float, float]) -> None:
+        """Move the mouse to a pixel until the page has seen that it can take hold there."""
+
+        def seen() -> bool:
+            self.page.mouse.move(place[0] + 0.5, place[1])
+            self.page.mouse.move(*place)
+            return self.page.evaluate(
+                "() => getComputedStyle(window.__viserMutable.canvas).cursor === 'pointer'"
+            )
+
+        self.wait_until(seen)
 
     def open(self, tab: str) -> None:
         """Open a tab of the panel."""
@@ -300,8 +389,9 @@ class TrainerPage:
         field = row.locator("input:not([type=hidden])")
         field.fill(str(value))
         field.press("Enter")
-        # Of all fields together viser sends one value in 50 ms, the last: nobody types faster.
-        self.page.wait_for_timeout(60)
+        # Of all fields together viser sends one value in 50 ms, the last: nobody types faster. It
+        # is the page that counts them.
+        self.page.evaluate("() => new Promise(done => setTimeout(done, 60))")
 
     def figure(self, name: str) -> float:
         """A figure of the read-out, by its data attribute."""
@@ -318,16 +408,24 @@ class TrainerPage:
 
 def newest(trainer: Trainer) -> PullView:
     """What the client that came last sees of its pull."""
-    view = trainer._views[max(trainer._views)].view
-    assert isinstance(view, PullView)
-    return view
+    return _newest(trainer, PullView)
 
 
 def newest_dissection(trainer: Trainer) -> DissectView:
     """What the client that came last sees of its dissection."""
-    view = trainer._views[max(trainer._views)].view
-    assert isinstance(view, DissectView)
-    return view
+    return _newest(trainer, DissectView)
+
+
+def _newest(trainer: Trainer, kind: type[ViewT]) -> ViewT:
+    """Wait for the client's view: a page shows parts of it before the trainer has it whole."""
+    end = time.monotonic() + PATIENCE / 1000
+    while True:
+        number = max(trainer._server.get_clients(), default=None)
+        found = None if number is None else trainer._views.get(number)
+        if found is not None and isinstance(found.view, kind):
+            return found.view
+        assert time.monotonic() < end, f"the newest client shows {found and found.mode}"
+        time.sleep(0.02)
 
 
 def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:
@@ -401,7 +499,6 @@ class PlayerPage:
 
     def __init__(self, page: Page, path: Path) -> None:
         self.page = page
-        page.set_default_timeout(PATIENCE)
         page.add_init_script(DRAWN)
         page.goto(f"{path.as_uri()}?fixedDpr=1")
         page.locator("#about").wait_for()

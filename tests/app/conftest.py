@@ -9,6 +9,7 @@ from own_organ import tube_file
 from playwright.sync_api import Browser
 from simulated import phantom
 
+from app.compression.build_process import BuildProcess
 from app.trainer.server.trainer import Trainer
 
 __all__ = ["tube_file"]
@@ -30,7 +31,9 @@ def drawing_browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def trainer() -> Iterator[Trainer]:
     """The plain look; each page has a session of its own."""
-    running = Trainer(phantom(), port=0, look="plain", mode="pull")
+    running = Trainer(
+        phantom(), port=0, look="plain", mode="pull", build_process=BuildProcess(seconds=600.0)
+    )
     running.warm_up.wait("pull")
     yield running
     running.stop()

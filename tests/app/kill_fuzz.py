@@ -67,6 +67,7 @@ def main() -> None:
                     seen += 1
                     break
                 ended = os.waitpid(child, os.WNOHANG)[0] != 0
+                time.sleep(5e-4)  # leave the processor to what is watched
             if not ended:
                 os.kill(child, signal.SIGKILL)
                 os.waitpid(child, 0)

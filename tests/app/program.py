@@ -2,8 +2,10 @@
 
 import contextlib
 import io
+import random
 import re
 import shlex
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,6 +15,8 @@ import pytest
 
 from app.command_line import main
 
+LONGEST = 180.0
+"""s that a test waits for what comes in a moment, but on a machine that is slow and busy."""
 ENTRY = "from app.command_line import main; main()"
 """What the installed script runs."""
 
@@ -38,7 +42,7 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(line, status, out.getvalue(), err.getvalue())
 
 
-def run_process(*arguments: object, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+def run_process(*arguments: object, seconds: float = 600.0) -> subprocess.CompletedProcess[str]:
     """Run the program to its end in a process of its own."""
     return subprocess.run(
         command(*arguments), capture_output=True, text=True, timeout=seconds, check=False
@@ -54,6 +58,17 @@ def refused(arguments: Sequence[object]) -> str:
     assert len(lines) == 1, done.stderr
     assert lines[0].startswith("bluntdissect: ")
     return lines[0]
+
+
+def free_port() -> int:
+    """A port that nobody has, of those that the system gives nobody for a connection.
+
+    What a socket on port 0 was given may be given to another before it is used.
+    """
+    while True:
+        port = random.randrange(15_000, 30_000)
+        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            return port
 
 
 @contextlib.contextmanager

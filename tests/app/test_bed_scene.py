@@ -238,9 +238,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
-        for _ in range(600):
-            if connected:
-                break
+        while not connected:
             page.wait_for_timeout(100)
         session = BedSession(phantom(), vertices=600)
         drawn = BedScene(connected[0], session, "plain")
@@ -253,7 +251,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
             const parted = strands.parted.filter(at => !Number.isNaN(at)).length;
             return parted === {reading.parted};
         }}"""
-        page.wait_for_function(ready, timeout=60_000)
+        page.wait_for_function(ready)
         places = page.evaluate(
             "() => Array.from("
             "window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.position)"

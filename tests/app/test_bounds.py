@@ -14,7 +14,7 @@ import psutil
 import pytest
 import viser
 from hostile import ATTACKS, kept_share
-from program import refused
+from program import LONGEST, refused
 from test_guard import TOKEN, UPGRADE, Answer
 from viser._messages import CommandTriggerMessage, Message
 from websockets import Subprotocol
@@ -72,7 +72,7 @@ def page(server: viser.ViserServer, cookie: str = "") -> Any:
 
 def until(true: Callable[[], object]) -> None:
     """Wait for what happens soon on the server's event loop."""
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + LONGEST
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -82,7 +82,7 @@ def closed_with(opened: Any) -> int:
     """Return the code with which a server closes a connection."""
     try:
         while True:
-            opened.recv(timeout=20.0)
+            opened.recv(timeout=LONGEST)
     except ConnectionClosed as ended:
         return 0 if ended.rcvd is None else ended.rcvd.code
 
@@ -178,12 +178,12 @@ def test_no_traceback_is_a_page_s_doing_and_the_program_s_own_are_logged(
             for value in ("text", None, [1, 2], []):
                 opened.send(ENCODE(update | {"updates": {"value": value}}))
             until(server.get_clients)
-            assert opened.ping().wait(20.0)
+            assert opened.ping().wait(LONGEST)
             gc.collect()  # tasks tell their faults at their end
             assert not [each for each in caplog.records if each.exc_info]
             opened.send(ENCODE(update | {"updates": {"value": 0.5}}))
             until(lambda: slider.value == 0.5)
-            assert opened.ping().wait(20.0)
+            assert opened.ping().wait(LONGEST)
         until(lambda: gc.collect() >= 0 and "a fault of the program" in caplog.text)
 
 
@@ -209,7 +209,7 @@ def test_a_flood_waits_and_nothing_of_it_is_lost() -> None:
         with page(server) as opened:
             for number in range(450):
                 opened.send(ENCODE({"type": "CommandTriggerMessage", "uuid": str(number)}))
-            while len(came) < 450 and time.monotonic() < start + 60.0:
+            while len(came) < 450 and time.monotonic() < start + LONGEST:
                 time.sleep(0.05)
         assert came == [str(number) for number in range(450)]
         assert time.monotonic() - start >= 1.5  # of which 300 at once
@@ -270,14 +270,14 @@ def test_an_address_cannot_open_pages_without_end() -> None:
 
 
 def test_who_says_nothing_is_closed_and_who_speaks_is_not() -> None:
-    with bounded(silent_seconds=0.5) as (server, connections):
+    with bounded(silent_seconds=3.0) as (server, connections):
         with page(server) as silent, page(server) as speaking:
             speaking.send(ENCODE(CAMERA))
             plain = socket.create_connection(("127.0.0.1", server.get_port()))
             assert closed_with(silent) == 1008
             with plain:
                 assert plain.recv(1) == b""
-            assert speaking.ping().wait(20.0)
+            assert speaking.ping().wait(LONGEST)
             assert len(connections) == 1
         until(lambda: len(connections) == 0)
 
@@ -298,7 +298,7 @@ def test_silent_connections_keep_nobody_out() -> None:
         with page(server) as another:
             another.send(ENCODE(CAMERA))
             until(lambda: len(server.get_clients()) == 2)
-        assert speaking.ping().wait(20.0)
+        assert speaking.ping().wait(LONGEST)
 
 
 def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
@@ -323,7 +323,7 @@ def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
             assert connections.upload_bytes == 6000
             two.send(ENCODE(PART | {"part_index": 0}))
             two.send(ENCODE(PART | {"part_index": 0.9, "content": b""}))  # which is again the first
-            assert two.ping().wait(20.0)
+            assert two.ping().wait(LONGEST)
             assert connections.upload_bytes == 6000
             two.send(ENCODE(PART | {"part_index": 1}))
             until(lambda: connections.upload_bytes == 4000)
@@ -332,7 +332,7 @@ def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
                     wrongs.send(ENCODE(START | {"size_bytes": 2000, "transfer_uuid": "w"}))
                     wrongs.send(ENCODE(PART | {"transfer_uuid": "w"} | wrong))
                     assert closed_with(wrongs) == 1008
-            assert one.ping().wait(20.0)
+            assert one.ping().wait(LONGEST)
         until(lambda: connections.upload_bytes == 0)
     finally:
         stop_server(server)
@@ -350,8 +350,9 @@ def test_a_page_keeps_its_frames_whatever_another_does(served: str, attack: str)
     # Of what is not bounded a page has kept a thirtieth. `make soak` measures the share.
     with ThreadPoolExecutor(1) as pool:
         share = 0.0
-        for _ in range(3):
-            share = pool.submit(kept_share, served, attack).result()
+        for seconds in (3.0, 6.0, 12.0):
+            with suppress(RuntimeError):  # a machine so busy that no frame came in peace either
+                share = pool.submit(kept_share, served, attack, seconds).result()
             if share >= 1.0 / 3.0:
                 return
     raise AssertionError(f"its share of frames during {attack}: {share:.2f}")

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from made import dead, doubled, forever, large, missing, refused
 from own_organ import phantom_start
+from program import LONGEST
 
 from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.organ_workbench import OrganWorkbench, PromiseRefusedError
@@ -85,9 +86,9 @@ def test_stop_ends_what_is_being_made() -> None:
 
     thread = threading.Thread(target=make)
     thread.start()
-    assert begun.wait(60.0)
+    assert begun.wait(LONGEST)
     own.stop()
-    thread.join(60.0)
+    thread.join(LONGEST)
     assert failed == [Abandoned]
     with pytest.raises(Abandoned):
         own.make(doubled, 1, progress=nothing, wanted=lambda: True)
@@ -123,11 +124,11 @@ def test_who_waits_is_told_for_how_many() -> None:
 
     def work() -> None:
         at.set()
-        assert go.wait(60.0)
+        assert go.wait(LONGEST)
 
     assert background.tasks_ahead_of("mine") == 0
     background.submit("first", work)
-    assert at.wait(60.0)
+    assert at.wait(LONGEST)
     assert background.tasks_ahead_of("first") == 0
     assert background.tasks_ahead_of("mine") == 1
     background.submit("second", lambda: None)
@@ -141,14 +142,16 @@ def test_who_waits_is_told_for_how_many() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another system bounds no process's memory")
 def test_a_task_has_so_much_time_and_memory_and_the_next_is_made() -> None:
-    own = BuildProcess(seconds=5.0, mib=1024)
+    spacious, quick = BuildProcess(seconds=LONGEST, mib=1024), BuildProcess(seconds=1.0)
     try:
         with pytest.raises(ValueError, match="more than 1024 MiB of memory: use fewer or smaller"):
-            own.make(large, progress=nothing, wanted=lambda: True)
-        with pytest.raises(ValueError, match="longer than 5 s, which others wait for: use fewer"):
-            own.make(forever, progress=nothing, wanted=lambda: True)
+            spacious.make(large, progress=nothing, wanted=lambda: True)
+        with pytest.raises(ValueError, match="longer than 1 s, which others wait for: use fewer"):
+            quick.make(forever, progress=nothing, wanted=lambda: True)
+        assert spacious.make(doubled, 4, progress=nothing, wanted=lambda: True)[0] == 8
     finally:
-        own.stop()
+        spacious.stop()
+        quick.stop()
     with pytest.raises(ValueError, match="--build-seconds must be at least 1"):
         BuildProcess(seconds=0.0)
     with pytest.raises(ValueError, match="--build-memory must be at least 512"):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from browser import PATIENCE, TrainerPage, new_context, trainer_page
 from playwright.sync_api import Browser, Page, expect
+from program import free_port
 from simulated import phantom
 from test_guard import UPGRADE, Answer
 
@@ -24,7 +25,7 @@ PATHS = (
 )  # fmt: skip
 
 
-def opened(path: Path, port: int = 0) -> Trainer:
+def opened(path: Path, port: int) -> Trainer:
     store = ClassStore(path)
     return Trainer(phantom(), port=port, look="plain", lesson=Lesson(store, phantom()))
 
@@ -38,7 +39,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def running(path: Path) -> Iterator[Trainer]:
-    trainer = opened(path)
+    trainer = opened(path, free_port())
     trainer.warm_up.wait("dissect")
     yield trainer
     trainer.stop()
@@ -218,7 +219,7 @@ def test_a_lesson_from_the_first_name_to_the_restart(
             expect(ben.page.get_by_test_id("exercise-state")).to_be_hidden()
             started = time.monotonic()
             again.stop()
-            assert time.monotonic() - started < 10.0
+            assert time.monotonic() - started < 60.0  # it waits for no page
         finally:
             again.stop()
     assert not errors, errors

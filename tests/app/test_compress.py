@@ -226,10 +226,10 @@ def test_what_is_read_is_never_written_over(
 
 def _interrupted(process: subprocess.Popen[str]) -> str:
     """Press Ctrl-C, and again where a compiled kernel has lost it; return what stderr says."""
-    for _ in range(4):
+    for _ in range(9):
         process.send_signal(signal.SIGINT)
         try:
-            return process.communicate(timeout=10)[1]
+            return process.communicate(timeout=20)[1]
         except subprocess.TimeoutExpired:
             continue
     raise AssertionError("it goes on")
@@ -248,12 +248,16 @@ def test_an_interrupt_ends_the_work_in_one_line(
     output = tmp_path / ("organs" if several else "long.organ")
     work = [long, *(stacks[:1] if several else [])]
     sizes = ("--pixel-size", 0.1, "--slice-spacing", 0.5, "--effort", "full")
+    begins = "from app.command_line import main; print('it begins', flush=True); main()"
     with subprocess.Popen(
-        command("compress", *work, "-o", output, *sizes), stderr=subprocess.PIPE, text=True
-    ) as process:
+        command("compress", *work, "-o", output, *sizes, entry=begins),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
         try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "it begins\n"
             with pytest.raises(subprocess.TimeoutExpired):
-                process.wait(3.5)  # it is at work
+                process.wait(2.5)  # it is at work
             said = _interrupted(process)
         finally:
             process.kill()

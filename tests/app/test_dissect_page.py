@@ -12,6 +12,8 @@ from simulated import phantom
 from app.simulation import Feedback
 from app.simulation.bed import MANNERS, BedSession, Hand, bed_named, script
 from app.trainer.client.dissect_state import NUDGE
+from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.scene import drag_proxy
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import Viewpoint
 from app.trainer.view.dissect_view import DissectView
@@ -49,11 +51,10 @@ def drag(
 ) -> None:
     """Press at a place of the duct's frame and move the mouse by pixels, without letting go."""
     tab.wait_for_node("grip")
-    tab.page.wait_for_timeout(1000)
+    tab.wait_for_camera(view)
     start = pixel(tab, view, place)
     mouse = tab.page.mouse
-    mouse.move(*start)
-    tab.page.wait_for_timeout(300)
+    tab.aim(start)
     mouse.down(button=button)
     for step in range(1, 9):
         mouse.move(start[0] + way[0] * step / 8, start[1] + way[1] * step / 8)
@@ -63,6 +64,12 @@ def drag(
 def still(session: BedSession) -> bool:
     """Whether both hands are where they are wanted and nothing yields any more."""
     return not session.advance(0) and all(hand.arrived for hand in session.duct.hands)
+
+
+def playback(view: DissectView) -> ReplayPlayback[BedSession]:
+    found = view.state.playback
+    assert found is not None
+    return found
 
 
 def aside(view: DissectView, station: float) -> np.ndarray:
@@ -78,36 +85,39 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         view = newest_dissection(dissections)
         session = view.session
         drag(tab, view, aside(view, 20.0), (0.0, -70.0))
-        tab.wait_until(lambda: session.reading().parted > 20)
+        tab.wait_until(lambda: session.reading().parted > 20 and still(session))
         assert session.reading().torn_at is None
         assert session.reading().held == (True, False)
         node = session.duct.hands[0].node
         assert session.duct.beam.stations[node] == pytest.approx(20.0, abs=1.5)
-        tab.page.wait_for_timeout(1200)
+
+        def shown() -> None:
+            reading = session.reading()
+            for name, value in {
+                "distance-to-break": reading.distance_to_break,
+                "freed-mm": reading.freed,
+                "parted": reading.parted,
+                "peak": reading.peak_share,
+                "worst-mm": reading.station,
+                "force-left-n": np.linalg.norm(reading.forces[0]),
+                "force-right-n": 0.0,
+                "into-strands-mj": reading.books.dissipated,
+                "work-mj": reading.books.work,
+            }.items():
+                assert tab.figure(name) == pytest.approx(value, rel=1e-4, abs=1e-9), name
+            ((ago, left, right, distance, limit),) = tab.charts()
+            assert ago[-1] == 0.0
+            assert len(ago) > 5
+            assert left[-1] == pytest.approx(np.linalg.norm(reading.forces[0]), rel=1e-4)
+            assert set(right) == {0.0}
+            assert distance[-1] == pytest.approx(100.0 * reading.distance_to_break, rel=1e-4)
+            assert set(limit) == {None}
+
+        tab.eventually(shown)
         reading = session.reading()
         assert reading.torn_at is None
-        shown = {
-            "distance-to-break": reading.distance_to_break,
-            "freed-mm": reading.freed,
-            "parted": reading.parted,
-            "peak": reading.peak_share,
-            "worst-mm": reading.station,
-            "force-left-n": np.linalg.norm(reading.forces[0]),
-            "force-right-n": 0.0,
-            "into-strands-mj": reading.books.dissipated,
-            "work-mj": reading.books.work,
-        }
-        for name, value in shown.items():
-            assert tab.figure(name) == pytest.approx(value, rel=1e-4, abs=1e-9), name
         assert reading.forces[0][2] > 0.1
         expect(tab.readout).to_contain_text(f"of {reading.strands}")
-        ((ago, left, right, distance, limit),) = tab.charts()
-        assert ago[-1] == 0.0
-        assert len(ago) > 5
-        assert left[-1] == pytest.approx(np.linalg.norm(reading.forces[0]), rel=1e-4)
-        assert set(right) == {0.0}
-        assert distance[-1] == pytest.approx(100.0 * reading.distance_to_break, rel=1e-4)
-        assert set(limit) == {None}
 
         # The hook lets go with the mouse; what has parted stays parted.
         tab.page.mouse.up()
@@ -140,8 +150,9 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         tab.wait_until(lambda: view.state.hand == 1)
         drag(tab, view, aside(view, 36.0), (0.0, -60.0))
         tab.wait_until(lambda: session.reading().forces[1][2] > 0.1)
+        tab.wait_until(lambda: still(session) and session.duct.hands[1].place[2] > 1.0)
         page.mouse.up()
-        page.wait_for_timeout(800)
+        tab.wait_until(lambda: view.state._dragged is None and still(session))
         assert session.reading().held == (False, True)
         left = session.duct.hands[1].place.copy()
         assert left[2] > 1.0
@@ -316,7 +327,7 @@ def test_the_address_says_what_a_page_opens_on(browser: Browser, dissections: Tr
 
 
 def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_plane(
-    browser: Browser, dissections: Trainer
+    browser: Browser, dissections: Trainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
@@ -332,15 +343,17 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         drag(tab, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: target()[1] > 0.8)
         assert target()[2] == pytest.approx(0.0, abs=0.2)
-        # Without Shift the same drag goes on, now in the plane of the screen.
+        # Without Shift the same drag goes on, now in the plane of the screen; a page that draws
+        # slowly takes its time to begin again.
+        monkeypatch.setattr(drag_proxy, "SWITCH_SECONDS", 60.0)
         page.keyboard.up("Shift")
-        page.wait_for_timeout(150)
         here = target().copy()
         for _ in range(6):
             page.mouse.move(*np.add(pixel(tab, view, here), (0.0, -40.0)))
             page.wait_for_timeout(80)
         tab.wait_until(lambda: target()[2] > 0.5)
         assert held()
+        monkeypatch.undo()
         page.mouse.up()
         tab.wait_until(lambda: not held())
 
@@ -362,10 +375,11 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         tab.wait_until(lambda: not view.state.into_picture and not held())
 
         view.state.reset()
-        page.wait_for_timeout(1000)
+        tab.wait_for_camera(view)
         camera = view.client.camera.position.copy()
         finger = page.context.new_cdp_session(page)
         x, y = pixel(tab, view, aside(view, 20.0))
+        tab.aim((x, y))  # the duct is there again
         for step in range(9):
             kind = "touchMove" if step else "touchStart"
             points = [{"x": x, "y": y - 5.0 * step}]
@@ -391,6 +405,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
+        view.state._paused = True  # time goes by the hands' own ticks
         for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
             session.advance()
             if session.run.over:
@@ -419,10 +434,9 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         assert forces[0][-1] == pytest.approx(kept.measures.time_s)
         assert distance[-1][0] == pytest.approx(100.0 * (1.0 - exercise.share_limit))
         tab.press("Watch it again")
-        tab.wait_until(lambda: view.state.playback is not None)
-        # The page refuses a time past the end that it knows.
-        tab.wait_until(lambda: view._panel._replay._time.max > 1.0)
-        page.wait_for_timeout(500)
+        tab.wait_until(lambda: tab.slider("Time (s)") > 1.0)  # its end is known, too
+        playback(view).pause()  # while it plays the field is written thirty times a second
+        tab.wait_until(lambda: tab.slider("Time (s)") == round(playback(view).time, 2))
         tab.slide("Time (s)", 1e4)
         tab.wait_until(lambda: tab.figure("parted") == kept.measures.strands_parted)
         expect(tab.readout).to_contain_text("Replay")

@@ -39,24 +39,27 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
             lambda: record("released"),
         )
         tab.wait_for_node("grip")
-        tab.page.wait_for_timeout(1500)
+        tab.wait_for_camera(view)
         still = view.client.camera.position.copy()
         start = stage_pixel(tab, grip)
         mouse = tab.page.mouse
-        mouse.move(*start)
-        tab.page.wait_for_timeout(500)
+        tab.aim(start)
         mouse.down()
         for step in range(1, 9):
             mouse.move(start[0] + 3.0 * step, start[1] - 9.0 * step)
             tab.page.wait_for_timeout(80)
-        tab.page.wait_for_timeout(500)
+
+        def arrived() -> bool:
+            end = stage_pixel(tab, tuple(holds[-1].place))
+            return np.hypot(end[0] - start[0] - 24.0, end[1] - start[1] + 72.0) < PIXELS
+
+        tab.wait_until(lambda: len(holds) > 3 and arrived())
         mouse.up()
-        tab.page.wait_for_timeout(500)
+        tab.wait_until(lambda: "released" in phases)
 
         assert phases[0] == "grabbed"
         assert phases[-1] == "released"
         assert phases.count("grabbed") == phases.count("released") == 1
-        assert len(holds) > 3
         if station is None:
             assert holds[0].station is None
         else:
@@ -69,6 +72,5 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
         assert heights[-1] - heights[0] > 3.0
         # In the plane of the pull, and where the mouse is.
         np.testing.assert_allclose(places[:, 1], holds[0].start[1], atol=0.02)
-        end = stage_pixel(tab, tuple(holds[-1].place))
-        assert np.hypot(end[0] - start[0] - 24.0, end[1] - start[1] + 72.0) < PIXELS
+        assert arrived()
         np.testing.assert_array_equal(view.client.camera.position, still)

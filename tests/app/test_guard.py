@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import pytest
 import viser
+from browser import PATIENCE
 from playwright.sync_api import Browser
-from program import refused, started
+from program import LONGEST, refused, started
 from prometheus_client.parser import text_string_to_metric_families
 from simulated import phantom
 
@@ -45,7 +46,7 @@ class Answer:
     def __init__(
         self, port: int, headers: dict[str, str], path: str = "/", *more: tuple[str, str]
     ) -> None:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=LONGEST)
         # ASCII alone would attack less.
         vars(connection)["_encode_request"] = str.encode
         connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
@@ -191,6 +192,7 @@ def test_a_link_gives_a_cookie_that_lets_in(
 def test_a_link_on_another_site_opens_the_page(browser: Browser, asking: int) -> None:
     """From a mail or a chat: a browser then holds a strict cookie back from redirects."""
     with browser.new_context() as context:
+        context.set_default_timeout(PATIENCE)
         page = context.new_page()
         page.goto(f"data:text/html,<a href='http://localhost:{asking}/?token={TOKEN}'>Train</a>")
         with page.expect_websocket() as opened:
@@ -303,7 +305,7 @@ def test_the_token_of_a_file_is_asked_for_and_printed_once(
         assert Answer(port, own, f"/?token={TOKEN}").status == 200
         assert Answer(port, own, "/?token=the-token-of-the-environment").status == 403
         process.terminate()
-        out, errors = process.communicate(timeout=20)
+        out, errors = process.communicate(timeout=LONGEST)
         assert errors == ""
         assert TOKEN not in out
 

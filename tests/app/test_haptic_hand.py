@@ -9,8 +9,10 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from program import LONGEST
 from simulated import phantom
 
+from app.haptics import servo_process
 from app.haptics.device import DeviceError, DeviceOptions, DeviceState
 from app.haptics.hand import HandScript, SimulatedHand, Waypoint
 from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, LoopSettings, ServoLoop
@@ -374,14 +376,16 @@ def test_a_duct_that_tears_to_the_hand_alone_is_felt_again_as_the_page_has_it() 
     assert state.session.reading().torn_at is None
 
 
-def until(true: Callable[[], Any], seconds: float = 60.0) -> None:
+def until(true: Callable[[], Any], seconds: float = LONGEST) -> None:
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, "it did not come"
         time.sleep(0.02)
 
 
-def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
+def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("OPEN_SECONDS", "STOP_SECONDS"):  # it may compile, and the machine be busy
+        monkeypatch.setattr(servo_process, name, LONGEST)
     session = Session(phantom(), vertices=300)
     path = (Waypoint(0.3, (0.0, 0.0, 0.0)), Waypoint(1.3, (0.0, 0.0, 9.0)))
     script = HandScript(path=path, hand=SimulatedHand(stiffness_N_per_m=900.0))
@@ -389,7 +393,7 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
     servo = ServoProcess([("virtual", DeviceOptions("", 0.001, script))], LoopSettings(), setting)
     try:
         assert servo.device == "virtual device"
-        until(lambda: servo.snapshot().hooks[0].tip[2] > 4.0)
+        until(lambda: servo.snapshot().hooks[0].tip[2] > 6.4)  # it comes to rest at 6.56
         (hook,) = servo.snapshot().hooks
         pulled = setting.theory.pull(setting.beam, setting.grasp).to_deflection(hook.tip[2])
         assert hook.force[2] == pytest.approx(pulled.force, rel=1e-6)
@@ -397,7 +401,7 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told() -> None:
         # Felt anew, the duct is at rest where the hand is now.
         generation = servo.feel(replace(setting, theory=Exact()))
         until(lambda: servo.snapshot().generation == generation)
-        assert servo.snapshot().hooks[0].tip[2] < 1.0
+        assert servo.snapshot().hooks[0].tip[2] < 2.7  # what the hand, freed of it, goes on
         # And a duct in its bed, whose hook is free until a button takes it.
         bed = BedSession(phantom(), vertices=300)
         beam, touch = bed.beam_touched_by(1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import haply_pages as pages
 import pytest
-from program import command, refused, run, run_process
+from program import LONGEST, command, refused, run, run_process
 from websockets.sync.server import ServerConnection, serve
 
 from app.haptics.device import DeviceOptions
@@ -63,7 +63,7 @@ def test_the_driver_of_haply_feels_the_virtual_device_until_a_signal() -> None:
             ) as feeling:
                 assert serving.stdout.readline() == "client 1 has come\n"
                 feeling.send_signal(signal.SIGTERM)  # whether it compiles or feels
-                made = json.loads(feeling.communicate(timeout=60.0)[0])
+                made = json.loads(feeling.communicate(timeout=LONGEST)[0])
             assert made["ended_by"] == "signal SIGTERM"
             assert made["device"] == "Haply inverse3 049D, messages of 3.5"
             assert serving.stdout.readline() == "client 1 has gone\n"

@@ -68,6 +68,8 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
         with trainer_page(drawing_browser, trainer.address, width=900, height=600, dots=0.5) as tab:
             view = newest(trainer)
             session = view.session
+            # The trainer has drawn the duct at rest, and draws it no more.
+            tab.wait_until(lambda: view.frames and not view._undrawn)
             (surface,) = session.drawn.surfaces
             skin = surface.skin
 
@@ -86,20 +88,22 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
             share = np.clip(skin.grid(shares), 0.0, 1.0)
             node = "/organ/skin" if look == "full" else "/organ/skin_stress"
             viewer = session.duct.dissection.frame @ TOWARDS_VIEWER
-            before, _ = _drawn_light(tab, node, viewer)
             draw(shares)
-            tab.wait_until(lambda: (_drawn_light(tab, node, viewer)[0] != before).any())
-            light, normals = _drawn_light(tab, node, viewer)
-            inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
-            place = 255.0 * share
-            table = [np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)]
-            turn = np.clip((1.0 - np.clip(normals[inner], 0.0, None)) / 0.75, 0.0, 1.0)
-            expected = np.stack(table, axis=-1) * (1.0 - (1.0 - DARKEST) * turn**2)[..., None]
-            np.testing.assert_allclose(light[inner], expected, atol=2e-5)
-            assert normals[inner].max() > 0.99  # some face the viewer, and some do not
-            assert turn.max() == 1.0
-            # In the clamps nobody has computed any.
-            assert np.ptp(light[: STUB_RINGS - 1].reshape(-1, 3), axis=0).max() == 0.0
+
+            def lit() -> None:
+                light, normals = _drawn_light(tab, node, viewer)
+                inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
+                place = 255.0 * share
+                table = [np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)]
+                turn = np.clip((1.0 - np.clip(normals[inner], 0.0, None)) / 0.75, 0.0, 1.0)
+                expected = np.stack(table, axis=-1) * (1.0 - (1.0 - DARKEST) * turn**2)[..., None]
+                np.testing.assert_allclose(light[inner], expected, atol=2e-5)
+                assert normals[inner].max() > 0.99  # some face the viewer, and some do not
+                assert turn.max() == 1.0
+                # In the clamps nobody has computed any.
+                assert np.ptp(light[: STUB_RINGS - 1].reshape(-1, 3), axis=0).max() == 0.0
+
+            tab.eventually(lit)
     finally:
         trainer.stop()
 

@@ -110,11 +110,12 @@ def test_page_and_solve_show_the_same_digits(
         # Beside the distance, the band of ducts whose tissue differs.
         tab.open("Model")
         tab.tick("90 % band")
+        band = tab.readout.get_by_test_id("band")
+        band.wait_for()  # with the preset's own factors
         tab.slide("Modulus factor", 1.2)
         low, high = Spread(1.2, Spread.of(session.duct.dissection.preset).strength_factor).band(
             found["distance_to_break"]
         )
-        band = tab.readout.get_by_test_id("band")
         expect(band).to_have_attribute("data-low", f"{low:.6g}")
         expect(band).to_have_attribute("data-high", f"{high:.6g}")
         expect(band).to_contain_text(f"{100 * low:.0f} to {100 * high:.0f} %, 90 % of ducts")
@@ -166,8 +167,11 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         # Another preset, and back from the file.
         tab.choose("Duct", "Own sections, assumed tissue")
         tab.wait_until(lambda: session.duct.dissection.preset.ships)
+        wall = tab.row("Wall (mm)").locator("input:not([type=hidden])")
+        expect(wall).not_to_have_value("0.8")
         tab.page.locator("input[type=file]").last.set_input_files(file)
         tab.wait_until(lambda: session.duct.dissection.preset == preset)
+        expect(wall).to_have_value("0.8")  # from here on the trainer writes no field any more
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
         # What cannot be is said, and not taken.
         tab.slide("Wall (mm)", 9.0)

@@ -15,6 +15,7 @@ from browser import (
     trainer_page,
 )
 from playwright.sync_api import Browser, Download, Locator, expect
+from program import free_port
 from simulated import phantom
 
 from app.simulation import (
@@ -54,32 +55,33 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
     with trainer_page(browser, trainer.address) as tab:
         session = newest(trainer).session
         tab.wait_for_node("grip")
-        tab.page.wait_for_timeout(1000)
+        tab.wait_for_camera(newest(trainer))
         start = stage_pixel(tab, (25.4 + 6.0, -0.8 * RADIUS, 0.6 * RADIUS))
         mouse = tab.page.mouse
-        mouse.move(*start)
-        tab.page.wait_for_timeout(300)
+        tab.aim(start)
         mouse.down()
         for step in range(1, 7):
             mouse.move(start[0], start[1] - 14.0 * step)
             tab.page.wait_for_timeout(80)
-        tab.wait_until(lambda: session.reading().by_hand and not session.advance(0))
-        tab.page.wait_for_timeout(700)
-        reading = session.reading()
-        assert reading.deflection > 2.0
+        tab.wait_until(lambda: session.reading().by_hand and session.reading().deflection > 2.0)
         # The hand sets the displacement where it has taken hold, the beam answers with the force.
         assert session.duct.grasp == pytest.approx(31.4, abs=0.7)
-        force = Cubic().pull(DUCT, session.duct.grasp).to_deflection(reading.deflection).force
-        assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
-        assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
-        assert tab.slider("Grasp (mm)") == pytest.approx(session.duct.grasp, abs=0.051)
-        assert seen(tab, "force")
-        expect(tab.page.get_by_text(f"{force:.2f} N", exact=True)).to_be_visible()
+
+        def answered() -> None:
+            deflection = session.reading().deflection
+            force = Cubic().pull(DUCT, session.duct.grasp).to_deflection(deflection).force
+            assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
+            assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
+            assert tab.slider("Grasp (mm)") == pytest.approx(session.duct.grasp, abs=0.051)
+            assert seen(tab, "force")
+            assert tab.page.get_by_text(f"{force:.2f} N", exact=True).is_visible()
+
+        tab.eventually(answered)
         mouse.up()
         tab.wait_for_force(0.0)
         tab.wait_until(lambda: session.reading().deflection == 0.0)
         tab.wait_until(lambda: tab.slider("Force F (N)") == 0.0)
-        assert not seen(tab, "force")
+        tab.wait_until(lambda: not seen(tab, "force"))
 
 
 def force_field(tab: TrainerPage) -> Locator:
@@ -123,8 +125,8 @@ def test_force_field_takes_a_wish_at_any_time_and_shows_what_acts(
         tab.slide("Force F (N)", 3.7)
         tab.wait_for_phase("torn")
         expect(field).to_have_value("0")
-        tab.page.wait_for_timeout(500)
-        assert pause.bounding_box() == before
+        tab.wait_for_disabled("Force F (N)")
+        tab.wait_until(lambda: pause.bounding_box() == before)
         field.focus()
         expect(field).not_to_be_focused()
         assert session.grasper.slider_force == 0.0
@@ -211,26 +213,31 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
         key = tab.page.get_by_test_id("plot-key")
         expect(key).to_contain_text("exact beam")
         expect(key).to_contain_text("thesis's cubic")  # now that another theory is chosen
-        # The key's marks are drawn as the curves are, and these not to whole pixels.
-        marks: dict[str, bool] = key.evaluate(
-            "key => Object.fromEntries([...key.children].map("
-            "each => [each.innerText, each.innerHTML.includes('repeating')]))"
-        )
-        drawn: dict[str, bool] = tab.page.evaluate(
-            "() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots)[0].chart"
-            ".series.slice(1).map(each => [each.label, !!each.dash]))"
-        )
-        drawn.pop("goal")  # of an exercise; there is none
-        assert marks == drawn
-        assert not marks["this pull"]
-        assert marks["exact beam"]
+
+        def marked_as_drawn() -> None:
+            """The key's marks are drawn as the curves are."""
+            marks: dict[str, bool] = key.evaluate(
+                "key => Object.fromEntries([...key.children].map("
+                "each => [each.innerText, each.innerHTML.includes('repeating')]))"
+            )
+            drawn: dict[str, bool] = tab.page.evaluate(
+                "() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots)[0].chart"
+                ".series.slice(1).map(each => [each.label, !!each.dash]))"
+            )
+            drawn.pop("goal")  # of an exercise; there is none
+            assert marks == drawn
+            assert not marks["this pull"]
+            assert marks["exact beam"]
+
+        tab.eventually(marked_as_drawn)
+        # And these not to whole pixels.
         aligned: list[float] = tab.page.evaluate(
             "() => Object.values(window.__viserTestpoints.uplots)[0].chart.series.slice(1, 6)"
             ".map(each => each.pxAlign)"
         )
         assert aligned == [0.0] * 5
         expect(tab.page.get_by_test_id("plot-key")).to_contain_text("ANSYS")
-        tab.wait_until(lambda: any(tab.charts()[0][6]))
+        tab.wait_until(lambda: all(any(tab.charts()[0][row]) for row in (4, 5, 6)))
         x, _, _, _, cubic, exact, ansys, goal = tab.charts()[0]
         assert not any(goal)
         shown = {a: b for a, b in zip(x, ansys, strict=True) if b is not None}
@@ -258,9 +265,13 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
             Exact().pull(DUCT, 25.4).to_force(2.0).deflection,
             Cubic().pull(DUCT, 25.4).to_force(2.0).deflection,
         )
-        found = float(ghost.get_attribute("data-deflection-difference-mm") or "nan")
-        assert found == pytest.approx(exact - cubic, rel=1e-4)
-        assert float(ghost.get_attribute("data-force-difference-n") or "nan") == 0.0
+
+        def difference(of: str) -> float:
+            return float(ghost.get_attribute(f"data-{of}") or "nan")
+
+        wanted = pytest.approx(exact - cubic, rel=1e-4)
+        tab.wait_until(lambda: difference("deflection-difference-mm") == wanted)
+        assert difference("force-difference-n") == 0.0
         tab.wait_until(lambda: seen(tab, "ghost"))
 
         tab.choose("Theory", "Exact beam")
@@ -311,10 +322,9 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert run is not None
         assert run.outcome is not None
         assert run.outcome.passed
-        measures = run_measures(tab)
-        for name, value in measures.items():
+        tab.wait_until(lambda: len(run_measures(tab)) == 11)
+        for name, value in run_measures(tab).items():
             assert value == getattr(run.measures, name), name
-        assert len(measures) == 11
 
         assert downloaded(tab, "Download JSON") == run_json(run)
         name = downloaded_name(tab, "Download CSV")
@@ -330,14 +340,16 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert [distance[2][0], distance[3][0]] == [15.0, 0.0]  # the goal: the margin
 
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
+        tab.wait_until(lambda: not session.advance(0))  # it has sprung back
+        live = session.reading()
         tab.press("Watch it again")
         expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible(timeout=PATIENCE)
         tab.wait_until(lambda: view.state.playback is not None)
-        live = session.reading()
         playback = view.state.playback
         assert playback is not None
         tab.wait_until(lambda: tab.slider("Time (s)") > 0.0)  # from 0 to 0 is no jump
-        tab.press("Pause")  # while it plays the field is written thirty times a second
+        playback.pause()  # while it plays the field is written thirty times a second
+        tab.wait_until(lambda: tab.slider("Time (s)") == round(playback.time, 2))
         tab.slide("Time (s)", 0.0)
         tab.wait_until(lambda: playback.time < 0.02)
         tab.wait_until(lambda: apart(tab, rest) < 0.01)
@@ -396,6 +408,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         tab.open("Train")
         expect(tab.page.get_by_test_id("hand-only")).to_be_visible()
         field = force_field(tab)
+        tab.wait_for_disabled("Force F (N)")
         field.focus()
         expect(field).not_to_be_focused()
         tab.page.wait_for_timeout(500)
@@ -404,12 +417,15 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
 
         # The goal: in the picture over the duct's upper edge, and in the plot.
         tab.wait_until(lambda: seen(tab, "goal/area"))
-        band = tab.vertices("goal/area")
-        rest = tab.vertices("skin")
-        near = np.abs(rest[:, 0] - band[:, 0].mean()) < 3.0
-        height = band[:, 2].max() - rest[near, 2].max()
-        assert height == pytest.approx(gentle.high_mm, abs=0.5)
-        assert np.ptp(band[:, 2]) == pytest.approx(gentle.high_mm - gentle.low_mm, abs=1e-3)
+
+        def over_the_duct() -> None:
+            band, rest = tab.vertices("goal/area"), tab.vertices("skin")
+            near = np.abs(rest[:, 0] - band[:, 0].mean()) < 3.0
+            height = band[:, 2].max() - rest[near, 2].max()
+            assert height == pytest.approx(gentle.high_mm, abs=0.5)
+            assert np.ptp(band[:, 2]) == pytest.approx(gentle.high_mm - gentle.low_mm, abs=1e-3)
+
+        tab.eventually(over_the_duct)
         tab.wait_until(lambda: any(tab.charts()[0][7]))
         x, *_, goal = tab.charts()[0]
         there = [at for at, value in zip(x, goal, strict=True) if value]
@@ -439,10 +455,11 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         # Loaded anew in the middle of it, it is an exercise still.
         tab.page.reload()
         tab.wait_for_node("skin")
-        tab.wait_until(lambda: trainer._views and newest(trainer) is not view)
+        tab.wait_until(lambda: newest(trainer) is not view)
         view = newest(trainer)
         assert view.session.run is run
         assert run.going
+        view.state._paused = True  # a slow page has as much time
         learn = tab.page.get_by_role("tab", name="Learn")
         expect(learn).to_have_attribute("aria-selected", "true")
         expect(tab.page.get_by_test_id("task")).to_contain_text("Dissect gently")
@@ -454,7 +471,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         expect(outcome).to_have_attribute("data-outcome", "Not judged")
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
         expect(outcome).to_have_count(0)
-        assert not seen(tab, "goal/area")
+        tab.wait_until(lambda: not seen(tab, "goal/area"))
 
 
 def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
@@ -579,8 +596,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         session.move_hand(6.0)
         tab.wait_until(lambda: session.reading().deflection > 5.9)
         tab.page.wait_for_timeout(300)
-        tab.wait_until(lambda: seen(tab, "skin"))
-        assert not seen(tab, "skin_stress")
+        tab.wait_until(lambda: seen(tab, "skin") and not seen(tab, "skin_stress"))
         assert not seen(tab, "force")
         assert tab.readout.get_attribute("data-force-n") is None
         words = tab.page.locator("body").inner_text()
@@ -604,24 +620,12 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         tab.wait_until(lambda: tab.figure("distance-to-break") == 1.0)
 
 
-WATCH = """() => {
-    window.__hidden = [];
-    const look = () => {
-        const readout = document.querySelector('[data-testid=readout]');
-        const hidden = readout?.dataset.hidden === '1';
-        if (readout && window.__hidden.at(-1) !== hidden) window.__hidden.push(hidden);
-    };
-    new MutationObserver(look).observe(document.body,
-        {subtree: true, childList: true, attributes: true});
-    look();
-}"""
-
-
 def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
     browser: Browser, trainer: Trainer
 ) -> None:
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
-        session = newest(trainer).session
+        view = newest(trainer)
+        session, state = view.session, view.state
         hidden = tab.page.locator("[data-testid=readout][data-hidden='1']")
         tab.open("Learn")
         tab.choose("Feedback", "Fading, gone after 30 s")
@@ -629,21 +633,26 @@ def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
         tab.page.get_by_test_id("exercise-state").wait_for()
         assert session.run.feedback is Feedback.FADING
         expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
-        tab.page.evaluate(WATCH)
+        state._paused = True  # time goes by the test's own ticks
         session.grab(25.4)
         session.move_hand(2.0)
+
+        def shown_until(seconds: float) -> list[bool]:
+            """Whether figures are shown, from change to change, as the page follows."""
+            course: list[bool] = []
+            while session.run.seconds < seconds:
+                session.advance(9)
+                if not course or state.figures_visible != course[-1]:
+                    course.append(state.figures_visible)
+                    tab.wait_until(lambda: hidden.is_visible() is not course[-1])
+            return course
+
         # From 12 s to 18 s the figures are shown for 1.8 s and 1.5 s, and hidden after each.
         session.advance(12 * 30)
-        tab.wait_until(lambda: len(tab.page.evaluate("() => window.__hidden")) >= 4)
-        assert session.run.seconds < 30.0
-        assert tab.page.evaluate("() => window.__hidden")[:4] == [False, True, False, True]
+        assert shown_until(17.6) == [True, False, True, False]
         session.advance(30 * 30 - session.run.ticks)
         tab.wait_until(hidden.is_visible)
-        tab.page.evaluate(WATCH)
-        for _ in range(6):  # half of each period to come
-            session.advance(45)
-        tab.page.wait_for_timeout(300)  # nothing is to happen
-        assert tab.page.evaluate("() => window.__hidden") == [True]
+        assert shown_until(39.0) == [False]
         tab.press("Stop")
         outcome = tab.page.get_by_test_id("outcome")
         outcome.wait_for()
@@ -664,7 +673,7 @@ def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer
         tab.page.reload()
         tab.wait_for_node("skin")
         tab.wait_for_force(1.5)
-        tab.wait_until(lambda: trainer._views and newest(trainer) is not view)
+        tab.wait_until(lambda: newest(trainer) is not view)
         assert newest(trainer).session is view.session
         assert len(trainer._kept) <= sessions  # those left long ago may have expired
         assert view.session.run.ticks >= ticks
@@ -680,13 +689,17 @@ def test_first_minute_and_reload_keep_the_run(browser: Browser, trainer: Trainer
 def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address, width=390, height=844) as tab:
         expect(tab.page.get_by_test_id("disclaimer")).to_be_visible()
-        tab.page.wait_for_timeout(500)
-        _, bottom = stage_pixel(tab, (25.4, 0.0, -RADIUS))
+        tab.wait_for_camera(newest(trainer))
+
+        def below_the_duct() -> None:
+            _, bottom = stage_pixel(tab, (25.4, 0.0, -RADIUS))
+            panel = tab.readout.bounding_box()
+            assert panel is not None
+            assert bottom < panel["y"]
+            assert panel["width"] > 360.0
+
+        tab.eventually(below_the_duct)
         _, top = stage_pixel(tab, (25.4, 0.0, RADIUS))
-        panel = tab.readout.bounding_box()
-        assert panel is not None
-        assert bottom < panel["y"]
-        assert panel["width"] > 360.0
         for name in ("Normal stress", "Bending stress", "Threshold T"):
             expect(tab.readout.get_by_text(name)).to_be_visible()
         tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
@@ -728,8 +741,8 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
 
 
 def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browser) -> None:
-    first = Trainer(phantom(), port=0, mode="pull", look="plain")
-    port = first.port
+    port = free_port()
+    first = Trainer(phantom(), port=port, mode="pull", look="plain")
     try:
         with trainer_page(browser, first.address) as tab:
             first.stop()

@@ -11,8 +11,9 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
+from browser import PATIENCE
 from playwright.sync_api import Browser
-from program import refused
+from program import free_port, refused
 from simulated import phantom
 from test_guard import TOKEN, UPGRADE, Answer
 from websockets import Subprotocol
@@ -141,12 +142,6 @@ def test_only_the_proxy_is_believed_and_only_about_the_last_address(
 Proxy = Callable[[Path, int, int, tuple[Path, Path]], AbstractContextManager[None]]
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @contextmanager
 def nginx(folder: Path, port: int, upstream: int, files: tuple[Path, Path]) -> Iterator[None]:
     text = (CONFIGURATIONS / "nginx.conf").read_text(encoding="utf-8")
@@ -187,7 +182,7 @@ def running(
     """Run a server until it is no longer needed."""
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
         try:
-            deadline = time.monotonic() + 30.0
+            deadline = time.monotonic() + 180.0
             while True:
                 try:
                     socket.create_connection(("127.0.0.1", port)).close()
@@ -218,9 +213,10 @@ def test_behind_a_proxy_under_a_path_a_browser_gets_in_and_trains(
             proxy(tmp_path, port, running.port, certificate),
             browser.new_context(ignore_https_errors=True) as context,
         ):
+            context.set_default_timeout(PATIENCE)
             page = context.new_page()
             page.goto(running.link)
-            page.get_by_text("Force F (N)").first.wait_for(timeout=60_000)
+            page.get_by_text("Force F (N)").first.wait_for()
             assert page.url.startswith(f"https://localhost:{port}/duct/")
             assert "token" not in page.url
             refused = context.browser

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from app.haptics import servo as servo_module
 from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
 from app.haptics.device_run import read_device_run
 from app.haptics.duct_choice import DuctChoice, passive_coupling, played_again
@@ -525,7 +526,10 @@ class Unsure(VirtualDevice):
         raise OSError("it is stuck")
 
 
-def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed() -> None:
+def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(servo_module, "SILENT_SECONDS", 60.0)  # a busy machine may stand still
     path = (Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(0.3, (0.0, 0.0, 6.0)))
     unsure = Unsure(DeviceOptions("", 0.001, hand(path)))
     other = Silent(hand(path), 10_000)

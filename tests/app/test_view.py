@@ -5,55 +5,16 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from browser import RADIUS, TrainerPage, newest, stage_pixel, trainer_page
+from browser import CAMERA_NEAR, RADIUS, TrainerPage, newest, stage_pixel, trainer_page
 from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation import Session
 from app.trainer.server.trainer import Trainer
-from app.trainer.stage.camera import viewpoint
-from app.trainer.view.pull_view import PullView
-
-CAMERA = """() => {
-    const camera = window.__viserMutable.cameraControl, at = camera.camera.position.clone();
-    const world = window.__viserMutable.nodeRefFromName[''].matrixWorld.clone().invert();
-    const place = camera.camera.position.clone().applyMatrix4(world).toArray();
-    return [...place, ...camera.getTarget(at).applyMatrix4(world).toArray()];
-}"""
-"""Where the camera is and what it looks at, mm on the stage."""
-NEAR = 0.5
-"""mm: the picture's shape is told in whole pixels, and the camera follows it."""
-
-
-def camera(tab: TrainerPage) -> np.ndarray:
-    return np.array(tab.page.evaluate(CAMERA)).reshape(2, 3)
-
-
-def settled(tab: TrainerPage) -> np.ndarray:
-    """The camera's place when it has come to rest: the machine may draw slowly."""
-    before = camera(tab)
-    for _ in range(60):
-        tab.page.wait_for_timeout(700)
-        if np.array_equal(now := camera(tab), before):
-            break
-        before = now
-    return before
-
-
-def home_of(tab: TrainerPage, view: PullView) -> np.ndarray:
-    """Where the camera belongs that shows the whole duct."""
-    stage = view._scene._stage
-    canvas = tab.page.locator("canvas[data-engine]").bounding_box()
-    assert stage is not None
-    assert canvas is not None
-    aspect = canvas["width"] / canvas["height"]
-    whole = viewpoint(stage.span, stage.radius, aspect, lift=stage._lift)
-    return np.array([whole.position, whole.look_at])
 
 
 def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
     page.mouse.move(*start)
-    page.wait_for_timeout(300)
     for step in np.linspace(0.1, 1.0, 8):
         page.mouse.move(*(np.array(start) + step * np.subtract(end, start)))
         page.wait_for_timeout(50)
@@ -62,13 +23,12 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> No
 def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
         page, mouse = tab.page, tab.page.mouse
-        at_home = home_of(tab, newest(trainer))
-        tab.wait_until(lambda: np.allclose(camera(tab), at_home, atol=NEAR))
-        page.wait_for_timeout(3500)  # until the trainer leaves the camera to its trainee
+        view = newest(trainer)
+        at_home = tab.wait_for_camera(view, free=True)
         page.keyboard.down("a")  # viser walks by letters
         page.wait_for_timeout(400)
         page.keyboard.up("a")
-        np.testing.assert_allclose(settled(tab), at_home, atol=NEAR)
+        np.testing.assert_allclose(tab.rest(), at_home, atol=CAMERA_NEAR)
         ways_home = (
             lambda: tab.press("View home (V)"),
             lambda: page.keyboard.press("v"),
@@ -82,14 +42,15 @@ def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trai
                 mouse.up(button=button)
             for _ in range(25):
                 mouse.wheel(0, -400)
-            place, target = settled(tab)
+            place, target = tab.rest()
             assert np.linalg.norm(place - at_home[0]) > 10.0
             assert place[2] >= 2.0 * RADIUS - 0.01
             assert np.linalg.norm(place - target) >= 6.0 * RADIUS - 0.01
             assert np.all(target >= (-5.2, -5.2, -RADIUS - 0.1))
             assert np.all(target <= (56.0, 5.2, 25.5))
             go_home()
-            tab.wait_until(lambda: np.allclose(camera(tab), at_home, atol=NEAR))
+            home = tab.wait_for_camera(view, free=True)
+            np.testing.assert_allclose(home, at_home, atol=CAMERA_NEAR)
 
 
 def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
@@ -98,9 +59,10 @@ def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
         page, session = tab.page, newest(trainer).session
         tab.wait_for_node("grip")
-        page.wait_for_timeout(3500)
+        at_home = tab.wait_for_camera(newest(trainer), free=True)
         x, middle = stage_pixel(tab, (15.0, 0.0, 0.0))
         edge = stage_pixel(tab, (15.0, 0.6 * RADIUS, 0.8 * RADIUS))[1]  # as the duct is seen
+        tab.aim((x, edge))
         reach = {
             kind: page.evaluate(
                 """([x, y, pointerType]) => {
@@ -119,8 +81,7 @@ def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
         }
         assert 4 <= reach["mouse"] <= 20
         assert 16 <= reach["touch"] <= 34  # and as much on the other side: a finger's width
-        at_home = settled(tab)
-        drag(page, (x, edge - 4.0), (x, edge - 4.0))
+        tab.aim((x, edge - 4.0))
         page.mouse.down()
         drag(page, (x, edge - 4.0), (x, edge - 40.0))
         tab.wait_until(lambda: session.reading().by_hand)
@@ -131,18 +92,18 @@ def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
         )
         page.mouse.up()
         assert line == [True, False, False]  # viser's line is drawn to every hand
-        np.testing.assert_allclose(settled(tab), at_home, atol=1e-3)
+        np.testing.assert_allclose(tab.rest(), at_home, atol=1e-3)
 
         page.keyboard.press("t")
         tab.wait_for_phase("torn")
-        page.wait_for_timeout(2500)
+        tab.wait_until(lambda: not session.advance(0))  # the pieces have stopped swinging
         stump = stage_pixel(tab, (42.0, 0.0, 0.0))
-        drag(page, stump, stump)
+        tab.aim(stump)
         page.mouse.down()
         drag(page, stump, (stump[0], middle - 60.0))
         page.mouse.up()
         expect(page.get_by_text("A torn duct holds no pull")).to_have_count(1)
-        np.testing.assert_allclose(settled(tab), at_home, atol=1e-3)
+        np.testing.assert_allclose(tab.rest(), at_home, atol=1e-3)
 
 
 def test_a_second_tab_leaves_the_first_its_duct(browser: Browser, trainer: Trainer) -> None:
@@ -177,33 +138,35 @@ def test_dialogs_close_in_every_way_and_nothing_covers_them(
         newest(trainer).state.refuse("A notice that lies over the picture, and over no dialog.")
         tab.press("Help")
         dialog.wait_for()
-        page.wait_for_timeout(500)
-        dialog.evaluate("dialog => { dialog.scrollTop = dialog.scrollHeight; }")
         cross = dialog.get_by_role("button", name="Close", exact=True)
-        place, frame = cross.bounding_box(), dialog.bounding_box()
-        assert place is not None
-        assert frame is not None
-        assert place["width"] >= 24.0
-        assert place["height"] >= 24.0
-        assert place["y"] >= 0.0
-        assert place["x"] + place["width"] <= width
-        assert frame["y"] + frame["height"] <= height
-        on_top = page.evaluate(
-            """frame => {
-                const inside = [];
-                for (const right of [0.05, 0.5, 0.95]) for (const down of [0.02, 0.5, 0.98])
-                    inside.push(document.elementFromPoint(
-                        frame.x + right * frame.width, frame.y + down * frame.height));
-                return inside.every(element => element?.closest("[role=dialog]"));
-            }""",
-            frame,
-        )
-        assert on_top
+
+        def stands() -> None:
+            """At the end of its text, once it has come in."""
+            dialog.evaluate("dialog => { dialog.scrollTop = dialog.scrollHeight; }")
+            place, frame = cross.bounding_box(), dialog.bounding_box()
+            assert place is not None
+            assert frame is not None
+            assert place["width"] >= 24.0
+            assert place["height"] >= 24.0
+            assert place["y"] >= 0.0
+            assert place["x"] + place["width"] <= width
+            assert frame["y"] + frame["height"] <= height
+            assert page.evaluate(
+                """frame => {
+                    const inside = [];
+                    for (const right of [0.05, 0.5, 0.95]) for (const down of [0.02, 0.5, 0.98])
+                        inside.push(document.elementFromPoint(
+                            frame.x + right * frame.width, frame.y + down * frame.height));
+                    return inside.every(element => element?.closest("[role=dialog]"));
+                }""",
+                frame,
+            )
+
+        tab.eventually(stands)
         cross.click()
         expect(dialog).to_have_count(0)
         tab.press("Help")
         dialog.wait_for()
-        page.wait_for_timeout(300)
         page.mouse.click(4, height // 2)
         expect(dialog).to_have_count(0)
 
@@ -217,12 +180,16 @@ def test_tabs_stand_in_one_row_with_any_font(
             tab.page.set_viewport_size({"width": width, "height": 700})
             tab.page.add_style_tag(content=f"[role=tab] * {{font-family:{font!r}!important}}")
             tab.open("Train")
-            tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
-            boxes = [each for each in tabs if each is not None]
-            assert len(boxes) == 6
-            assert len({each["y"] for each in boxes}) == 1
-            for left, right in pairwise(boxes):
-                assert left["x"] + left["width"] <= right["x"] + 0.5
+
+            def in_one_row() -> None:
+                tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
+                boxes = [each for each in tabs if each is not None]
+                assert len(boxes) == 6
+                assert len({each["y"] for each in boxes}) == 1
+                for left, right in pairwise(boxes):
+                    assert left["x"] + left["width"] <= right["x"] + 0.5
+
+            tab.eventually(in_one_row)
             tab.open("Model")  # brought into view where the row scrolls
             expect(tab.page.get_by_role("tab", name="Model")).to_have_attribute(
                 "aria-selected", "true"
@@ -231,6 +198,20 @@ def test_tabs_stand_in_one_row_with_any_font(
 
 
 JUDGED = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
+
+
+STILL = """() => document.getAnimations().every(each => each.playState !== "running")"""
+"""Nothing fades in or out, which has less contrast on its way."""
+
+
+def no_faults(tab: TrainerPage, where: str) -> None:
+    """Check that axe-core finds nothing serious or critical once a page has come to rest."""
+
+    def check() -> None:
+        tab.page.wait_for_function(STILL)
+        assert faults(tab.page, where) == []
+
+    tab.eventually(check, 30.0)
 
 
 def faults(page: Page, where: str) -> list[str]:
@@ -252,32 +233,26 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, traine
     with trainer_page(browser, trainer.address, first_minute=True) as tab:
         page, dialog = tab.page, tab.page.get_by_role("dialog")
         dialog.wait_for()
-        page.wait_for_timeout(1000)
-        found = faults(page, "first minute")
+        no_faults(tab, "first minute")
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
         for name in ("Learn", "Compare", "Replay", "Build", "Model", "Train"):
             tab.open(name)
-            page.wait_for_timeout(700)
-            found += faults(page, name)
+            no_faults(tab, name)
         tab.press("Help")
         dialog.wait_for()
-        page.wait_for_timeout(700)
-        found += faults(page, "Help")
+        no_faults(tab, "Help")
         page.keyboard.press("Escape")
         page.keyboard.press("h")
         page.keyboard.press("t")
         tab.wait_for_phase("torn")
-        page.wait_for_timeout(700)
-        found += faults(page, "torn, in the colours of its stress")
+        no_faults(tab, "torn, in the colours of its stress")
         tab.open("Learn")
         tab.press("Result of the last run")
         dialog.wait_for()
-        page.wait_for_timeout(700)
-        found += faults(page, "Result")
+        no_faults(tab, "Result")
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
-        assert found == []
 
 
 def said(tab: TrainerPage) -> str:
@@ -295,7 +270,7 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
         expect(page.locator("[aria-live], [role=status], [role=log]")).to_have_count(1)
         slider = page.get_by_role("slider", name="Force F (N)")
         slider.focus()
-        still = settled(tab)
+        still = tab.rest()
         for keys, percent in (
             (["ArrowRight"] * 3, 3.0),
             (["Shift+ArrowUp"] * 4, 3.4),
@@ -305,13 +280,14 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
                 page.keyboard.press(key)
             wanted = 0.01 * percent * event.force
             tab.wait_until(lambda force=wanted: _wished(session) == pytest.approx(force, abs=6e-4))
-        np.testing.assert_array_equal(settled(tab), still)  # the arrows are the slider's own
-        assert said(tab) == "Safe"
+        np.testing.assert_array_equal(tab.rest(), still)  # the arrows are the slider's own
+        tab.wait_until(lambda: said(tab) == "Safe")
         tab.slide("Force F (N)", round(0.7 * event.force, 3))
         tab.wait_until(lambda: said(tab) == "Careful")
 
         tab.press("Help")
         tab.tick("Letter keys")
+        tab.wait_until(lambda: kept(tab, "letter-keys") == "off")
         page.keyboard.press("Escape")
         expect(page.get_by_role("dialog")).to_have_count(0)
         page.keyboard.press("r")
@@ -320,14 +296,38 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
         tab.press("Help")
         expect(page.get_by_role("checkbox", name="Letter keys")).not_to_be_checked()
         tab.tick("Letter keys")
+        tab.wait_until(lambda: kept(tab, "letter-keys") == "on")
         page.keyboard.press("Escape")
         expect(page.get_by_role("dialog")).to_have_count(0)
         page.keyboard.press("r")
         tab.wait_until(lambda: said(tab) == "Safe")
 
 
+def kept(tab: TrainerPage, name: str) -> str | None:
+    """What the browser has stored for the trainer."""
+    return tab.page.evaluate("name => localStorage.getItem('viser-user:' + name)", name)
+
+
 def _wished(session: Session) -> float:
     return session.grasper.slider_force
+
+
+SMALL = """() => [...document.querySelectorAll(
+        "button, input:not([type=hidden]):not([type=file]), [role=slider], [role=tab],"
+        + " summary")]
+    .filter(element => element.checkVisibility({visibilityProperty: true})
+        && !element.closest("[inert]") && element.offsetWidth)
+    .filter(element => {
+        const box = element.getBoundingClientRect();
+        const more = getComputedStyle(element, "::after");
+        const wide = box.width - 2 * (parseFloat(more.left) || 0);
+        const high = box.height - 2 * (parseFloat(more.top) || 0);
+        return Math.min(wide, high) < 23.9;
+    }).map(element => element.outerHTML.slice(0, 160))"""
+
+
+def no_small_target(page: Page, where: str) -> None:
+    assert page.evaluate(SMALL) == [], where
 
 
 def test_targets_are_large_enough_and_motion_is_reduced_where_that_is_wanted(
@@ -338,22 +338,7 @@ def test_targets_are_large_enough_and_motion_is_reduced_where_that_is_wanted(
         page.emulate_media(reduced_motion="reduce")
         for name in ("Train", "Learn", "Compare", "Replay", "Build", "Model"):
             tab.open(name)
-            page.wait_for_timeout(300)
-            small = page.evaluate(
-                """() => [...document.querySelectorAll(
-                    "button, input:not([type=hidden]):not([type=file]), [role=slider], [role=tab],"
-                    + " summary")]
-                .filter(element => element.checkVisibility({visibilityProperty: true})
-                    && !element.closest("[inert]") && element.offsetWidth)
-                .filter(element => {
-                    const box = element.getBoundingClientRect();
-                    const more = getComputedStyle(element, "::after");
-                    const wide = box.width - 2 * (parseFloat(more.left) || 0);
-                    const high = box.height - 2 * (parseFloat(more.top) || 0);
-                    return Math.min(wide, high) < 23.9;
-                }).map(element => element.outerHTML.slice(0, 160))"""
-            )
-            assert small == [], name
+            tab.eventually(lambda name=name: no_small_target(page, name), 30.0)
         moving = page.evaluate(
             """() => [...document.querySelectorAll("*")].filter(element =>
                 getComputedStyle(element).transitionDuration.split(",")

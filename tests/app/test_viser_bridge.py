@@ -16,6 +16,7 @@ import websockets.asyncio.server
 import zstandard
 from browser import newest, trainer_page
 from playwright.sync_api import Browser
+from program import LONGEST
 from viser import _messages
 from viser._icons import svg_from_icon
 from viser.infra import _infra
@@ -70,7 +71,7 @@ def test_a_connection_leads_to_its_page_and_a_page_can_be_closed(
 
     # In a thread of its own: playwright's loop may be running in this one.
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), 60.0))).result()
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), LONGEST))).result()
 
 
 def test_what_is_streamed_comes_as_viser_would_send_it(server: viser.ViserServer) -> None:
@@ -149,7 +150,7 @@ def test_the_trainer_packs_its_pages_messages_itself(
             assert [*named] == [f"/frame_{number}" for number in range(300)]
 
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: asyncio.run(asyncio.wait_for(page(), 60.0))).result()
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(page(), LONGEST))).result()
     assert len(windows) > 1
 
 
@@ -162,7 +163,7 @@ def test_no_other_thread_sets_the_event_that_wakes_a_page() -> None:
         await event.wait()
 
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), 60.0))).result()
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), LONGEST))).result()
 
 
 def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:

@@ -64,7 +64,7 @@ document.documentElement.addEventListener("keydown", event => {
 });
 
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
-page.openTab = (label, until = performance.now() + 5000) => {
+page.openTab = (label, until = performance.now() + 30000) => {
   const tab = [...document.querySelectorAll("[role=tab]")]
     .find(each => each.textContent.trim() === label);
   if (tab?.getAttribute("aria-selected") === "true") return;
