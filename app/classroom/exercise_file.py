@@ -8,6 +8,7 @@ from typing import Literal
 
 import msgspec
 
+from app.bounded_file import decoded
 from app.simulation import (
     ApproachBreak,
     Exercise,
@@ -139,10 +140,7 @@ def read_exercise(content: str) -> ExerciseFile:
     """Return the exercise in a TOML file."""
     if len(content) > LONGEST_FILE:
         raise ValueError(f"an exercise file has at most {LONGEST_FILE:,} characters")
-    try:
-        return msgspec.toml.decode(content, type=ExerciseFile)
-    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
-        raise ValueError(f"this is no exercise file: {error}") from None
+    return decoded(msgspec.toml.decode, content, ExerciseFile, "this is no exercise file")
 
 
 def template(goal: Goal) -> str:

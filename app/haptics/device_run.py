@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from app.bounded_file import decoded
 from app.haptics.device import DeviceLimits
 from app.haptics.servo_loop import LoopSettings
 from app.simulation import TheoryChoice
@@ -127,10 +128,7 @@ class Recorder:
 
 def read_device_run(content: bytes) -> DeviceRun:
     """Return the run in a file."""
-    try:
-        run = msgspec.json.decode(content, type=DeviceRun)
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise ValueError(f"this is no device run: {error}") from error
+    run = decoded(msgspec.json.decode, content, DeviceRun, "this is no device run")
     if (run.format, run.version) != (FORMAT, VERSION):
         raise ValueError(f"this is a {run.format} of version {run.version}, not {FORMAT} {VERSION}")
     return run

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from app.bounded_file import read_bounded
+from app.bounded_file import decoded, read_bounded
 
 __all__ = ["HandScript", "SimulatedHand", "SimulatedHardware", "Waypoint", "read_hand"]
 
@@ -75,7 +75,5 @@ class HandScript(Struct, frozen=True, forbid_unknown_fields=True):
 
 def read_hand(path: Path) -> HandScript:
     """Return the hand in a TOML file."""
-    try:
-        return msgspec.toml.decode(read_bounded(path, MOST_BYTES, "hand"), type=HandScript)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path} is no hand: {error}") from error
+    content = read_bounded(path, MOST_BYTES, "hand")
+    return decoded(msgspec.toml.decode, content, HandScript, f"{path} is no hand")

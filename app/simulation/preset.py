@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from app.bounded_file import read_bounded
+from app.bounded_file import decoded, read_bounded
 from assets import PRESETS
 from physics import Beam, Theory, calibrated_threshold
 
@@ -203,10 +203,10 @@ def read_preset(content: bytes, name: str) -> Preset:
     if len(content) > MOST_BYTES:
         raise ValueError(f"{name} is no preset: it has more than {MOST_BYTES:,} bytes")
     try:
-        found = msgspec.toml.decode(content, type=_PresetList).preset
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        found = decoded(msgspec.toml.decode, content, _PresetList, f"{name} is no preset").preset
+    except ValueError as error:
         where = str(error).replace("`$.preset[0].", "`").replace(" - at `$.preset[0]`", "")
-        raise ValueError(f"{name} is no preset: {where}") from None
+        raise ValueError(where) from None
     if len(found) != 1:
         raise ValueError(f"{name} must have one [[preset]], it has {len(found)}")
     return found[0]

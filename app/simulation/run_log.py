@@ -8,6 +8,7 @@ from typing import Literal, Protocol, TypeVar
 import msgspec
 import numpy as np
 
+from app.bounded_file import decoded
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.measures import Measures
@@ -172,10 +173,8 @@ def run_version(content: bytes) -> int:
     """Return the version of a run's file, of any kind."""
     if len(content) > MOST_BYTES:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
-    try:
-        return msgspec.json.decode(content, type=_Head).version
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise RunFileError(f"not a run of bluntdissect: {error}") from None
+    wrong = "not a run of bluntdissect"
+    return decoded(msgspec.json.decode, content, _Head, wrong, RunFileError).version
 
 
 def read_run(content: bytes) -> RunFile:
@@ -192,10 +191,7 @@ def read_run(content: bytes) -> RunFile:
 
 def decoded_run(content: bytes, kind: type[FileT]) -> FileT:
     """Return a file of a kind of run, not yet checked."""
-    try:
-        return msgspec.json.decode(content, type=kind)
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise RunFileError(f"a damaged run: {error}") from None
+    return decoded(msgspec.json.decode, content, kind, "a damaged run", RunFileError)
 
 
 class _Head(msgspec.Struct):

@@ -194,6 +194,16 @@ def test_refuses_what_is_wrong(tmp_path: Path, parts: tuple[str, ...], said: str
     assert not table.exists()
 
 
+def test_refuses_a_file_that_is_no_scene(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    for content, said in (
+        (b"#" * 20_000_001, "is no scene: it has more than 20,000,000 bytes"),
+        (b"\xff\xfe", "scene.toml: it is not text"),
+    ):
+        path.write_bytes(content)
+        assert said in refused(["peel", path])
+
+
 def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
     free = BEAM.replace('"clamped"', '"free"')
     push = "[[hand]]\nat_mm = 60.0\npath_N = [[0.0, 0.0, 5.0]]\nsteps = 5\n"

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from app.bounded_file import read_bounded
+from app.bounded_file import decoded, read_bounded
 from app.simulation.bed.preset import bed_named
 from physics import Beam
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
@@ -357,12 +357,8 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def read_scene(path: Path) -> PeelScene:
     """Return the scene in a file."""
-    try:
-        return msgspec.toml.decode(read_bounded(path, MOST_BYTES, "scene"), type=PeelScene)
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise ValueError(f"{path}: {error}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is no TOML file: it is not text") from None
+    content = read_bounded(path, MOST_BYTES, "scene")
+    return decoded(msgspec.toml.decode, content, PeelScene, str(path))
 
 
 def with_own(bed: Bed, own: dict[str, float]) -> Bed:
