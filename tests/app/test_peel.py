@@ -209,6 +209,7 @@ def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
     push = "[[hand]]\nat_mm = 60.0\npath_N = [[0.0, 0.0, 5.0]]\nsteps = 5\n"
     message = refused(["peel", scene(tmp_path, free, BED, push)])
     assert "of 5: " in message
+    assert "does anything hold the beam" in message
 
 
 def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:

@@ -174,6 +174,23 @@ def test_bathe_s_bend() -> None:
     assert orders.min() > 1.8
 
 
+@pytest.mark.parametrize("way", [0, 1, 2])
+def test_a_quarter_circle_bends_and_twists_as_castigliano_says(way: int) -> None:
+    radius, bending, twisting, size = 40.0, 100.0, 70.0, 1e-5
+    angles = np.linspace(0.0, math.pi / 2.0, 25)
+    axis = radius * np.stack([np.sin(angles), 0.0 * angles, 1.0 - np.cos(angles)], axis=1)
+    rows = np.array([1e4, 1e5, 1e5, twisting, bending, bending])
+    beam = SpaceBeam.made(axis=axis, elements=100, ends=("clamped", "free"), stiffness=rows)
+    force = [0.0, 0.0, 0.0]
+    force[way] = size
+    history = pull(beam, None, [Hand(at=beam.span, path=(tuple(force),), by="force", steps=1)])  # type: ignore[arg-type]
+    far = 0.75 * math.pi - 2.0
+    expected = (math.pi / 4 / bending, math.pi / 4 / bending + far / twisting, far / bending)[way]
+    assert history.hands[-1, 0, way] == pytest.approx(size * radius**3 * expected, rel=5e-4)
+    # Its arc is not straight to the end of the step: half the force times the way is off by more.
+    assert history.open_share < 1e-4
+
+
 def test_euler_s_column_and_the_elastica_beyond_it() -> None:
     span, bending = 100.0, 10.0
     critical = math.pi**2 * bending / (4 * span**2)
