@@ -30,6 +30,8 @@ ROUNDING = 1e-12
 """Energies below it, mJ, are rounding."""
 OPEN = 1e-4
 """Part of the work that the energy balance may leave unexplained."""
+EVERY = 20.0
+"""Seconds between two lines of progress."""
 
 
 def bed(random: np.random.Generator, strands: int) -> Bed:
@@ -153,8 +155,6 @@ def played(work: tuple[str, int]) -> tuple[float, str]:
 
 
 PLAYS = {"real time": pulled_in_real_time, "equilibria": pulled_through_equilibria}
-EVERY = 20.0
-"""Seconds between two lines of progress."""
 
 
 def main() -> None:
