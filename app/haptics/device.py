@@ -8,7 +8,7 @@ a function of one `DeviceOptions` that returns an open device or raises `DeviceE
 import importlib.metadata
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ __all__ = [
     "DeviceLimits",
     "DeviceOptions",
     "DeviceState",
+    "WaitingDevice",
     "device_names",
     "open_device",
 ]
@@ -80,6 +81,13 @@ class Device(Protocol):
     def close(self) -> None:
         """Send no force and close the device, in whatever state it is."""
         ...
+
+
+@runtime_checkable
+class WaitingDevice(Device, Protocol):
+    """A device whose exchange waits for an answer."""
+
+    meanwhile: Callable[[], None]  # what is done until it comes
 
 
 def device_names() -> list[str]:

@@ -50,7 +50,8 @@ CLOSE_SECONDS = 0.1
 class HaplyDevice:
     """An Inverse3 behind an open connection; `version` is that of the service's messages.
 
-    `clock`, s, and `connect` are what time and connections are taken from.
+    `clock`, s, and `connect` are what time and connections are taken from. `meanwhile` is as
+    `WaitingDevice` has it.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class HaplyDevice:
         connect: Callable[[tuple[str, int], float], socket.socket] = socket.create_connection,
     ) -> None:
         self._clock = clock
+        self.meanwhile: Callable[[], None] = lambda: None
         host, port = websocket_address(options.address)
         self._address = options.address
         self._patience = min(STALE_SECONDS, 4.0 * options.period)
@@ -109,6 +111,7 @@ class HaplyDevice:
         elif not self._behind and waited > STALE_SECONDS:
             self._send(0.0, 0.0, 0.0)
             self._behind = True
+        self.meanwhile()
         deadline = now + self._patience
         while True:
             try:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from app.haptics.device import Device, DeviceError, DeviceState
+from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice
 from app.haptics.device_run import Recorder
 from app.haptics.felt_duct import FeltDuct
 from app.haptics.regulator import ALLOWED, BRAKED, LEAST, MODELLED, SAMPLED, WITHHELD, WORK
@@ -66,6 +66,9 @@ class Servo:
         keeps: bool = True,
     ) -> None:
         self.devices, self.loop = devices, loop
+        for device in devices:
+            if isinstance(device, WaitingDevice):
+                device.meanwhile = loop.rehearse
         self.recorder = Recorder(len(devices)) if keeps else None
         self._states = [DeviceState() for _ in devices]
         self._received, self._alive = [0.0] * len(devices), [0.0] * len(devices)

@@ -13,7 +13,14 @@ from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
-from app.haptics.device import DeviceError, DeviceOptions, DeviceState, device_names, open_device
+from app.haptics.device import (
+    DeviceError,
+    DeviceOptions,
+    DeviceState,
+    WaitingDevice,
+    device_names,
+    open_device,
+)
 from app.haptics.hand import HandScript
 from app.haptics.haply_device import HaplyDevice
 
@@ -229,6 +236,17 @@ def test_no_answer_at_all_is_no_hang_and_no_force() -> None:
     assert set(said) == {"no state within 4 ms"}
     assert forces_heard(service)[1] == 1.0
     assert not any(forces_heard(service)[2:])
+
+
+def test_the_time_in_which_an_answer_comes_can_be_used() -> None:
+    service = Service(lambda *_: [state()])
+    device, used = service.opened(), list[tuple[int, float]]()
+    assert isinstance(device, WaitingDevice)
+    device.meanwhile = lambda: used.append((len(service.heard), service.now))
+    begun = service.now
+    assert device.exchange(STILL, DeviceState())
+    assert used == [(1, begun)]
+    assert service.now > begun
 
 
 def test_a_message_in_fragments_is_one_and_nothing_is_unread_at_the_end() -> None:
