@@ -111,6 +111,13 @@ def trainer(
     build_memory: Annotated[
         int, typer.Option(help="Memory of building organs, MiB (Linux).", rich_help_panel=BOUNDS)
     ] = 3072,
+    build_pixels: Annotated[
+        int,
+        typer.Option(
+            help="Million pixels of images sent to be built; of each a 24th.",
+            rich_help_panel=BOUNDS,
+        ),
+    ] = 120,
     metrics: Annotated[
         bool, typer.Option("--metrics", help="Serve figures for Prometheus at /metrics.")
     ] = False,
@@ -170,7 +177,7 @@ def trainer(
     from app.compression.build_process import BuildProcess
     from app.trainer.connections.bounds import Bounds
 
-    builds = BuildProcess(build_seconds, build_memory)
+    builds = BuildProcess(build_seconds, build_memory, build_pixels)
     bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
 
     def start() -> "Trainer":

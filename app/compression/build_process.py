@@ -16,6 +16,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
+from app.compression.image_upload import UploadBounds
+
 __all__ = ["Abandoned", "BuildProcess", "Progress"]
 
 Progress = Callable[[int, int], None]
@@ -42,10 +44,18 @@ class BuildProcess:
     may be called from any thread.
     """
 
-    def __init__(self, seconds: float = BUILD_SECONDS, mib: int = BUILD_MIB) -> None:
-        for name, value, least in (("seconds", seconds, 1), ("memory", mib, 512)):
+    def __init__(
+        self, seconds: float = BUILD_SECONDS, mib: int = BUILD_MIB, million_pixels: int = 120
+    ) -> None:
+        for name, value, least in (
+            ("seconds", seconds, 1), ("memory", mib, 512), ("pixels", million_pixels, 1)
+        ):  # fmt: skip
             if not value >= least:
                 raise ValueError(f"--build-{name} must be at least {least}")
+        # What may be sent to be built. One image is of a 24th.
+        self.bounds = UploadBounds(
+            image_pixels=million_pixels * 10**6 // 24, all_pixels=million_pixels * 10**6
+        )
         self._seconds, self._mib = seconds, mib
         self._lock = threading.Lock()
         self._stopped = threading.Event()

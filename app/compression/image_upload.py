@@ -51,10 +51,11 @@ class UploadBounds:
     file_bytes: int = 64 * MIB  # Size of the file
     entries: int = 2000  # Files and folders in a zip
     unpacked_bytes: int = 256 * MIB  # Their size together, unpacked
-    image_pixels: int = 2**24  # Of one image
-    all_pixels: int = 300 * 10**6  # Of all images
+    image_pixels: int = 5 * 10**6  # Of one image, which takes 80 bytes each to trace
+    all_pixels: int = 120 * 10**6  # Of all images
     voxels: int = 2**26  # Voxels of a volume, which is read whole
-    # What to do about more.
+    # What to do about more pixels, before what to do about more of anything.
+    more_pixels: str = "start the trainer with more --build-pixels, or "
     otherwise: str = (
         "build its organ with bluntdissect compress FILE -o duct.organ, and practise on it with "
         "bluntdissect trainer --organ duct.organ"
@@ -299,13 +300,14 @@ def _check_pixels(images: dict[str, bytes], bounds: UploadBounds) -> None:
             if width * height > bounds.image_pixels:
                 raise UploadRefusedError(
                     f"{_shown(name)} has {width:,} x {height:,} pixels and the most is "
-                    f"{bounds.image_pixels / 1e6:.1f} million"
+                    f"{bounds.image_pixels / 1e6:.1f} million: "
+                    f"{bounds.more_pixels}{bounds.otherwise}"
                 )
             total += width * height
     if total > bounds.all_pixels:
         raise UploadRefusedError(
             f"the images have {total / 1e6:,.0f} million pixels and the most is "
-            f"{bounds.all_pixels / 1e6:,.0f} million"
+            f"{bounds.all_pixels / 1e6:,.0f} million: {bounds.more_pixels}{bounds.otherwise}"
         )
 
 

@@ -338,7 +338,7 @@ def _check_extent(stack: ImageStack, bounds: UploadBounds) -> None:
     if pixels > bounds.image_pixels or pixels * len(stack) > bounds.all_pixels:
         raise ImageStackError(
             f"{len(stack)} images of {pixels / 1e6:,.1f} million pixels are more than is taken: "
-            f"{bounds.otherwise}"
+            f"{bounds.more_pixels}{bounds.otherwise}"
         )
 
 

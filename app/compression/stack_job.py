@@ -33,6 +33,7 @@ ZIP_BOUNDS = UploadBounds(
     unpacked_bytes=2**31,
     image_pixels=2**28,
     all_pixels=2**32,
+    more_pixels="",
     otherwise="unpack it, and give its folder or file",
 )
 """The most of a zip that is one's own."""

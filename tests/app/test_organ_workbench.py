@@ -138,8 +138,8 @@ def test_a_tiff_whose_pages_go_round_is_refused() -> None:
         ({"a.mha": b"ElementDataFile = LIST"}, "voxels in 'LIST'"),
         ({"a.nhdr": b"NRRD0004\ndata file: /etc/passwd"}, "voxels in '/etc/passwd'"),
         ({"a.nrrd": b"NRRD0004\ndatafile: LIST"}, "voxels in 'LIST'"),
-        ({"1.png": png(5000, 5000)}, r"5,000 x 5,000 pixels and the most is 16\.8 million"),
-        ({f"{n}.png": png(2000, 8000) for n in range(20)}, "320 million"),
+        ({"1.png": png(5000, 5000)}, r"5,000 x 5,000 pixels and the most is 5.0 million"),
+        ({f"{n}.png": png(2000, 2000) for n in range(31)}, "124 million"),
     ],
 )
 def test_hostile_zips_are_refused_in_one_line(
@@ -215,7 +215,8 @@ def test_bounds_hold_at_the_last_byte_and_entry(tmp_path: Path) -> None:
     assert sorted(path.name for path in found.iterdir()) == ["1.png", "2.png"]
     for bound in ("file_bytes", "entries", "unpacked_bytes", "image_pixels", "all_pixels"):
         less = dataclasses.replace(exact, **{bound: getattr(exact, bound) - 1})
-        with pytest.raises(UploadRefusedError, match="most"):
+        words = "most.*--build-pixels" if "pixels" in bound else "most"
+        with pytest.raises(UploadRefusedError, match=words):
             unpack_upload("again.zip", content, tmp_path, less)
     assert [path.name for path in tmp_path.iterdir()] == ["scan"]
 

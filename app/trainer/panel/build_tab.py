@@ -55,7 +55,8 @@ class BuildTab:
 
     def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
         self._state = state
-        self._bench = OrganWorkbench(process=state.workers.build_process)
+        process = state.workers.build_process
+        self._bench = OrganWorkbench(process.bounds, process)
         self._status = gui.add_html(note(_TELLING, "build-status"))
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
