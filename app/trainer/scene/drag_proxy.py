@@ -19,7 +19,7 @@ from app.trainer.viser_bridge import stream
 from kernel_cache import njit
 from organ_geometry.mesh import Skin
 
-__all__ = ["DragProxy", "Hold"]
+__all__ = ["DragProxy", "Hold", "farther"]
 
 RINGS, SIDES = 25, 8
 SLACK = 1.0
@@ -60,7 +60,7 @@ class _Tube:
 
     def follow(self, vertices: NDArray[np.float32]) -> None:
         self._vertices = vertices  # which each frame overwrites
-        if _farther(vertices, self._drawn, self._at, SLACK):
+        if farther(vertices, self._drawn, self._at, SLACK):
             stream(self.mesh, "vertices", self._places(vertices))
 
     def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -87,7 +87,7 @@ class _Tube:
 
 
 @njit(cache=True, nogil=True)
-def _farther(
+def farther(
     places: NDArray[np.float32],
     numbers: NDArray[np.int64],
     from_: NDArray[np.float32],

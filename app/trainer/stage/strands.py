@@ -19,7 +19,15 @@ from app.trainer.viser_bridge import hand_over, run_in_page
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 
-__all__ = ["NUMBERS", "PARTED", "DrawnStrands", "StrandsInBed", "film_pairs", "write_strands"]
+__all__ = [
+    "NUMBERS",
+    "PARTED",
+    "DrawnStrands",
+    "StrandsInBed",
+    "differ",
+    "film_pairs",
+    "write_strands",
+]
 
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
@@ -100,7 +108,7 @@ class DrawnStrands:
 
     def send(self, numbers: NDArray[np.float32]) -> None:
         """Draw the strands by new numbers, if that can be seen to differ."""
-        if _differ(numbers, self._sent.reshape(-1)):
+        if differ(numbers, self._sent.reshape(-1)):
             self._sent = np.zeros(self._sent.shape, np.float32)
             self._sent.reshape(-1)[: numbers.size] = numbers
             hand_over(self._mesh, "vertices", self._sent)
@@ -184,7 +192,7 @@ def film_pairs(along: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArra
 
 
 @njit(cache=True, nogil=True)
-def _differ(numbers: NDArray[np.float32], sent: NDArray[np.float32]) -> bool:
+def differ(numbers: NDArray[np.float32], sent: NDArray[np.float32]) -> bool:
     """Return whether the numbers differ from those sent, which some more may follow."""
     largest = np.float32(0.0)
     for i in range(numbers.shape[0]):
