@@ -156,7 +156,7 @@ seed = 1         # of the bed's scatter
     limits = textwrap.indent(textwrap.fill(", ".join(_limits(goal)), 70), "# ")
     return f"""\
 title = "{GOALS[goal]}"
-text = "What you tell the trainees, in a sentence or two."
+text = ""  # what you tell the trainees, in a sentence or two
 goal = "{goal}"
 feedback = "continuous"   # or "fading", or "summary": figures only in the result
 

@@ -17,6 +17,8 @@ from app.trainer.server.trainer import Trainer
 SIZE = (1240, 760)
 SCENE = (0, 40, 880, 760)  # Without the panel and the page's head
 WIDTH = 640
+DOTS = 0.8
+"""A pixel of the page: the film has fewer."""
 FRAME_MS = 90
 
 
@@ -53,7 +55,7 @@ def main(path: Path) -> None:
     try:
         with (
             running_browser(drawing=True) as browser,
-            trainer_page(browser, trainer.address, width=SIZE[0], height=SIZE[1]) as tab,
+            trainer_page(browser, trainer.address, width=SIZE[0], height=SIZE[1], dots=DOTS) as tab,
         ):
             close_hint(tab)
             first, *others = frames(tab, newest_dissection(trainer).state)

@@ -262,7 +262,7 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
         ('title = "Open a window"', "", "title"),
         ('"window"', '"windows"', "windows"),
         ("Open a window", "x" * 61, "60 characters"),
-        ("What you tell", "x" * 1001, "1000 characters"),
+        ('text = ""', f'text = "{"x" * 1001}"', "1000 characters"),
         ("time_limit_s = 120", "name = 120", "limits.name is none of window; there are: free_mm"),
         ("= 120", "= nan", "time_limit_s"),
         ("= 120", "= -1", "time_limit_s"),

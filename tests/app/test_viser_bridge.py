@@ -5,6 +5,7 @@ import re
 import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 import viser
 import websockets.asyncio.server
 import zstandard
-from browser import newest, trainer_page
+from browser import new_context, newest, trainer_page
 from playwright.sync_api import Browser
 from program import LONGEST
 from viser import _messages
@@ -22,6 +23,7 @@ from viser._icons import svg_from_icon
 from viser.infra import _infra
 from websockets.asyncio.server import ServerConnection
 
+from app.trainer import viser_bridge
 from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
@@ -217,7 +219,7 @@ def test_a_recording_s_page_has_the_places_where_light_and_text_go(
     server: viser.ViserServer,
 ) -> None:
     page = server.get_scene_serializer().as_html()
-    written = recording_page(page, "A title", ["a note"])
+    written = recording_page(page, "A title", ["a note"], distance=90.0, aspect=1.6)
     head, body = written.split("<body", 1)
     assert head.count("<title>A title</title>") == 1
     assert "isDirectionalLight" in head.rsplit("<script>", 1)[1]
@@ -225,6 +227,36 @@ def test_a_recording_s_page_has_the_places_where_light_and_text_go(
     for line in ("<h1>A title</h1>", '<p class="note">a note</p>', '<p id="caption">'):
         assert body.count(line) == 1
     assert len(written) - len(page) < 4000  # nothing of viser's is lost or doubled
+
+
+def test_a_recording_s_page_shows_its_whole_width_in_any_window(browser: Browser) -> None:
+    page = new_context(browser).new_page()
+    page.set_content('<div id="about" data-distance="100" data-aspect="2"></div>')
+    script = Path(viser_bridge.__file__).with_name("recording.js").read_text(encoding="utf-8")
+    page.evaluate(
+        """script => {
+            const scene = {fog: {near: 10, far: 20}, onBeforeRender() {}, traverse() {}};
+            const cameraControl = {
+                distance: 100, maxDistance: 150, dollyTo(distance) { this.distance = distance; },
+            };
+            window.__viserMutable = {scene, cameraControl};
+            window.eval(script);
+            window.shown = aspect => {
+                scene.onBeforeRender(null, scene, {aspect});
+                return [cameraControl.distance, scene.fog.near, scene.fog.far];
+            };
+        }""",
+        script,
+    )
+    assert page.evaluate("shown(2.2)") == [100, 10, 20]
+    assert page.evaluate("shown(0.5)") == [400, 40, 80]
+    assert page.evaluate("__viserMutable.cameraControl.maxDistance") >= 400
+    page.evaluate("__viserMutable.cameraControl.distance = 100")  # viser starts over
+    assert page.evaluate("shown(0.5)") == [400, 40, 80]
+    page.evaluate("__viserMutable.cameraControl.distance = 250")  # the reader comes nearer
+    assert page.evaluate("shown(0.5)") == [250, 40, 80]
+    assert page.evaluate("shown(1.8)") == [100, 10, 20]
+    page.context.close()
 
 
 def test_who_runs_a_script_in_a_page_has_the_scene_and_its_nodes(

@@ -257,7 +257,9 @@ def _recorded(
         record.insert_sleep(times[key] - times[key - 1])
         show(key)
     record.insert_sleep(END_SECONDS)
-    return recording_page(record.as_html(dark_mode=True), dissection.preset.label, notes)
+    html = record.as_html(dark_mode=True)
+    label = dissection.preset.label
+    return recording_page(html, label, notes, distance=view.distance, aspect=ASPECT)
 
 
 def _body(

@@ -129,7 +129,7 @@ HELP: dict[Mode, str] = {
 def _first_minute(mode: Mode) -> str:
     lines = "".join(f"<li>{line}</li>" for line in _LINES[mode])
     return (
-        "<ol data-testid='first-minute' style='margin:0;padding:0 12px 4px 30px;font-size:16px;"
+        "<ol data-testid='first-minute' style='margin:0;padding:0 12px 12px 30px;font-size:16px;"
         f"line-height:1.6'>{lines}</ol>"
     )
 

@@ -29,11 +29,16 @@ def write_caption(server: viser.ViserServer, words: str) -> None:
     )
 
 
-def recording_page(page: str, title: str, notes: Sequence[str]) -> str:
+def recording_page(
+    page: str, title: str, notes: Sequence[str], *, distance: float, aspect: float
+) -> str:
     """Return viser's page of a recording with steady light, and with a title and notes over it."""
+    # The camera's distance, mm, shows the whole in a window of this width by height.
     shown = html.escape(title)
     lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
-    overlay = _file("recording.html").replace("@title", shown).replace("@notes", lines)
+    overlay = _file("recording.html").replace("@distance", f"{distance:.6g}")
+    overlay = overlay.replace("@aspect", f"{aspect:.6g}")
+    overlay = overlay.replace("@title", shown).replace("@notes", lines)
     # The page's script contains such tags as text; the head's is the first, the body's the last.
     before, after = page.split("<title>", 1)
     rest = after.split("</title>", 1)[1]
