@@ -39,6 +39,8 @@ hook; whether a state came lately, and whether one came in this period."""
 STRIDE, MOST_STRIDES = 0.05, 64
 """Longest movement of a hand, mm, that the model takes in one step, and most steps of a period: a
 hand without states for some periods is caught up with in such steps."""
+FIRST_STRIDE, FIRST_STRIDES = 0.0125, 2000
+"""The same of the first period, in which a hook without a device goes where it is left."""
 
 
 # Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets
@@ -61,6 +63,8 @@ def _lead(
     held: NDArray[np.bool_],
     to_mm: float,
     free: bool,
+    longest_stride: float,
+    most_strides: int,
 ) -> tuple[int, bool]:
     """Move the hooks with their hands: the clutch, taking and releasing the duct."""
     # Returned are in how many steps the model goes there, the first of which is filled in, and
@@ -93,7 +97,7 @@ def _lead(
         if held[h] or not free:  # a hook that is free goes as fast as it likes
             for j in range(3):
                 longest = max(longest, abs(led[h, j] - ways[LED_BEFORE, h, j]))
-    strides = min(max(math.ceil(longest / STRIDE), 1), MOST_STRIDES)
+    strides = min(max(math.ceil(longest / longest_stride), 1), most_strides)
     _stride(ways, 1.0 / strides)
     return strides, live
 
@@ -285,6 +289,7 @@ class ServoLoop:
         self._last = units, inputs
         for hand in range(hands):
             bits[hand] = inputs[hand] | TAKE if self.holds[hand] else inputs[hand]
+        bounds = (STRIDE, MOST_STRIDES) if self._begun else (FIRST_STRIDE, FIRST_STRIDES)
         if not self._begun:
             if not all(each & FRESH for each in inputs):
                 return  # where the hands are is not known yet
@@ -293,7 +298,7 @@ class ServoLoop:
             self._begun = True
         model, held, regulator = self.model, self._held, self.regulator
         strides, live = _lead(
-            units, bits, self._bits_before, ways, held, self._to_mm, model.free
+            units, bits, self._bits_before, ways, held, self._to_mm, model.free, *bounds
         )  # fmt: skip
         # A hand that was lost for some periods is followed along its way.
         for stride in range(1, strides):

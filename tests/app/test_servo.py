@@ -339,6 +339,15 @@ def test_a_second_hook_helps() -> None:
     assert total == pytest.approx(two.stored, rel=1e-6)
 
 
+def test_the_work_of_a_second_hook_that_is_left_somewhere_is_stored() -> None:
+    model = choice(Exact(), 15.4, 35.4).felt(1.0)
+    loop = ServoLoop(model, LoopSettings(), LIMITS)
+    loop.assist(1, 5.0)
+    stepped(loop, 0.0, FRESH | LIVE)
+    assert model.hooks[1, 2] == pytest.approx(5.0 - model.forces[1, 2])  # behind 1 N/mm
+    assert loop.assist_work == pytest.approx(model.stored, rel=1e-7)
+
+
 def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
     model = choice(Exact(), 15.0, 50.8 - 15.0).felt(1.0)
     loop = ServoLoop(model, LoopSettings(), LIMITS, hands=2)
