@@ -19,7 +19,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.trainer_clients import machine_speed
 
-__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "SWITCHES", "page_figures"]
+__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "PRESENT", "SWITCHES", "page_figures"]
 
 LOOKS = ("full", "plain")
 SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -28,7 +28,7 @@ PATIENCE_MS = 120_000
 ANSWERS = 20
 PULLING_SECONDS = 10.0
 
-_PRESENT = "() => window.__viserMutable?.nodeRefFromName?.['/organ/skin']"
+PRESENT = "() => window.__viserMutable?.nodeRefFromName?.['/organ/skin']"
 # From a key on the force slider to the read-out that shows another force, ms.
 _ANSWER = """
 (key) => new Promise((done) => {
@@ -87,7 +87,7 @@ def _counted(page: Page, address: str) -> dict[str, float]:
     )
     start = time.perf_counter()
     page.goto(f"{address}/?fixedDpr=1")
-    page.wait_for_function(_PRESENT, timeout=PATIENCE_MS)
+    page.wait_for_function(PRESENT, timeout=PATIENCE_MS)
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => done()))")
     return {
         "first_picture_s": time.perf_counter() - start,

@@ -74,8 +74,11 @@ def compress_all(
 def _hash_of(job: StackJob) -> str:
     """Return a hash of a stack's files, by name, size and time, its options and the version."""
     stack = job.stack.resolve()
-    files = sorted(stack.rglob("*")) if stack.is_dir() else [stack]
-    held = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    try:
+        files = sorted(stack.rglob("*")) if stack.is_dir() else [stack]
+        held = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    except OSError:  # is said when it is read
+        held = []
     asked = (versions(), held, job.output.name, job.read, job.reslice, job.trace, job.promise)
     return hashlib.sha256(repr(asked).encode()).hexdigest()
 

@@ -69,10 +69,11 @@ def test_a_stack_that_fails_does_not_stop_the_others(tmp_path: Path, stacks: lis
     empty = tube(tmp_path / "empty", 0, 0)
     for image in empty.glob("*.png"):
         cv2.imwrite(str(image), np.zeros((64, 64), np.uint8))
-    done = run("compress", stacks[0], empty, stacks[2], "-o", tmp_path / "organs")
+    missing = tmp_path / "missing"
+    done = run("compress", stacks[0], empty, stacks[2], missing, "-o", tmp_path / "organs")
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        f"bluntdissect: 1 of 3 stacks could not be compressed: {empty}"
+        f"bluntdissect: 2 of 4 stacks could not be compressed: {empty}, {missing}"
     ]
     lines = done.stdout.splitlines()
     assert lines[0].split()[:3] == ["organ", "file", "in"]
@@ -80,9 +81,10 @@ def test_a_stack_that_fails_does_not_stop_the_others(tmp_path: Path, stacks: lis
         "masks.organ",
         "duct.organ",
     ]
-    (failed,) = (line for line in lines if line.startswith("failed"))
+    failed, absent = (line for line in lines if line.startswith("failed"))
     assert str(empty) in failed
     assert "two or more are needed" in failed
+    assert f"there is no folder of images at {missing}" in absent
     written = {path.name for path in (tmp_path / "organs").iterdir()}
     assert written == {"masks.organ", "duct.organ", "summary.jsonl", "summary.csv"}
     row = list(csv.DictReader((tmp_path / "organs" / "summary.csv").read_text().splitlines()))[1]
