@@ -71,9 +71,10 @@ for (const name of ["drawArrays", "drawElements", "drawRangeElements", "drawArra
 drawing in software. All else of the page runs as it does for a user."""
 RADIUS = 4.445
 """Of the shipped duct as it is drawn, as thick as the thesis's bar, mm."""
-PATIENCE = 180_000
-"""ms: software rendering on two busy cores. It is waited for conditions, which mostly come at once:
-that a test waits for long is only seen when it fails."""
+PATIENCE = 400_000
+"""ms: software rendering on two busy cores, and a theory that waits in the background until kernels
+are compiled that other pages need. It is waited for conditions, which mostly come at once: that a
+test waits for long is only seen when it fails."""
 expect.set_options(timeout=PATIENCE)
 ViewT = TypeVar("ViewT", PullView, DissectView)
 
