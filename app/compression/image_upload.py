@@ -55,7 +55,7 @@ class UploadBounds:
     all_pixels: int = 120 * 10**6  # Of all images
     voxels: int = 2**26  # Voxels of a volume, which is read whole
     # What to do about more pixels, before what to do about more of anything.
-    more_pixels: str = "start the trainer with more --build-pixels, or "
+    more_pixels: str = "start bluntdissect trainer with more --build-pixels, or "
     otherwise: str = (
         "build its organ with bluntdissect compress FILE -o duct.organ, and practise on it with "
         "bluntdissect trainer --organ duct.organ"
