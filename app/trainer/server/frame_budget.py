@@ -4,10 +4,14 @@ __all__ = ["FrameBudget"]
 
 MAX_INTERVAL = 4
 """Most ticks between two frames of a duct: 7.5 frames per second."""
-HIGH_LOAD, LOW_LOAD = 0.8, 0.6
-"""Mean loads above which frames are left out, and below which they come back. The gap keeps the
-interval from changing to and fro."""
-WEIGHT = 0.1
+HIGH_LOAD, LOW_LOAD = 0.95, 0.9
+"""Mean loads above which frames are left out, and below which they come back. Sessions keep their
+steps up to the first; a trainer with 32 that dissect is below it with a picture in every other
+tick."""
+STEP_MS, PICTURE_MS = 0.78, 0.98
+"""Work of a session's step and of its picture, as measured: their ratio says what another interval
+would make of the load."""
+WEIGHT = 0.05
 """Weight of the newest tick in the running mean, so that one delayed tick changes little."""
 
 
@@ -32,11 +36,16 @@ class FrameBudget:
         before = self.interval
         if self._mean_load > HIGH_LOAD and before < MAX_INTERVAL:
             self.interval = before + 1
-        elif before > 1 and self._mean_load * before / (before - 1) < LOW_LOAD:
+        elif before > 1 and self._mean_load * _work(before - 1) / _work(before) < LOW_LOAD:
             self.interval = before - 1
-        # The load expected at the new interval, since drawing is nearly all of the work.
-        self._mean_load *= before / self.interval
+        # The load expected at the new interval.
+        self._mean_load *= _work(self.interval) / _work(before)
 
     def draws(self, number: int) -> bool:
         """Return whether the client of this number draws in this tick."""
         return (self._tick + number) % self.interval == 0
+
+
+def _work(interval: int) -> float:
+    """Return the mean work for a client in a tick, ms."""
+    return STEP_MS + PICTURE_MS / interval
