@@ -61,7 +61,8 @@ PICTURES = """
 def _trainer(look: str) -> Iterator[str]:
     """Run a trainer of the shipped duct in a process of its own, and yield its address."""
     code = "from app.command_line import main; main()"
-    command = [sys.executable, "-c", code, "trainer", "--port", "0", "--look", look]
+    command = [sys.executable, "-c", code, "trainer", "--port", "0"]
+    command += ["--mode", "pull", "--look", look]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
