@@ -19,7 +19,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.trainer_clients import machine_speed
 
-__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "PRESENT", "SWITCHES", "page_figures"]
+__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "PRESENT", "SWITCHES", "chromium", "page_figures"]
 
 LOOKS = ("full", "plain")
 SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -55,6 +55,14 @@ PICTURES = """
   requestAnimationFrame(draw);
 })
 """
+
+
+def chromium() -> str:
+    """Return where the system's Chromium is."""
+    found = which("chromium") or which("chromium-browser") or which("google-chrome")
+    if found is None:
+        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
+    return found
 
 
 @contextmanager
@@ -99,11 +107,8 @@ def _counted(page: Page, address: str) -> dict[str, float]:
 
 def page_figures(look: str) -> dict[str, float]:
     """Return the figures of one page in a look."""
-    chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
-    if chromium is None:
-        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
     with _trainer(look) as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(PATIENCE_MS)
         figures = _counted(page, address)

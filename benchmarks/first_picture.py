@@ -15,12 +15,11 @@ import venv
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import which
 
 import psutil
 from playwright.sync_api import sync_playwright
 
-from benchmarks.browser_page import PRESENT, SWITCHES
+from benchmarks.browser_page import PRESENT, SWITCHES, chromium
 
 ROOT = Path(__file__).parents[1]
 PATIENCE_MS = 900_000
@@ -41,11 +40,8 @@ def _pip(*words: str | Path) -> None:
 
 def _opened(program: Path, cache: Path, figures: dict[str, float], which_start: str) -> None:
     """Start the trainer and open its page, until its duct is drawn."""
-    chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
-    if chromium is None:
-        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         with _timed(figures, f"{which_start}_address"):
             trainer = subprocess.Popen(

@@ -14,7 +14,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from shutil import which
 from typing import Any, Literal, cast
 
 import msgspec
@@ -35,7 +34,7 @@ from app.haptics.servo_process import (
 from app.haptics.servo_report import ServoReport
 from app.simulation.bed import Touch
 from app.trainer.server.trainer import Trainer
-from benchmarks.browser_page import PATIENCE_MS, PICTURES, SWITCHES
+from benchmarks.browser_page import PATIENCE_MS, PICTURES, SWITCHES, chromium
 from benchmarks.haptic_servo import virtual_service
 
 __all__ = ["figures_beside_page"]
@@ -128,9 +127,6 @@ def beside_page(
     where: Where, seconds: float, address: str | None, beside: Callable[[], Any]
 ) -> dict[str, Any]:
     """Return the figures of a page that a device leads, or the same movement without one."""
-    chromium = which("chromium") or which("chromium-browser") or which("google-chrome")
-    if chromium is None:
-        raise FileNotFoundError("no Chromium here (Debian: apt install chromium)")
     command = [sys.executable, "-W", "ignore::UserWarning", "-m", __spec__.name, "serve", where]
     with (
         subprocess.Popen([*command, *([address] if address else [])], text=True,
@@ -145,7 +141,7 @@ def beside_page(
             return msgspec.json.decode(told.readline())
 
         told = trainer.stdout
-        browser = playwright.chromium.launch(executable_path=chromium, args=SWITCHES)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
         try:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(PATIENCE_MS)

@@ -5,7 +5,6 @@ equilibria, from seed 0 on, on all cores; a third number is the first seed. It s
 every 20 s, each pull that is lost at once, and at the end the seeds with the worst energy balance.
 """
 
-import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,6 +12,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from app.workers import cores
 from benchmarks.duct import DUCT
 from physics.bed import BeamOnBed, Bed, End, Hand, Rod, SpaceBeam, pull
 
@@ -161,8 +161,7 @@ def main() -> None:
     """Play as many as asked for on all cores; say how it goes, what was lost, the worst seeds."""
     words = [int(word) for word in sys.argv[1:]]
     ticked, balanced, first = words + [9000, 1000, 0][len(words) :]
-    workers = len(os.sched_getaffinity(0))
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(cores(), get_context("spawn")) as pool:
         for name, count in zip(PLAYS, (ticked, balanced), strict=True):
             began = said = time.monotonic()
             shares: dict[int, float] = {}

@@ -243,17 +243,9 @@ def _organ_ducts(
     grasp, wrong = _grasps(block, np.array([beam.span for beam in shapes])[which])
     said = wrong | said
     sound = np.array([i not in said for i in range(block.count)])
-    which, rows = (
-        which[sound],
-        [
-            each[sound]
-            for each in (
-                block.number("modulus_MPa", preset.modulus_MPa),
-                block.number("poisson_ratio", preset.poisson_ratio),
-                grasp,
-            )
-        ],
-    )
+    modulus = block.number("modulus_MPa", preset.modulus_MPa)
+    ratio = block.number("poisson_ratio", preset.poisson_ratio)
+    which, rows = which[sound], [each[sound] for each in (modulus, ratio, grasp)]
     if isinstance(theory, Exact):
         return Beams(shapes, which, *rows), said
     names = ("span", "area", "second_moment", "fibre_distance")

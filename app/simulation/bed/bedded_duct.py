@@ -154,7 +154,7 @@ class BeddedDuct:
         self.freed = self.beam.freed  # mm
         self._before = np.empty_like(self.beam.places)
         self._still = True
-        self._read_again()
+        self._forget_reading()
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
@@ -170,7 +170,7 @@ class BeddedDuct:
         """Give a hand another instrument, which touches nothing yet."""
         self.release(hand)
         self._withdraw(hand)
-        self._read_again()
+        self._forget_reading()
         holder = self.hands[hand]
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
@@ -190,7 +190,7 @@ class BeddedDuct:
             return None
         holder.put(self.beam.places[holder.node])
         self._still = False
-        self._read_again()
+        self._forget_reading()
         return holder.place.copy()
 
     def release(self, hand: int) -> bool:
@@ -201,7 +201,7 @@ class BeddedDuct:
         self.beam.let_go(holder.node)
         holder.node = None
         self._still = False
-        self._read_again()
+        self._forget_reading()
         return True
 
     def move_hand(self, hand: int, place: Floats) -> None:
@@ -249,7 +249,7 @@ class BeddedDuct:
         """Advance by one tick; return whether anything has moved."""
         if self._still and all(hand.arrived for hand in self.hands):
             return False
-        self._read_again()
+        self._forget_reading()
         beam = self.beam
         for number, hand in enumerate(self.hands):
             hand.advance()
@@ -294,7 +294,7 @@ class BeddedDuct:
                     self._forces[number] += beam.rod_force(rod)
         return self._forces
 
-    def _read_again(self) -> None:
+    def _forget_reading(self) -> None:
         self._reading: BedReading | None = None
         self._forces: Floats | None = None
 

@@ -15,11 +15,11 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.solids import Solid, grid_faces
+from app.trainer.stage.strands import differ
 from app.trainer.viser_bridge import stream
-from kernel_cache import njit
 from organ_geometry.mesh import Skin
 
-__all__ = ["DragProxy", "Hold", "farther"]
+__all__ = ["DragProxy", "Hold"]
 
 RINGS, SIDES = 25, 8
 SLACK = 1.0
@@ -60,7 +60,7 @@ class _Tube:
 
     def follow(self, vertices: NDArray[np.float32]) -> None:
         self._vertices = vertices  # which each frame overwrites
-        if farther(vertices, self._drawn, self._at, SLACK):
+        if differ(vertices[self._drawn].reshape(-1), self._at.reshape(-1), SLACK):
             stream(self.mesh, "vertices", self._places(vertices))
 
     def _places(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -84,21 +84,6 @@ class _Tube:
         segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
         before, after = self.stations[segment : segment + 2].tolist()
         return Hold(before + float(part[segment]) * (after - before), grip, place)
-
-
-@njit(cache=True, nogil=True)
-def farther(
-    places: NDArray[np.float32],
-    numbers: NDArray[np.int64],
-    from_: NDArray[np.float32],
-    slack: float,
-) -> bool:
-    """Return whether one of these places has moved farther along an axis."""
-    for n in range(numbers.shape[0]):
-        for i in range(3):
-            if abs(places[numbers[n], i] - from_[n, i]) > slack:
-                return True
-    return False
 
 
 class DragProxy:

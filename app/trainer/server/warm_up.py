@@ -21,7 +21,6 @@ from app.simulation import (
 from app.simulation.bed import BedSession
 from app.trainer.client.client_state import MODES, Mode
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.scene.drag_proxy import farther
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.lighting import Look
@@ -90,8 +89,7 @@ def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
     duct = session.duct
     duct.freed_at(session.drawn.skin.stations)
     contact.press_rods(duct.beam.state.rods, duct.dissection.axis_point(0.0))
-    strands = write_strands(duct.beam)
-    differ(strands, strands)
+    write_strands(duct.beam)
     session.reading()
     while session.duct.torn is None and session.duct.hands[0].place[2] < MOST_LIFT:
         session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 5.0]))
@@ -184,5 +182,5 @@ def _warm_drawing(session: Session | BedSession) -> Contact:
     contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
     contact.mark(session.drawn.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
-    farther(contact.vertices, np.arange(1), contact.vertices[:1], 1.0)
+    differ(contact.vertices[0], contact.vertices[0], 1.0)
     return contact

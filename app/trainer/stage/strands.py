@@ -108,7 +108,7 @@ class DrawnStrands:
 
     def send(self, numbers: NDArray[np.float32]) -> None:
         """Draw the strands by new numbers, if that can be seen to differ."""
-        if differ(numbers, self._sent.reshape(-1)):
+        if differ(numbers, self._sent.reshape(-1), LEAST_CHANGE):
             self._sent = np.zeros(self._sent.shape, np.float32)
             self._sent.reshape(-1)[: numbers.size] = numbers
             hand_over(self._mesh, "vertices", self._sent)
@@ -192,12 +192,12 @@ def film_pairs(along: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArra
 
 
 @njit(cache=True, nogil=True)
-def differ(numbers: NDArray[np.float32], sent: NDArray[np.float32]) -> bool:
-    """Return whether the numbers differ from those sent, which some more may follow."""
+def differ(numbers: NDArray[np.float32], sent: NDArray[np.float32], least: float) -> bool:
+    """Return whether numbers differ by more than the least from those sent, which may be more."""
     largest = np.float32(0.0)
     for i in range(numbers.shape[0]):
         largest = max(largest, abs(numbers[i] - sent[i]))
-    return bool(largest > LEAST_CHANGE)
+    return bool(largest > least)
 
 
 @njit(cache=True, nogil=True)
