@@ -12,20 +12,7 @@ from organ_geometry.organ import Organ
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivingPoints:
-    """D points on an organ's axis at rest.
-
-    Attributes
-    ----------
-    stations
-        (D,) arc lengths along the axis, growing, mm.
-    positions
-        (D, 3) places at rest, mm.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two or their stations do not grow.
-    """
+    """D points on an organ's axis at rest: (D,) growing stations and (D, 3) places, mm."""
 
     stations: NDArray[np.float64]
     positions: NDArray[np.float64]
@@ -65,19 +52,7 @@ class DrivingPoints:
     def binding(
         self, stations: NDArray[np.float64]
     ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return which driving points each place on the axis follows, and how much.
-
-        Parameters
-        ----------
-        stations
-            (V,) arc lengths, mm.
-
-        Returns
-        -------
-        tuple[NDArray[np.int32], NDArray[np.float64]]
-            (V,) index i of the driving point before each place, and (V,) weight w of the one
-            after it: the place follows (1 - w) of point i and w of point i + 1.
-        """
+        """Return for (V,) stations i and w: (1 - w) of point i and w of point i + 1 is followed."""
         index = np.searchsorted(self.stations, stations, side="right") - 1
         index = np.clip(index, 0, self.stations.size - 2)
         before, after = self.stations[index], self.stations[index + 1]
@@ -92,30 +67,11 @@ class DrivingPoints:
         frame: NDArray[np.float64],
         out: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Write the rigid transform of each driving point, less the identity.
-
-        Kept as the difference from the identity, a rest pose is exactly zero, and what is added
-        to a vertex at rest leaves it as it is, to the bit.
-
-        Parameters
-        ----------
-        along
-            (D,) displacements along the first column of `frame`, mm.
-        across
-            (D,) displacements along the third column of `frame`, mm.
-        rotation
-            (D,) angles from the first column towards the third, rad.
-        frame
-            (3, 3) orthonormal columns: along the beam, lateral, along the pull.
-        out
-            (D, 3, 4) receives [R - I | t] with t such that the point itself moves by
-            its displacement.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            `out`.
-        """
+        """Write and return `out`, (D, 3, 4) rigid transforms less the identity, [R - I | t], mm."""
+        # `frame` has orthonormal columns: along the beam, lateral, along the pull. A point moves by
+        # `along` the first and `across`, along the third, mm, and turns by `rotation` from the
+        # first towards the third, rad, each (D,). Less the identity a rest pose is exactly zero,
+        # and what is added to a vertex at rest leaves it as it is, to the bit.
         _rigid_transforms(self.positions, along, across, rotation, frame, out)
         return out
 

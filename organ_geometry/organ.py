@@ -26,14 +26,8 @@ SMALLEST_IN_PLANE = 1e-6
 class SectionProperties:
     """Area and second moments of an organ's sections, as a beam needs them.
 
-    Attributes
-    ----------
-    area
-        (N,) area of tissue, mm^2.
-    second_moment
-        (N,) second moment of area about the centroidal axis across the direction, mm^4.
-    fibre_distance
-        (N,) largest distance of the outer boundary from that axis, along the direction, mm.
+    (N,) each: area of tissue, mm^2; about the centroidal axis across a direction the second moment,
+    mm^4, and the largest distance of the outer boundary along that direction, mm.
     """
 
     area: NDArray[np.float64]
@@ -47,7 +41,8 @@ class Organ:
 
     S sections have an axis point and a frame; K of them are key sections with curves, and those of
     the sections between follow from them by their numbers, as `KeyBlend` has it. Between two
-    sections everything is linear. Arrays are copied, checked and locked.
+    sections everything is linear. Arrays are copied, checked and locked. Stations are arc lengths
+    along the axis, mm; what lies beyond an end is taken at that end.
 
     Attributes
     ----------
@@ -58,16 +53,12 @@ class Organ:
         section's normal. All are right-handed or all are left-handed, see `handedness`.
     keys
         (K,) which sections are key sections; the first is 0, the last S-1.
-    outer
-        (K, 16) half-curves of the outer boundary at the key sections, mm.
-    lumen
-        (K, 16) half-curves of the lumen there, mm, or None if the organ is solid.
+    outer, lumen
+        (K, 16) half-curves of each boundary at the key sections, mm; no lumen if it is solid.
     units
         What the lengths are called where they come from.
     tolerance_mm
         Largest RMS distance of a section's edge points to the organ, mm.
-    name
-        What the organ is called.
     encoded
         Content of the organ's file, or nothing if the organ comes from none.
     turn
@@ -187,35 +178,13 @@ class Organ:
         return float(np.linalg.norm(self.key_points(count) - centres, axis=1).max())
 
     def axis_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the axis, straight between sections.
-
-        Parameters
-        ----------
-        stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 3) points, mm.
-        """
+        """Return (N, 3) points of the axis, mm, straight between sections."""
         places = self.stations
         columns = [np.interp(stations, places, self.axis[:, column]) for column in range(3)]
         return np.stack(columns, axis=-1)
 
     def frames_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return frames along the axis, between two sections the perpendicular mean of theirs.
-
-        Parameters
-        ----------
-        stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 3, 3) unit directions as columns: x_dir, y_dir and normal.
-        """
+        """Return (N, 3, 3) frames, between two sections the perpendicular mean of theirs."""
         before, share = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
         share = share[:, np.newaxis, np.newaxis]
         mixed = self.frames[before] * (1.0 - share) + self.frames[before + 1] * share
@@ -232,40 +201,11 @@ class Organ:
         return np.array([-math.sin(self.turn), -math.cos(self.turn)])
 
     def up_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the images' up in the sections along the axis.
-
-        Parameters
-        ----------
-        stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 3) unit directions.
-        """
+        """Return (N, 3) unit directions, the images' up in the sections along the axis."""
         return self.frames_at(stations)[:, :, :2] @ self._up
 
     def rows_at(self, stations: NDArray[np.float64], wall: Wall = "outer") -> NDArray[np.float64]:
-        """Return half-curves along the organ.
-
-        Parameters
-        ----------
-        stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
-        wall
-            Which boundary.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 16) half-curves, mm.
-
-        Raises
-        ------
-        ValueError
-            If the lumen of a solid organ is asked for.
-        """
+        """Return (N, 16) half-curves, mm; a ValueError for the lumen of a solid organ."""
         rows = self._outer_rows if wall == "outer" else self._lumen_rows
         if rows is None:
             raise ValueError(f"the organ {self.name!r} is solid and has no lumen")
@@ -279,22 +219,7 @@ class Organ:
         angles: NDArray[np.float64],
         wall: Wall = "outer",
     ) -> NDArray[np.float64]:
-        """Return surface points in space, one for each station and angle.
-
-        Parameters
-        ----------
-        stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
-        angles
-            (N,) rad, from x_dir towards y_dir (down the image).
-        wall
-            Which boundary.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (N, 3) points, mm.
-        """
+        """Return (N, 3) surface points, mm, at stations and angles (rad, x_dir towards y_dir)."""
         stations = np.asarray(stations, dtype=np.float64)
         angles = np.asarray(angles, dtype=np.float64)
         local = outline_points(self.rows_at(stations, wall), angles)
@@ -304,20 +229,7 @@ class Organ:
         )
 
     def key_points(self, count: int = 32, wall: Wall = "outer") -> NDArray[np.float64]:
-        """Return the surface points of the key sections.
-
-        Parameters
-        ----------
-        count
-            Points for each key section, at equal angles.
-        wall
-            Which boundary.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (K*count, 3) points, mm, section by section.
-        """
+        """Return (K*count, 3) surface points of the key sections at equal angles, mm."""
         angles = 2.0 * np.pi * np.arange(count) / count
         stations = self.key_stations
         return self.surface(np.repeat(stations, count), np.tile(angles, len(stations)), wall)
@@ -330,7 +242,7 @@ class Organ:
         Parameters
         ----------
         stations
-            (N,) arc lengths, mm; those beyond an end are taken at that end.
+            (N,) arc lengths, mm.
         direction
             (3,) direction in which the organ is bent, of any length; what of it lies in a section
             counts there. Default: up in the image.

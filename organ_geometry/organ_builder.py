@@ -56,8 +56,6 @@ class Promise:
         overall one.
     overall_mm, overall_px
         RMS distance that all sections together do not exceed, or None.
-    select
-        "fewest" sections that keep the promise, or the "thesis" rule.
     effort
         "quick", or "full" for some bytes less in about four times the time.
     """
@@ -97,20 +95,16 @@ class Promise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltOrgan:
-    """An organ and how it came about.
+    """An organ, decoded from its file's content, and how it came about.
 
     Attributes
     ----------
-    organ
-        The organ, decoded from its file's content, which it carries.
     sections
         One report for each image, in order.
     polarity
         Whether the organ is "bright" or "dark" in its images, as given or as decided.
-    tolerance_mm
-        RMS distance to the organ that no section's edge points exceed, mm.
-    overall_mm
-        RMS distance that all edge points together were not to exceed, mm, or None.
+    tolerance_mm, overall_mm
+        What is promised of each section and of all together (or None), see `Promise`.
     warnings
         What the organ's user should know, one sentence each.
     doubts
@@ -191,19 +185,17 @@ def build_organ(
     ----------
     stack
         The images; they are read one at a time.
-    trace
-        Which organ, and how its edge is defined.
-    promise
-        Tolerances, mm or px. Default: 2 % of the mean radius, half a pixel or more.
+    trace, promise
+        Which organ, how its edge is defined, and how near it is kept to that.
     progress
         Called after each image with the number done and the number of images.
     name
-        The organ's name. Default: that of the folder or file.
+        Default: that of the folder or file.
 
     Returns
     -------
     BuiltOrgan
-        The organ, decoded from its file's content, and the report.
+        The organ and the report.
 
     Raises
     ------

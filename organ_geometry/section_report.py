@@ -23,30 +23,25 @@ class SectionReport:
     the others to the organ that its file gives, that is after sections were left out and
     interpolated. The largest error is the larger of both ways, edge points to the organ and the
     organ to the edges, so that no part of the organ is far from what the images show. A lumen
-    counts where the organ has one. Pixels are the geometric mean of the pixel's two sides.
+    counts where the organ has one. Pixels are the geometric mean of the pixel's two sides. Where
+    nothing was found, errors are NaN.
 
     Attributes
     ----------
     index
         Number of the section in the stack, from 0.
-    name
-        Name of its image.
     edge_points
         Number of edge points found, the lumen's included.
-    lumen
-        Whether a lumen was found.
     problem
         Why nothing that can be used was found, or None.
     kept
         Whether it is a key section.
     fit_normal_rms_px, fit_normal_rms_mm
-        RMS distance to its own half-curves along their normals; NaN if nothing was found.
+        RMS distance to its own half-curves along their normals.
     fit_algebraic_rms_px, fit_algebraic_rms_mm
         RMS distance to them in y, as the thesis's least squares measure it (see `fit_error`).
-    rms_px, rms_mm
-        RMS distance to the organ; NaN if nothing was found.
-    max_mm
-        Largest distance between edge and organ, both ways; NaN if nothing was found.
+    rms_px, rms_mm, max_mm
+        RMS and largest distance to the organ.
     """
 
     index: int

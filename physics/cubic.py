@@ -70,18 +70,10 @@ class Cubic:
         forces: NDArray[np.float64],
         out: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Return the deflections under many forces, each on its own, in nanoseconds a force.
+        """Return (N,) deflections under many forces, N, each on its own, in nanoseconds a force.
 
-        With q fitted they are found one by one, in microseconds.
-
-        Parameters
-        ----------
-        beam, grasp
-            The beam, and the distance of the grasp from the first clamp, mm.
-        forces
-            (N,) the grasper's whole forces, N.
-        out
-            (N,) array of floats to fill and return, which may be `forces`; a new one when None.
+        With q fitted they are found one by one, in microseconds. They are written to `out`, which
+        may be `forces`, if it is given.
 
         Returns
         -------

@@ -22,18 +22,13 @@ class LigamentSection:
 
 
 def ligament(ring: Ring, depth: float) -> LigamentSection:
-    """Return what a tear leaves of a ring, a disc or a solid ellipse.
-
-    Parameters
-    ----------
-    ring, depth
-        The whole section, and the depth of the tear as a part of its height.
+    """Return what a tear of a depth, a part of the height, leaves of a ring or a solid ellipse.
 
     Returns
     -------
     LigamentSection
-        The ligament. Its area and second moment are good to 1e-6 of themselves up to a depth of
-        0.99; beyond it the digits that the differences of the formulas cost begin to show.
+        Its area and second moment are good to 1e-6 of themselves up to a depth of 0.99; beyond it
+        the digits that the differences of the formulas cost begin to show.
 
     Raises
     ------

@@ -34,12 +34,9 @@ def largest_stable_step(integrator: Integrator, frequency: float, damping: float
 
     Parameters
     ----------
-    integrator
-        One of `INTEGRATORS`.
-    frequency
-        Highest angular frequency of the masses without damping, rad/s.
-    damping
-        Damping coefficient over mass, lambda/m of (2.1), 1/s.
+    integrator, frequency, damping
+        Highest angular frequency of the masses without damping, rad/s, and damping coefficient
+        over mass, lambda/m of (2.1), 1/s.
 
     Returns
     -------
@@ -80,10 +77,8 @@ class MassSpringChain:
     ----------
     beam, grasp
         The beam that it stands for; a mass is at the grasp, mm from the first clamp.
-    nodes
-        Number of masses, both clamped ones included: odd, 9 or more.
-    integrator
-        One of `INTEGRATORS`.
+    nodes, integrator
+        Number of masses, both clamped ones included: odd, 9 or more; one of `INTEGRATORS`.
     density
         Mass over volume, tonne/mm^3 (N s^2/mm^4); water and flesh 1e-9.
     damping_ratio

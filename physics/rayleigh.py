@@ -105,10 +105,8 @@ class RayleighBeam:
         distributed
             Load per length q(x), N/mm: one number, or a function of (N,) places in mm, such as a
             `numpy.polynomial.Polynomial`.
-        forces
-            Point loads as (place in mm, force in N).
-        moments
-            Point moments as (place in mm, moment in N mm), turning with the slope.
+        forces, moments
+            Point loads as (place in mm, force in N or moment in N mm); moments turn with the slope.
         axial_force
             Axial force N, tension above zero, N.
 

@@ -60,7 +60,7 @@ class Curve:
 
 
 def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
-    """Return the curves in a CSV file; a `ValueError` names the line that is wrong.
+    """Return the curves in a CSV file, in its order; a `ValueError` names the line that is wrong.
 
     Parameters
     ----------
@@ -75,7 +75,6 @@ def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
     Returns
     -------
     list[Curve]
-        In the order of the file.
 
     Raises
     ------

@@ -153,20 +153,16 @@ def run_study(
     as_csv: bool = False,
     progress: Progress | None = None,
 ) -> Done:
-    """Carry a study out, from where it was ended, and write its results.
+    """Carry a study out, from where it was ended, and write its results in a folder.
 
     Parameters
     ----------
-    plan, folder
-        The study, and where its results are written.
-    workers
-        Processes on this machine; None: one a core, of a short study this process alone.
+    plan, folder, workers
+        None: one process a core, of a short study this process alone.
     scheduler
         Address of a Dask scheduler, whose workers do the work instead.
-    as_csv
-        Whether to write the results as CSV, too.
-    progress
-        Is told the rows done and those of the study.
+    as_csv, progress
+        Whether to write the results as CSV, too; is told the rows done and those of the study.
 
     Returns
     -------

@@ -95,10 +95,8 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
 
     Parameters
     ----------
-    specimens
-        One curve or more.
-    theory
-        That the forces are taken to follow.
+    specimens, theory
+        One curve or more, and that which the forces are taken to follow.
     free_ratio
         Whether Poisson's ratio is sought, too, instead of taken from the beams.
 

@@ -50,16 +50,9 @@ WORDS = {
 
 
 class TearCurve:
-    """Probability of a tear against a load, with its band.
+    """(M,) growing loads and the probability of a tear up to each, with its 95 % band.
 
-    Attributes
-    ----------
-    count
-        Ducts that were solved, those that do not break among them.
-    broke
-        Those that break.
-    loads, probability, low, high
-        (M,) loads, growing, and the probability of a tear up to each with the 95 % band.
+    `count` ducts were solved, those that do not break among them; `broke` of them do.
     """
 
     def __init__(self, breaks: Row, points: int = 200) -> None:

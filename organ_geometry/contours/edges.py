@@ -97,14 +97,10 @@ def region_edges(
 
     Parameters
     ----------
-    bright
-        (H, W) levels with a margin, in which the organ is bright.
-    region
-        Where the organ is in it.
-    method
-        "half-level" or "canny".
-    scale
-        Width and height of a pixel, in pixels of mean size.
+    bright, region
+        (H, W) levels with a margin, in which the organ is bright, and where it is in them.
+    method, scale
+        How the edge is defined; width and height of a pixel, in pixels of mean size.
 
     Returns
     -------

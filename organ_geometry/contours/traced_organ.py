@@ -68,8 +68,6 @@ class TracedOrgan:
         The sections found, in order.
     problems
         For each other slice, why nothing was found.
-    polarity
-        Whether the organ is brighter or darker than its surroundings.
     notes
         How it was found: sentences for whoever wants to know.
     """

@@ -121,27 +121,9 @@ def even_places(keys: NDArray[np.float64], intervals: int) -> NDArray[np.float64
 def least_turning(
     points: NDArray[np.float64], tangents: NDArray[np.float64], start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return directions across a curve that turn about it as little as possible.
-
-    Parameters
-    ----------
-    points
-        (N, 3) points of the curve, mm.
-    tangents
-        (N, 3) unit tangents.
-    start
-        (3,) direction at the first point; what of it lies across the curve counts.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (N, 3) unit directions.
-
-    Notes
-    -----
-    Double reflection [Wang 2008]: W. Wang, B. Juettler, D. Zheng, Y. Liu, Computation of rotation
-    minimizing frames, ACM Transactions on Graphics 27, 2:1-2:18, table I.
-    """
+    """Return (N, 3) unit directions across a curve that turn about it as little as possible."""
+    # Double reflection [Wang 2008]: W. Wang, B. Juettler, D. Zheng, Y. Liu, Computation of rotation
+    # minimizing frames, ACM Transactions on Graphics 27, 2:1-2:18, table I.
     return _least_turning(
         np.ascontiguousarray(points), np.ascontiguousarray(tangents), np.ascontiguousarray(start)
     )

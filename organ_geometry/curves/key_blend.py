@@ -32,25 +32,9 @@ class KeyBlend:
         places: NDArray[np.float64] | NDArray[np.intp],
         keys: NDArray[np.float64] | NDArray[np.intp],
     ) -> "KeyBlend":
-        """Return the weights at some places.
-
-        Parameters
-        ----------
-        places
-            (N,) places on the scale of the keys; those beyond an end are taken at that end.
-        keys
-            (K,) places of the keys, growing, two or more.
-
-        Returns
-        -------
-        KeyBlend
-            The weights.
-
-        Notes
-        -----
-        Cubic Hermite pieces, Catmull-Rom where keys are even: C. de Boor, A Practical Guide to
-        Splines, chapter IV, "cubic Bessel interpolation", with the free end.
-        """
+        """Return the weights at (N,) places among (K,) growing keys, at an end beyond it."""
+        # Cubic Hermite pieces, Catmull-Rom where keys are even: C. de Boor, A Practical Guide to
+        # Splines, chapter IV, "cubic Bessel interpolation", with the free end.
         known = np.asarray(keys, dtype=np.float64)
         gaps = np.diff(known)
         before = np.clip(np.searchsorted(known, places, side="right") - 1, 0, len(gaps) - 1)

@@ -64,10 +64,9 @@ def encoded_organ(
     ----------
     contours
         Two or more sections in order.
-    tolerance
-        Largest RMS distance of a section's edge points to the organ, mm.
-    overall
-        Largest RMS distance of the edge points of all sections, mm, if that is promised too.
+    tolerance, overall
+        Largest RMS distance of a section's edge points to the organ, mm, and of those of all
+        sections together, if that is promised too.
     hollow
         Whether all sections have a lumen that counts.
     left_handed

@@ -24,8 +24,6 @@ class ImageStack:
         The folder or file.
     names
         (S,) name of each section, for messages and reports.
-    slices
-        Where the images come from.
     shape
         (2,) rows H and columns W of every image.
     planes
@@ -83,32 +81,10 @@ class ImageStack:
         return self.planes.units
 
     def image(self, index: int) -> GreyImage:
-        """Return one image, read from its file now or out of a volume; threads may call at once.
-
-        Parameters
-        ----------
-        index
-            Number of the section, from 0.
-
-        Returns
-        -------
-        GreyImage
-            (H, W) grey levels, 8 or 16 bit; colour is turned into grey.
-
-        Raises
-        ------
-        ImageStackError
-            If the file is not a readable image or its size is not that of the first image.
-        """
+        """Return (H, W) levels, read now; threads may call. ImageStackError if unreadable."""
         return self.slices.image(index)
 
     def images(self) -> Iterator[GreyImage]:
-        """Yield the images in order; only one is held at a time.
-
-        Yields
-        ------
-        GreyImage
-            (H, W) grey levels of the next section.
-        """
+        """Yield the images in order; only one is held at a time."""
         for index in range(len(self)):
             yield self.image(index)

@@ -94,19 +94,12 @@ def read_image_stack(path: Path, options: ReadOptions | None = None) -> ImageSta
 
     A folder holds PNG, JPEG, TIFF or BMP images, taken in natural order (slice_2 before slice_10),
     or one DICOM series, taken in the order of its places. Of a volume (NIfTI, NRRD, MetaImage) the
-    images across its last axis are taken. Medical images stand in LPS mm, as their files say.
+    images across its last axis are taken. Medical images stand in LPS mm, as their files say. One
+    DICOM file of a series stands for its folder.
 
     What is not given of image files' sizes comes from a ``spacing.json`` in the folder or in its
     parent; its ``pixel_spacing_mm`` may be one number for square pixels. Without directions there,
     the sections stand along +x, with +y to the right and +z up in the image.
-
-    Parameters
-    ----------
-    path
-        Folder of images or of DICOM files; multipage TIFF, NIfTI, NRRD or MetaImage file; or one
-        DICOM file of a series, which is then read from its folder.
-    options
-        Which images are taken, and what they do not say themselves.
 
     Returns
     -------

@@ -48,8 +48,6 @@ class Skin:
         (V,) arc length along the organ's axis that each vertex belongs to, mm.
     rings, sides
         Rings of a wall, and vertices of each.
-    hollow
-        Whether there is a lumen.
     right_handed
         Whether (along a ring) x (from ring to ring) points outwards.
     """
@@ -127,21 +125,8 @@ class BoundSkin:
     def deform(
         self, transforms: NDArray[np.float64], out: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Write the deformed vertices: each follows its driving points' blended transform.
-
-        Parameters
-        ----------
-        transforms
-            (D, 3, 4) transforms of the driving points less the identity
-            (`DrivingPoints.transforms`).
-        out
-            (V, 3) receives the vertices, mm; contiguous, as numpy makes arrays.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            `out`. With transforms of zero it equals `skin.vertices` to the bit.
-        """
+        """Write and return `out`, (V, 3) mm: each vertex follows its driving points' transforms."""
+        # (D, 3, 4) less the identity: with zeros `skin.vertices` come back to the bit.
         _blend(self.skin.vertices, self.starts, self.index, self.weight, transforms, out)
         return out
 
@@ -164,14 +149,11 @@ def tube_skin(
 
     Parameters
     ----------
-    organ
-        The organ.
-    start, end
+    organ, start, end
         (1,) for an even rim, or (`sides_of`,) station of the rim at each angle, mm.
-    edge_length
-        Wanted length of the triangles' edges, mm.
-    reach
-        How far along the axis the rings adapt to an uneven rim, mm.
+    edge_length, reach
+        Wanted length of the triangles' edges, and how far along the axis the rings adapt to an
+        uneven rim, mm.
 
     Returns
     -------

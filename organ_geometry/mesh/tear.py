@@ -57,21 +57,7 @@ class TornPiece:
             array.setflags(write=False)
 
     def open(self, front: float, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Move a piece's vertices apart from the other's, in place.
-
-        Parameters
-        ----------
-        front
-            How far the tear has run: at 0 it starts, at 1 it has crossed the section, at 2 every
-            part of the rim is drawn back.
-        vertices
-            (V, 3) the piece's deformed vertices, mm; changed.
-
-        Returns
-        -------
-        NDArray[np.float32]
-            `vertices`.
-        """
+        """Move (V, 3) vertices, mm, in place: none has parted at `front` 0, all are back at 2."""
         _draw_back(vertices, self.height, self.retreat, front)
         return vertices
 
@@ -89,16 +75,13 @@ def torn_pieces(
 
     Parameters
     ----------
-    organ
-        The organ.
-    station
+    organ, station
         Arc length at which it tears, mm; moved inwards as far as a stump needs.
-    tension_side
-        (3,) direction from the axis to the side that tears first.
+    tension_side, down
+        (3,) directions: from the axis to the side that tears first, and in which a free end hangs,
+        by itself away from that side.
     edge_length
         Wanted length of the triangles' edges, mm.
-    down
-        (3,) direction in which a free end hangs; away from the tension side when None.
     seed
         Chooses the rim's raggedness.
 

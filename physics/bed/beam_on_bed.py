@@ -104,10 +104,8 @@ class BeamOnBed:
 
     Parameters
     ----------
-    beam
-        The beam at rest.
-    strands
-        Its strands; none when None.
+    beam, strands
+        The beam at rest, and its strands if it has any.
     floor
         (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm.
     rods

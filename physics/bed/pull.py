@@ -230,10 +230,9 @@ def pull(
 
     Parameters
     ----------
-    beam
-        The beam at rest, with nodes where hands take hold (`SpaceBeam.made(nodes_at=...)`).
-    bed
-        Its bed or beds, or strands made by hand.
+    beam, bed
+        The beam at rest, with nodes where hands take hold (`SpaceBeam.made(nodes_at=...)`), and its
+        bed or beds, or strands made by hand.
     hands, rods
         What moves.
     plane

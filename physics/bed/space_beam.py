@@ -89,10 +89,8 @@ class SpaceBeam:
             Length of a straight beam along x, mm; or (P, 3) points of a curved axis at rest, mm.
         ends
             How the two ends are held.
-        stations
-            (K,) where stiffness, radius and wall are given, mm, from 0 to the span.
-        radius, wall
-            Constant or (K, ...); see the class.
+        stations, radius, wall
+            (K,) places from 0 to the span, mm, and what is constant or (K, ...) there.
         nodes_at
             Stations that shall be nodes: where hooks take hold.
 
@@ -197,24 +195,8 @@ class SpaceBeam:
         )
 
     def frames_at(self, stations: Floats) -> tuple[Floats, Floats]:
-        """Return places and frames of the axis at rest.
-
-        Parameters
-        ----------
-        stations
-            (S,) distances from the first end, mm.
-
-        Returns
-        -------
-        tuple[Floats, Floats]
-            (S, 3) places, mm, and (S, 3, 3) frames with the rows axis, across and up (away from
-            the bed, as far as it is across the axis).
-
-        Raises
-        ------
-        ValueError
-            If the axis stands upright there, so that no side of it looks at the bed.
-        """
+        """Return (S, 3) places of the axis at rest, mm, and (S, 3, 3) frames: axis, across, up."""
+        # Up is away from the bed, as far as it is across the axis.
         at = np.asarray(stations, dtype=np.float64)
         x = self.stations
         e = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
@@ -255,26 +237,10 @@ def tangents(rotations: Floats) -> Floats:
 
 
 def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return a smooth curve through points: arc lengths, places and unit tangents, closely spaced.
-
-    Cubic between the points, with the slopes of the cubic spline through them whose ends take the
-    third derivative of their neighbours (not-a-knot; fewer than four points: a parabola, a line).
-
-    Parameters
-    ----------
-    points
-        (P, 3) two or more points, mm; no two neighbours the same.
-
-    Returns
-    -------
-    tuple[Floats, Floats, Floats]
-        (Q,) arc lengths from the first point, mm, (Q, 3) places, mm, and (Q, 3) tangents.
-
-    Raises
-    ------
-    ValueError
-        If they are not points in space, or two of them next to one another are the same.
-    """
+    """Return (Q,) arc lengths, mm, places and unit tangents of a smooth curve through points."""
+    # Cubic between the (P, 3) points, with the slopes of the cubic spline through them whose ends
+    # take the third derivative of their neighbours (not-a-knot; fewer than four: a parabola, a
+    # line).
     p = np.asarray(points, dtype=np.float64)
     if p.ndim != 2 or p.shape[0] < 2 or p.shape[1] != 3 or not np.all(np.isfinite(p)):
         raise ValueError(f"an axis must be 2 or more points of 3 finite mm, got shape {p.shape}")

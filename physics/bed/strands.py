@@ -142,10 +142,8 @@ class Strands:
 
         Parameters
         ----------
-        beam
-            The beam.
-        stations
-            (S,) where they hold it, mm from its first end.
+        beam, stations
+            The beam, and (S,) where they hold it, mm from its first end.
         around, out
             (S,) angles about the axis from straight down, rad, positive towards y; and distances
             from the axis, mm.
@@ -161,7 +159,7 @@ class Strands:
         Returns
         -------
         Strands
-            The strands.
+            As many.
         """
         place, frame = beam.frames_at(stations)
         along, across, up = frame[:, 0], frame[:, 1], frame[:, 2]

@@ -240,21 +240,9 @@ class ExactPull(Pull):
     def solve_loads(
         self, limits: NDArray[np.float64], loads: NDArray[np.float64], *, by_force: bool
     ) -> NDArray[np.float64]:
-        """Return breaks and loads of beams like this one, each from rest, in compiled code.
-
-        Parameters
-        ----------
-        limits, loads
-            (N,) thresholds over the modulus; forces over modulus and mean area, or deflections over
-            the span. nan: none.
-        by_force
-            Whether the loads are forces.
-
-        Returns
-        -------
-        NDArray[np.float64]
-            (SOLVED_ROWS, N), as `physics.exact.many` has them.
-        """
+        """Return (SOLVED_ROWS, N) breaks and loads of beams like this one, as `many` has them."""
+        # `limits` are thresholds over the modulus, `loads` forces over modulus and mean area or
+        # deflections over the span; nan: none. Each beam starts from rest.
         # Of equal stresses the last one counts, that nearest the grasp.
         stations = critical_stations(self.beam, self.grasp)
         stations = stations[np.argsort(-np.abs(stations - self.grasp), kind="stable")]
@@ -327,7 +315,7 @@ class ExactPull(Pull):
         )
 
     def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
-        """Return the present equilibrium at stations.
+        """Return the present equilibrium at (N,) stations, mm from the first clamp.
 
         Stresses are nominal, force over area at rest. `Linear`: N/A and |M| c/I. `NeoHooke`:
         `normal_stress` is N/A, the mean over the section, and `bending_stress` what the outermost
@@ -336,15 +324,10 @@ class ExactPull(Pull):
         larger tension is reported. Where the centroid lies off the axis, `moment` is that about
         the axis and the stresses are those of the moment about the centroid.
 
-        Parameters
-        ----------
-        stations
-            (N,) mm from the first clamp.
-
         Returns
         -------
         Equilibrium
-            The equilibrium.
+            (N,) each.
 
         Raises
         ------

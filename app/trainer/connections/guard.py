@@ -60,23 +60,18 @@ class Guard:
 
     Parameters
     ----------
-    host
-        The address that is served.
-    token
-        What the link must have. When None, one is made; on loopback none is then needed.
-    public_url
-        Where a reverse proxy serves the trainer to others, if one does.
+    host, public_url
+        The address that is served, and where a reverse proxy serves it to others, if one does.
+    token, teacher_token
+        What the link must have, made when None: on loopback none is then needed. What the teacher's
+        link must have, whose cookie alone opens `/class`; None for no class.
     encrypted
         Whether the trainer itself speaks TLS.
     connections
         Says whether there is a place for one more page; None for always.
-    teacher_token
-        What the teacher's link must have, whose cookie alone opens `/class`; None for no class.
 
     Attributes
     ----------
-    token
-        As given or made; None where none is needed.
     teacher_page
         Answers the teacher's requests below `/class`.
     healthy

@@ -87,20 +87,15 @@ class Trainer:
 
     Parameters
     ----------
-    organ
-        The organ that every client trains on, each in a session of its own.
-    preset
-        The preset that they open on; `default_preset` when None.
-    host
-        Address to serve; loopback by default.
+    organ, preset
+        That every client trains on, each in a session of its own, and that they open on.
+    host, port, tls
+        Address to serve, loopback by default; port 0 takes a free one; encrypts what is sent.
     token
         What the link must have; made when None, where the address is not loopback.
-    port
-        Port to serve; 0 takes a free one.
-    mode
-        What a page opens on, if its address does not say `?mode=`; None for "dissect".
-    look
-        "plain" for slow machines; "auto" is the full look, and the plain one for slow pages.
+    mode, look
+        What a page opens on, if its address does not say `?mode=`; "auto" is the full look, and the
+        "plain" one for slow pages.
     bounds
         Limits of what clients may take; usual ones when None.
     build_process
@@ -111,23 +106,16 @@ class Trainer:
         Starts the servo of a device for a first setting; None for no device.
     metrics
         Whether `/metrics` has the trainer's figures.
-    tls
-        Encrypts what is sent, if given.
-    public_url
-        Where a reverse proxy serves the trainer to others.
-    trusted_proxy
-        Address of the proxy, whose X-Forwarded-For is believed.
+    public_url, trusted_proxy
+        Where a reverse proxy serves it, and the proxy's address, whose X-Forwarded-For counts.
     lesson
         The class whose trainees come by its link, if the trainer is a class's.
 
     Attributes
     ----------
-    connections
-        All connections, and what was refused.
-    timer
-        Counts the ticks that ran and those that the machine had no time for.
-    warm_up
-        Compiles and draws ahead of use.
+    connections, timer, warm_up
+        All connections and what was refused; the ticks that ran and those that the machine had no
+        time for; what compiles and draws ahead of use.
 
     Raises
     ------

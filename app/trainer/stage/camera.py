@@ -57,13 +57,12 @@ def viewpoint(
 
     Parameters
     ----------
-    span, radius
-        Between the clamps, and of the duct, mm.
+    span, radius, lift
+        Between the clamps, of the duct, and the largest height that its middle is lifted to, mm;
+        three tenths of the span when None.
     aspect
         Width by height of the picture. Below 0.8 it is taken for a phone, whose panel covers the
         lower part: the duct then appears in the upper part.
-    lift
-        Largest height that the duct's middle is lifted to, mm; three tenths of the span when None.
     elevation
         Of the camera over the duct, rad.
 

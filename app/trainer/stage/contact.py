@@ -58,20 +58,14 @@ class Contact:
 
     Parameters
     ----------
-    skin
-        The skin.
-    axis
-        (V, 3) point of the axis at each vertex's station, mm.
+    skin, axis
+        The skin, and (V, 3) point of the axis at each vertex's station, mm.
     frame
         (3, 3) orthonormal columns: along the duct, lateral, along the pull.
-    clamps
-        Stations of the two clamps, mm.
-    radius
-        Of the duct that is drawn, mm.
-    thickness
-        Its thickness over the skin's.
-    bite
-        Height of its section between the jaws over that at rest.
+    clamps, radius
+        Stations of the two clamps and radius of the duct that is drawn, mm.
+    thickness, bite
+        Its thickness over the skin's; height of its section between the jaws over that at rest.
     """
 
     def __init__(

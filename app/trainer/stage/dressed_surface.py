@@ -87,16 +87,14 @@ class DressedSurface:
 
     Parameters
     ----------
-    scene, name
-        Of one client, and the scene node.
+    scene, name, patches
+        Of one client, the scene node, and what is drawn of the rings.
     finish
         The scene node of its material (`keep_finish`); None where only its stress is shown.
     along
         (rings, sides) place of each point along the material's pictures, in their widths.
     behind
         (rings, sides) distance from a torn rim, radii, negative beyond it; `FAR` without one.
-    patches
-        What is drawn of the rings.
     color
         sRGB of the surface in a page that does not know the material.
     raw, blood

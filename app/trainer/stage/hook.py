@@ -81,12 +81,9 @@ def _wire_path(radius: float, count: int) -> NDArray[np.float64]:
 
 
 def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation about the duct's axis that takes +z to the direction of the pull.
+    """Return the rotation about the duct's axis that takes +z to the (3,) direction of the pull.
 
-    Parameters
-    ----------
-    direction
-        (3,) pull; its component along the axis, x, is ignored: the hook stays across the duct.
+    What of the pull is along the axis, x, is ignored: the hook stays across the duct.
 
     Returns
     -------

@@ -52,18 +52,8 @@ _STATIONS = 40
 class DrawnInstrument:
     """A hand's instrument on one client's scene: the scene node `name` and what is under it.
 
-    Parameters
-    ----------
-    scene, name
-        Of one client, and the scene node.
-    instrument
-        What it is.
-    duct_radius
-        Of the duct that it is made for, mm.
-    mirrored
-        Whether its shaft leans to the left, as the second hand's.
-    look
-        "plain" for slow machines.
+    It is made for a duct of `duct_radius`, mm; `mirrored`, its shaft leans to the left, as the
+    second hand's; "plain" is the `look` for slow machines.
     """
 
     def __init__(

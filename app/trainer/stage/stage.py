@@ -72,21 +72,16 @@ class Stage:
 
     Parameters
     ----------
-    scene
-        Of one client.
-    span
-        Between the clamps, mm; the duct's axis runs from (0, 0, 0) to (span, 0, 0).
-    radius
-        Of the duct, mm.
+    scene, span, radius
+        Of one client; between the clamps and of the duct, mm. The axis runs from (0, 0, 0) to
+        (span, 0, 0).
     look
         "plain" for slow machines: no environment map or normal map, fewer triangles.
     bite
         Distance from the axis to each jaw, in radii: 0.8 for a duct with round ends, less for one
         whose ends are drawn flattened to this part of their height.
-    tissue
-        sRGB colour of the tissue pinched in the clamps, 0 to 255.
-    surroundings
-        What the duct lies in.
+    tissue, surroundings
+        sRGB colour of the tissue pinched in the clamps, 0 to 255; what the duct lies in.
     elevation
         Of the camera when it is framed, rad.
     hook

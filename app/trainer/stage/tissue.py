@@ -67,16 +67,12 @@ class Tissue:
 
     Parameters
     ----------
-    scene, name
-        Of one client, and the scene node.
-    contact
-        The skin, deformed by clamps and hook.
+    scene, name, contact
+        Of one client, the scene node, and the skin, deformed by clamps and hook.
     look
         What the duct is made of; None where only its stress is shown.
-    radius
-        Of the duct, mm.
-    lumen
-        Radius of the lumen over the wall's where it is not the skin's own.
+    radius, lumen
+        Of the duct, mm, and the lumen's over the wall's where it is not the skin's own.
     torn_end
         Which end is torn, if any: only then the inside shows.
     """

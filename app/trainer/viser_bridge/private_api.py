@@ -87,12 +87,10 @@ def start_server(
 
     Parameters
     ----------
-    host, port
-        What to serve; port 0 takes a free one.
+    host, port, options
+        What to serve, port 0 takes a free one; options of websockets' `serve` in place of viser's.
     guard
         Asked about each request before viser sees it; answers those that it refuses.
-    options
-        Options of websockets' `serve` in place of viser's.
     apart
         Serves a websocket that is not of viser's page; None leaves it to viser.
 
