@@ -139,7 +139,6 @@ class DracoSearch:
         return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, CUBES_AGGRESSION)
 
     def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
-        """Return a mesh decimated to about so many triangles."""
         vertices, triangles = mesh
         if faces >= len(triangles):
             return mesh

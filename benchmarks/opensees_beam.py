@@ -78,7 +78,6 @@ def _load(opensees: Any, beam: Beam, force: float) -> None:
 
 
 def _timed(opensees: Any) -> Engine:
-    """Return the time of a step."""
     _load(opensees, DUCT, FORCE)
     if opensees.analyze(1):
         raise RuntimeError("it did not find the equilibrium from rest")

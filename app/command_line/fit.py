@@ -190,7 +190,6 @@ def _kind(
 def _duct(
     curve: "Curve", preset: "Preset", given: dict[str, float | None], organ: "Organ | None"
 ) -> "tuple[Curve, Beam, float]":
-    """Return a curve, its duct and its grasp."""
     from app.simulation import organ_beam
 
     beam = preset.round_beam() if organ is None else organ_beam(organ, preset)

@@ -133,7 +133,6 @@ def _check_voxel_files(name: str, content: bytes, there: Iterable[str]) -> None:
 
 
 def _written(folder: Path, files: dict[str, bytes]) -> Path:
-    """Write files into a folder, and return it."""
     for each, data in files.items():
         try:
             (folder / each).write_bytes(data)
@@ -212,7 +211,6 @@ def _volume_files(
 
 
 def _one_folder(entries: list[zipfile.ZipInfo]) -> PurePosixPath:
-    """Return the folder of all images."""
     folders = {PurePosixPath(entry.filename).parent for entry in entries}
     if len(folders) > 1:
         first, second, *_ = sorted(str(each) for each in folders)

@@ -310,7 +310,6 @@ def _built(
 
 
 def _label_at(stack: ImageStack, seed: tuple[int, int, int]) -> int:
-    """Return the label that a seed is on."""
     x, y, index = seed
     rows, columns = stack.shape
     if not (0 <= x < columns and 0 <= y < rows and 0 <= index < len(stack)):

@@ -199,7 +199,6 @@ def _mesh(
     chain: _Chain,
     shapes: NDArray[np.float32] | None = None,
 ) -> int:
-    """Add a mesh that follows a chain and return its number."""
     primitives: list[dict[str, Any]] = []
     for item, numbers in skin_primitives(file, bound.skin, bound.skin.vertices):
         item["attributes"] |= _binding(

@@ -197,7 +197,6 @@ def default_preset(organ: Organ) -> Preset:
 
 @cache
 def _shipped() -> bytes:
-    """Return the content of the shipped organ file."""
     return BILE_DUCT.read_bytes()
 
 

@@ -138,14 +138,10 @@ class BaseReplay(ABC, Generic[SessionT, InputT]):
         ...
 
     @abstractmethod
-    def _give(self, each: InputT) -> None:
-        """Give the session one input."""
-        ...
+    def _give(self, each: InputT) -> None: ...
 
     @abstractmethod
-    def _torn(self) -> bool:
-        """Return whether the session's duct has torn."""
-        ...
+    def _torn(self) -> bool: ...
 
     def _next_tick(self) -> int:
         """Return the tick before which the next input comes."""

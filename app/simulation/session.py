@@ -361,7 +361,6 @@ class Session:
         return [each for each in tries if each.log.start == run.log.start and each != run]
 
     def _start(self, model: BeamModel) -> None:
-        """Start anew with a model that is already built."""
         self._task_grasp = None
         self.duct = Duct(model)
         self.grasper.reset()

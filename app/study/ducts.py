@@ -261,7 +261,6 @@ def _number(value: float) -> float | None:
 def _organ_beam(
     organ: Organ, preset: Preset, wall: float | None, span: float | None
 ) -> VaryingBeam:
-    """Return the beam of an organ."""
     assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
     kind = part_of_organ(organ, preset.beam, wall, span)
     return organ_beam(organ, msgspec.structs.replace(preset, beam=kind))

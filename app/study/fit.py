@@ -372,7 +372,6 @@ def _of_curves(
 
 
 def _student(freedom: int) -> float:
-    """Return the 97.5 % quantile of Student's distribution."""
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, 0.975))

@@ -167,7 +167,6 @@ def write_report(folder: Path) -> dict[str, Any]:
 
 
 def _columns(results: ResultsFolder, plan: Plan) -> dict[str, Any]:
-    """Return the columns that the report needs, and `faulty`."""
     import pyarrow.parquet as pq
 
     names = pq.read_schema(results.table).names

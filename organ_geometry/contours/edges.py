@@ -213,7 +213,6 @@ def _closed_within(lines: Mask, region: Mask, name: str) -> Outline:
 
 
 def _rim(mask: Mask) -> Mask:
-    """Return the outermost pixels of a mask."""
     return np.asarray(cv2.subtract(mask, grown(mask, -1)), dtype=np.uint8)
 
 

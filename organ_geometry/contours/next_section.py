@@ -164,7 +164,6 @@ def _moved(
 
 
 def _continuing(bright: Image, before: Region, rule: EdgeRule, last_name: str) -> Region:
-    """Return the region that continues the one before."""
     choose = _outline_continuing(before, last_name)
     organ, around = inner_level(bright, before.solid), level_around(bright, before.filled)
     if rule.level is None and organ > around:

@@ -255,7 +255,6 @@ class _Tracing:
 
 
 def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
-    """Return the edges of a section found to a pixel."""
     outer, lumen = section_edges(section, rule)
     traced = TracedSection(
         index=section.index,

@@ -228,7 +228,6 @@ def grown(mask: Mask, pixels: int) -> Mask:
 
 @lru_cache(maxsize=64)
 def _disc(radius: int) -> Mask:
-    """Return a disc of pixels."""
     size = 2 * radius + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return np.asarray(disc, dtype=np.uint8)

@@ -95,7 +95,6 @@ def fit_organ(stack: ImageStack, traced: TracedOrgan) -> FittedOrgan:
 
 
 def _fitted(stack: ImageStack, edges: TracedSection) -> FittedSection:
-    """Return one section's edge and half-curves."""
     index = edges.index
     rows, columns = stack.shape
     image_middle = 0.5 * np.array([columns - 1.0, rows - 1.0])

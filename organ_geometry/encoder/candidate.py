@@ -138,7 +138,6 @@ class CandidateEncoder:
         return edges
 
     def _loft(self) -> list[ContourLoft]:
-        """Return the lofts through the boundaries."""
         if not self._lofts:
             normals = np.array([contour.normal for contour in self.contours])
             self._lofts = [ContourLoft.through(edges, normals) for edges in self._edges]

@@ -214,7 +214,6 @@ class Refinement:
         return state
 
     def _cost(self, state: _State) -> float:
-        """Return J of a state, bits."""
         keys = len(state.keys)
         return (
             total_bits(self._tables(keys), state.integers)

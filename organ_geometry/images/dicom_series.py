@@ -113,7 +113,6 @@ def read_series(source: Path, window: Window | None) -> DicomSeries:
 
 
 def _read_image(file: Path) -> _Image:
-    """Return one file's header, checked."""
     header = read_header(file)
     if header.components > 1:
         raise ImageStackError(f"{file} is in colour; grey is read")
@@ -135,7 +134,6 @@ def _read_image(file: Path) -> _Image:
 def _numbers(
     file: Path, header: MedicalHeader, tag: str, name: str, count: int
 ) -> NDArray[np.float64]:
-    """Return the numbers of a tag."""
     text = header.tags.get(tag, "")
     try:
         numbers = np.array([float(part) for part in text.split("\\")])

@@ -98,7 +98,6 @@ def _natural_key(name: str) -> tuple[list[str | int], str]:
 
 
 def _page_count(file: Path) -> int:
-    """Return the number of pages of a TIFF file."""
     try:
         with _quiet_decoders():
             count = cv2.imcount(str(file), _READ_GREY)
@@ -172,7 +171,6 @@ def _holds_its_chunks(content: bytes) -> bool:
 
 
 def _read_grey(file: Path, page: int | None, name: str) -> GreyImage:
-    """Return one image as 8 or 16 bit grey."""
     try:
         with _quiet_decoders() as made_up:
             if page is None:

@@ -55,7 +55,6 @@ def read_spacing(folder: Path) -> tuple[Path | None, SpacingRecord]:
 
 
 def _json_content(path: Path) -> object:
-    """Return the content of a JSON file."""
     try:
         return json.loads(path.read_bytes())
     except OSError as error:
@@ -154,7 +153,6 @@ class _Keys:
 
 
 def _spacing_record(keys: _Keys) -> SpacingRecord:
-    """Return the checked content of a spacing.json."""
     planes = keys.objects("frames")
     return SpacingRecord(
         pixel_spacing_mm=keys.pair("pixel_spacing_mm"),

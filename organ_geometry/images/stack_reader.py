@@ -138,7 +138,6 @@ def stack_labels(stack: ImageStack) -> tuple[int, ...]:
 
 
 def _whole_stack(source: Path, options: ReadOptions) -> ImageStack:
-    """Return a stack as it is stored."""
     label, window = options.label, options.window
     if not source.exists():
         raise ImageStackError(f"there is no folder of images at {source}, and no file")
@@ -281,7 +280,6 @@ def _across(stack: ImageStack, axis: Axis) -> ImageStack:
 
 
 def _cropped(stack: ImageStack, roi: Region) -> ImageStack:
-    """Return the part of a stack inside a region."""
     region = image_region(roi, stack.shape, len(stack))
     return dataclasses.replace(
         stack,

@@ -27,7 +27,6 @@ def mesh_content(
 
 
 def _glb(surfaces: Sequence[Surface], colors: Sequence[NDArray[np.uint8]]) -> bytes:
-    """Return a binary glTF, each surface a node with its name."""
     file = GltfFile()
     for surface, shown in zip(surfaces, colors or [None] * len(surfaces), strict=True):
         found = skin_primitives(file, surface.skin, surface.vertices, colors=shown)

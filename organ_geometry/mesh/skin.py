@@ -255,7 +255,6 @@ def _wall(grid: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _strip(near: NDArray[np.int32], far: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the triangles between two rings."""
     near_next, far_next = np.roll(near, -1), np.roll(far, -1)
     return np.concatenate(
         [np.stack([near, near_next, far_next], 1), np.stack([near, far_next, far], 1)]

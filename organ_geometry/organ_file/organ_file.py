@@ -216,7 +216,6 @@ def _pass_code(numbers: SymbolWriter | SymbolReader, given: OrganCode | None) ->
 
 
 def _pass_flag(numbers: SymbolWriter | SymbolReader, name: str, flag: bool) -> bool:
-    """Pass a flag that is rarely set."""
     return bool(numbers.bit(((name,),), int(flag), _RARE))
 
 

@@ -165,7 +165,6 @@ class SymbolReader(_Numbers):
 
 
 def _gives(data: bytes, odds: NDArray[np.float64], bits: NDArray[np.int32]) -> bool:
-    """Return whether bytes are read as the bits."""
     try:
         return bool(np.array_equal(_decoder(data).decode(_FAMILY, odds), bits))
     except AssertionError:  # how the coder says that no bits have such bytes

@@ -110,7 +110,6 @@ def _level_and_side(
 
 
 def _wanted(stack: ImageStack, seed: Seed | None, found: _Parts, level: float, bright: bool) -> int:
-    """Return the number of the organ that a seed is on, or of the largest."""
     if seed is None:
         sizes = np.bincount(found.organs, weights=found.stats[:, cv2.CC_STAT_AREA])
         return int(sizes.argmax())
@@ -165,7 +164,6 @@ def _parts_of(
 
 
 def _filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return a mask with its holes filled."""
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = np.zeros(mask.shape, dtype=np.uint8)
     return np.asarray(cv2.drawContours(filled, outlines, -1, 1, cv2.FILLED)) > 0

@@ -117,7 +117,6 @@ def _where_needed(
 def _resliced(
     stack: ImageStack, traced: TracedOrgan, options: TraceOptions, spacing: float | None = None
 ) -> ImageStack:
-    """Return the images across the centreline of the organ traced."""
     voxels, tube = _organ(stack, traced, options)
     try:
         line = centreline(tube)
@@ -129,7 +128,6 @@ def _resliced(
 def _organ(
     stack: ImageStack, traced: TracedOrgan, options: TraceOptions
 ) -> tuple[OrganVoxels, Tube]:
-    """Return the voxels of the organ traced."""
     step = even_step(stack.planes, stack.source)
     voxels = organ_voxels(stack, traced, options)
     sizes = np.array([*stack.pixel_size, float(np.linalg.norm(step))])

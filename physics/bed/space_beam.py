@@ -323,7 +323,6 @@ def _frames(way: Floats) -> Floats:
 
 
 def _quaternion(m: Floats) -> Floats:
-    """Return the unit quaternion of a rotation matrix."""
     q = np.array(
         [
             1 + m[0, 0] + m[1, 1] + m[2, 2],

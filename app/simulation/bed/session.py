@@ -255,7 +255,6 @@ class BedSession:
     def _start(
         self, preset: Preset, bed: BedPreset, bed_seed: int, threshold: float | None = None
     ) -> None:
-        """Start anew on a whole duct."""
         dissection = Dissection.of(self._organ, preset)
         self.duct = BeddedDuct(dissection, bed, seed=bed_seed, threshold=threshold)
         self.run = DissectionRun()

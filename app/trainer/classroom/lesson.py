@@ -278,7 +278,6 @@ class Lesson:
         self._show(member)
 
     def _end_all(self) -> None:
-        """Stop the exercise where it goes on."""
         current = self.assignment
         for member in self._all():
             state = member.view.state
@@ -463,6 +462,5 @@ def _live(view: ClientView) -> Live:
 
 
 def _told(run: RunRecord) -> str:
-    """Return the result of a run in a sentence."""
     ended = {True: "passed", False: "failed", None: "ended"}[run.passed]
     return f"Your last run, {run.title}, {ended} at {run.started_at[11:16]}. {run.reason}"

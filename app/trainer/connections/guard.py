@@ -206,7 +206,6 @@ class Guard:
 
     @staticmethod
     def _browser(cookies: list[str], name: str, token: str) -> str | None:
-        """Return which browser's cookie this is, if it is one of ours."""
         for each in (part.strip() for line in cookies for part in line.split(";")):
             called, _, value = each.partition("=")
             browser = value.partition(".")[0]

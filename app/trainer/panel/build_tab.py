@@ -400,7 +400,6 @@ class BuildTab:
 
 
 def _between(what: str, text: str, count: int) -> tuple[int, int]:
-    """Return "12-80" as (12, 80), and an empty text as all of `count`."""
     if not text.strip():
         return 0, count - 1
     ends = re.fullmatch(r"\s*(\d{1,6})\s*[-,]\s*(\d{1,6})\s*", text, re.ASCII)
@@ -422,7 +421,6 @@ def _length(value: object) -> float | None:
 
 
 def _caption(opened: OpenedStack, index: int) -> str:
-    """Return the caption of an image, as HTML."""
     name = html.escape(opened.shown.names[index])
     section = opened.section(index)
     pointing = "" if opened.resliced else ". Another organ is meant? Click on it."
@@ -440,7 +438,6 @@ def _caption(opened: OpenedStack, index: int) -> str:
 
 
 def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
-    """Return the report of an organ, as HTML."""
     pixel, stack, organ = opened.stack.mean_pixel, opened.stack, built.organ
     bytes_out = len(organ.encoded)
     rows = (
@@ -479,7 +476,6 @@ def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
 
 
 def _doubts_html(built: BuiltOrgan) -> str:
-    """Return the warnings about a doubtful organ, as HTML."""
     listed = "".join(f"<li>{html.escape(each)}</li>" for each in built.doubts)
     return (
         f"<div data-testid='build-doubts' style='margin:2px 12px 8px;padding:6px 10px;"

@@ -123,7 +123,6 @@ class CompareTab:
 
 
 def _ghost_html(reading: Reading, ghost: GhostReading, label: str) -> str:
-    """Return both theories' numbers and their differences."""
     rows = (
         ("Force F", reading.force, ghost.force, ghost.force_difference, "N"),
         ("Deflection", reading.deflection, ghost.deflection, ghost.deflection_difference, "mm"),
@@ -169,5 +168,4 @@ def _percent(own: float, difference: float) -> str:
 
 
 def _label(theory: Theory) -> str:
-    """Return the label of a theory that is offered."""
     return next(label for label, offered in OFFERED_THEORIES.items() if offered == theory)

@@ -123,7 +123,6 @@ class ModelTab:
         return offered
 
     def _title(self) -> str:
-        """Return the title of the preset in use."""
         now = self._state.session.duct.dissection.preset
         titles = (title for title, preset in self._titles.items() if preset == now)
         return next(titles, now.label)

@@ -96,7 +96,6 @@ def key_html(series: Sequence[uplot.Series]) -> str:
 
 
 def _mark(series: uplot.Series) -> str:
-    """Return the CSS that draws a mark like its series."""
     colour, width = str(series.get("stroke", "")), series.get("width", 1.0)
     if not width:
         return f"width:7px;height:7px;border-radius:4px;background:{colour}"

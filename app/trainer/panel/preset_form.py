@@ -256,7 +256,6 @@ def _told(preset: Preset, own: list[str]) -> dict[str, str]:
 
 
 def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
-    """Return what the typed numbers would change, as HTML."""
     rows = "".join(
         f"<tr><td style='padding:1px 8px 1px 0;opacity:.8'>{name}</td>"
         f"<td style='text-align:right;padding-right:8px'>{figure(before)}</td>"
@@ -275,7 +274,6 @@ def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
 
 
 def _results(model: BeamModel) -> tuple[tuple[str, float, str], ...]:
-    """Return the results of a preset: name, value and unit."""
     beam = model.dissection.beam
     # The stiffness of a pull too small to stretch the beam.
     small = 1e-4 * beam.fibre_distance

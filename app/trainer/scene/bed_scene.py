@@ -212,7 +212,6 @@ class BedScene(DuctOnStage[BedSession]):
                 hand.set_instrument(number, drawn.name, drawn.grip)
 
     def _set_strands(self, stage: Stage) -> None:
-        """Draw the strands as they are now."""
         duct = self._session.duct
         beam = duct.beam
         if self._strands is not None and beam.strands is not self._strands_of:

@@ -99,7 +99,6 @@ class DuctOnStage(Generic[AnySession]):
         self._drawn = []
 
     def _clear(self) -> None:
-        """Remove the stage and what is drawn for it."""
         self._shape = -1  # another thread may have set a new duct, but not its surfaces yet
         if self._hand is not None:
             self._hand.let_go()
@@ -134,7 +133,6 @@ class DuctOnStage(Generic[AnySession]):
         hand.follow([drawn.contact.vertices for drawn in self._drawn])
 
     def _offer_instruments(self, hand: DragProxy) -> None:
-        """Let the mouse hold the instruments."""
         raise NotImplementedError
 
     def frame_camera(self) -> None:

@@ -158,7 +158,6 @@ class WarmUp:
         read_icons(ICONS)
 
     def _warm_theories(self) -> None:
-        """Compile the theories that a pull offers."""
         beam = preset_named(THESIS_PRESET).round_beam()
         middle = 0.5 * beam.span
         for theory in OFFERED_THEORIES.values():

@@ -188,7 +188,6 @@ class DressedSurface:
 
 
 def _triangles(patch: Patch, sides: int) -> NDArray[np.int64]:
-    """Return the triangles between the rings of a patch."""
     rings = np.array(patch.rings)[:, None] * sides + np.arange(sides)
     here, after = rings[:-1], rings[1:]
     right, beyond = np.roll(here, -1, axis=1), np.roll(after, -1, axis=1)

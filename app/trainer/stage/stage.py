@@ -258,7 +258,6 @@ class Stage:
         clear_light(self._scene)
 
     def _frame(self, client: viser.ClientHandle, aspect: float, *, settles: bool = True) -> None:
-        """Set the camera and the fog once."""
         view = self._viewpoint(aspect)
         self._framed_aspect = aspect
         if settles:

@@ -201,7 +201,6 @@ def _capillaries(x: Image, y: Image) -> Image:
 
 
 def _veins(x: Image, y: Image) -> Image:
-    """Return the veins, 1 along their middles."""
     rows, columns = x.shape
     picture = np.zeros(x.shape, np.uint8)
     for knots, width in _VEINS:

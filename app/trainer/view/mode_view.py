@@ -119,7 +119,6 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         return timed or self._panel.lags or self.state.has_end_to_tell
 
     def _draw(self) -> None:
-        """Draw the session as it is now."""
         state, scene = self.state, self._scene
         scene.watch(state.shown)
         scene.set_look("plain" if state.plain else "full")
