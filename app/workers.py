@@ -22,8 +22,8 @@ __all__ = ["by_dask", "by_processes", "cores"]
 A = TypeVar("A")
 R = TypeVar("R")
 
+# Arguments handed out for each worker.
 AHEAD = 3
-"""Arguments handed out for each worker."""
 
 
 def cores() -> int:

@@ -69,14 +69,14 @@ SPAN = (SECTION_COUNT - 1) * SLICE_SPACING
 """Distance between the clamps, mm: the thesis's 2 inches."""
 MEAN_DIAMETER = 8.89
 """Outer diameter averaged over the span and the two half-axes, mm: the thesis's 0.35 inch."""
+# Standard deviation of the blur across an edge, mm.
 POINT_SPREAD = 0.15
-"""Standard deviation of the blur across an edge, mm."""
 
 WALL_GREY = 164.0
 BACKGROUND_GREY = 62.0
 LUMEN_GREY = 46.0
+# Standard deviation of the noise, grey levels.
 NOISE_GREY = 10.5
-"""Standard deviation of the noise, grey levels."""
 
 _MEAN_WALL = 1.0
 # Station in mm and value there; constant between equal values, a smooth ramp between others.

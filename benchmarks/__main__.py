@@ -34,8 +34,8 @@ from benchmarks.study_rate import measure_study
 from benchmarks.trainer_clients import CLIENTS, client_figures
 
 FIGURES = Path(__file__).parents[1] / "build" / "bench.json"
+# What the others are compared with: ours inside compiled code, and as a Python call.
 COMPILED, CALLED = "exact_centre_warm", "exact_python_call"
-"""What the others are compared with: ours inside compiled code, and as a Python call."""
 
 
 def machine() -> dict[str, str | int]:

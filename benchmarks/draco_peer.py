@@ -30,19 +30,19 @@ LOFTS: dict[str, tuple[float, ...]] = {
 FIRST_LOFT = {"corners": 64, "smoothing": 1.0, "rounding": 0.1, "size": 0.9975, "aggression": 6.0}
 ROUNDS = 2
 CUBES_BLUR = (1.0, 2.0)
+# Marching cubes give far more triangles than is useful: they are first brought down to these.
 CUBES_FACES = 12_000
-"""Marching cubes give far more triangles than is useful: they are first brought down to these."""
 
 BITS = (8, 9, 10, 11, 12)
 COMPRESSION_LEVEL = 10
+# Steps of coordinates outside of these, in target errors, are wasteful or too coarse: a step's own
+# error is its 12th part's root.
 FINEST_STEP, COARSEST_STEP = 0.3, 3.5
-"""Steps of coordinates outside of these, in target errors, are wasteful or too coarse: a step's own
-error is its 12th part's root."""
 AGGRESSIONS = (5.0, 6.0, 7.0)
 CUBES_AGGRESSION = 6.0
 FEWEST_FACES, MOST_FACES, NEVER = 60, 4000, 10**9
+# Bisections over the number of triangles end within these: of meshes, and of their bits.
 MESH_RATIO, FACE_RATIO = 1.06, 1.03
-"""Bisections over the number of triangles end within these: of meshes, and of their bits."""
 FINE_FACES = np.linspace(0.85, 1.02, 18)
 
 MESHES_KEPT, PAIRS_KEPT = 6, 4

@@ -16,6 +16,7 @@ from organ_geometry import BuiltOrgan, build_organ, read_image_stack
 from organ_geometry.encoder.encode import ToleranceTooSmall, encoded_organ
 from organ_geometry.encoder.settings import FULL, QUICK, EncoderSettings
 
+# Settings without an idea each.
 WITHOUT: dict[str, EncoderSettings] = {
     "levels": replace(QUICK, axis_levels=(0,)),
     "axis steps": replace(QUICK, axis_steps=(1.0,)),
@@ -26,7 +27,6 @@ WITHOUT: dict[str, EncoderSettings] = {
     "penalty learned": replace(QUICK, penalty_learned=False),
     "refinement": replace(QUICK, choice_rounds=1, rounds=1),
 }
-"""Settings without an idea each."""
 
 
 @dataclass(frozen=True)

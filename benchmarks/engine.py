@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 __all__ = ["Engine", "unavailable"]
 
+# Relative error of the deflection beyond which an engine solves another problem.
 TOLERATED = 0.01
-"""Relative error of the deflection beyond which an engine solves another problem."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,13 +18,13 @@ THEORIES = {
     "linear, shear": Exact(Linear(shear=True)),
     "neo-hooke, shear": Exact(NeoHooke()),
 }
+# Smallest deflection, as a part of the largest.
 SMALLEST_LOAD = 1e-6
-"""Smallest deflection, as a part of the largest."""
+# Largest length of the beam, as two straight lines, over its span.
 WHOLE_STRETCH = 2.5
-"""Largest length of the beam, as two straight lines, over its span."""
+# Largest deflection of a neo-Hookean beam that is grasped less than half a diameter from a clamp,
+# in lengths of that part.
 STUBBY_REACH = 1.1
-"""Largest deflection of a neo-Hookean beam that is grasped less than half a diameter from a clamp,
-in lengths of that part."""
 ROUND_TRIP = 1e-9
 """Relative difference of a deflection and that found back from its force."""
 

@@ -26,8 +26,8 @@ WISHED = (1.0, 2.0)
 LEVELS = (1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Errors, % of the radius: those wished, and what is taken where one is not reached by both."""
 
+# Surface points that an organ is read for where there is no peer's mesh to have as many as.
 USUAL_VERTICES = 300
-"""Surface points that an organ is read for where there is no peer's mesh to have as many as."""
 
 
 def set_figures(name: str) -> dict[str, Any]:

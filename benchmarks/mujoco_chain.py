@@ -16,8 +16,8 @@ LINKS = 40
 DENSITY = 1e-9
 """tonne/mm^3; the state at rest does not depend on it."""
 SECONDS = 1e-2
+# Time step, s, and damping over stiffness, s: of those tried, the ones that settle soonest.
 DAMPING = 1e-3
-"""Time step, s, and damping over stiffness, s: of those tried, the ones that settle soonest."""
 REST = 500
 """Steps after which the chain is at rest."""
 SOLVES = 80

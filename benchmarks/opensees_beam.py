@@ -14,10 +14,10 @@ __all__ = ["opensees_deflections", "opensees_engine"]
 
 KEY, NAME = "opensees_warm", "OpenSeesPy"
 ELEMENTS = 40
+# Steps up, then as many down.
 LEG = 20
-"""Steps up, then as many down."""
+# Steps to the whole force.
 FROM_REST = 10
-"""Steps to the whole force."""
 TIGHT = 1e-5
 """Update, mm, below which its Newton method stops; that leaves about the square, relative."""
 

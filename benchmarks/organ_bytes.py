@@ -27,9 +27,9 @@ __all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
 
 STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
+# Tolerances of each section, in target errors: the target is the error of all together, sought with
+# each of these in turn, because the steps of integers are multiples of them.
 LOOSE_SHARES = (3.0, 4.0, 5.0)
-"""Tolerances of each section, in target errors: the target is the error of all together, sought
-with each of these in turn, because the steps of integers are multiples of them."""
 
 # Most organs built in a search, and the share of the target from which one is near enough.
 STEPS, NEAR_ENOUGH = 5, 0.985

@@ -20,14 +20,14 @@ __all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[2] / "shared" / "data")
 SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
 
+# Sections at each end that no error is taken at: meshes close there, and organs end.
 CLIPPED = 3
-"""Sections at each end that no error is taken at: meshes close there, and organs end."""
 
 FINE_CORNERS = 128
 
+# Masks cut from a mesh have a pixel set where two of its 2 x 2 samples are inside. Across an edge
+# at an angle t to the pixels that is up to (cos t - sin t) / 4 px beyond it; this is the mean.
 MASK_SHIFT_PX = -(math.sqrt(2.0) - 1.0) / math.pi
-"""Masks cut from a mesh have a pixel set where two of its 2 x 2 samples are inside. Across an edge
-at an angle t to the pixels that is up to (cos t - sin t) / 4 px beyond it; this is the mean."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import zstandard
 
 __all__ = ["Page", "connected", "cookie_of", "hand_forces"]
 
+# What a page's own slider is called, of a pull and of a dissection.
 SLIDERS = ("Force", "Jaws")
-"""What a page's own slider is called, of a pull and of a dissection."""
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),

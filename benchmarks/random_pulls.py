@@ -30,8 +30,8 @@ ROUNDING = 1e-12
 """Energies below it, mJ, are rounding."""
 OPEN = 1e-4
 """Part of the work that the energy balance may leave unexplained."""
+# Seconds between two lines of progress.
 EVERY = 20.0
-"""Seconds between two lines of progress."""
 
 
 def bed(random: np.random.Generator, strands: int) -> Bed:

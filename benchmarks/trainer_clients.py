@@ -34,14 +34,14 @@ Mix = Literal["pull", "dissect", "mixed", "class"]
 
 CLIENTS = (1, 8, 16)
 SECONDS = 10.0
+# Time for the pages to be sent before anything is counted, s.
 SETTLING = 2.0
-"""Time for the pages to be sent before anything is counted, s."""
 SLIDER_SECONDS, DRAG_SECONDS = 0.1, 0.05
 """A hand moves a slider, or what it drags, this often."""
+# Moves of the slider whose answers are waited for.
 LATENCY_MOVES = 60
-"""Moves of the slider whose answers are waited for."""
+# A duct that sends nothing for so long has come to rest.
 STILL_SECONDS = 0.15
-"""A duct that sends nothing for so long has come to rest."""
 
 
 async def pulling(

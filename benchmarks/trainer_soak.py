@@ -20,14 +20,14 @@ from benchmarks.served_trainer import Served, Takings, served_trainer
 __all__ = ["slopes"]
 
 SAMPLE_SECONDS = 60.0
+# Left out of the slopes: what is made once, and the caches.
 SETTLING_SAMPLES = 5
-"""Left out of the slopes: what is made once, and the caches."""
 FIGURES = ("resident_bytes", "traced_bytes", "blocks", "log_inputs")
 SLIDER_SECONDS = 0.1
+# s; N, past the duct's break; s.
 TEARS_EVERY, TEARING_FORCE, TORN_SECONDS = 60.0, 4.0, 4.0
-"""s; N, past the duct's break; s."""
+# A run keeps a tick, a kind and a number of each input.
 BYTES_AN_INPUT = 17
-"""A run keeps a tick, a kind and a number of each input."""
 
 
 def slopes(samples: Sequence[Takings], seconds: float) -> dict[str, float]:

@@ -19,10 +19,10 @@ except ImportError:  # Windows: what was left behind stays
 
 __all__ = ["WorkFolder", "check_target", "make_folder", "remove_left_behind", "write_atomic"]
 
+# How names of work folders begin.
 WORK_FOLDER = "bluntdissect-"
-"""How names of work folders begin."""
+# s in which what was just made gets its lock.
 LOCKED_WITHIN = 2.0
-"""s in which what was just made gets its lock."""
 
 
 def check_target(path: Path) -> None:

@@ -38,15 +38,15 @@ LAST_OF_SPAN = np.array([True, True, True])
 LAST_OF_HALF = np.array([True, False, True])
 """The last node is in the plane of symmetry, free along the pull only."""
 
+# Newton iterations in which an increment must converge; what needs more is halved instead.
 ITERATIONS = 12
-"""Newton iterations in which an increment must converge; what needs more is halved instead."""
+# Part of the load so far below which the search for the next equilibrium is given up.
 SMALLEST_INCREMENT = 1e-4
-"""Part of the load so far below which the search for the next equilibrium is given up."""
+# The same from rest, as a part of the goal: the thinnest beams soon carry a load as strings.
 SMALLEST_START = 1e-12
-"""The same from rest, as a part of the goal: the thinnest beams soon carry a load as strings."""
+# Newton step, relative to the largest displacement, after which one more, of the order of its
+# square, is exact to rounding.
 CONVERGED = 1e-9
-"""Newton step, relative to the largest displacement, after which one more, of the order of
-its square, is exact to rounding."""
 
 
 @njit(cache=True, nogil=True)

@@ -16,8 +16,8 @@ from kernel_cache import njit
 __all__ = ["cubic_deflection", "fill_cubic_deflections"]
 
 THIRD = 1.0 / 3.0
+# Two thirds of the exponent's offset of 1023, where it stands in a double.
 EXPONENT = float(682 << 52)
-"""Two thirds of the exponent's offset of 1023, where it stands in a double."""
 FAR = 1e9
 """Half of w beyond which the 1/27 is lost to rounding; its square could overflow."""
 

@@ -19,11 +19,11 @@ Integrator = Literal["euler", "leapfrog", "runge-kutta"]
 INTEGRATORS = {"euler": euler, "leapfrog": leapfrog, "runge-kutta": runge_kutta}
 """The integrators of 2.2 by name: explicit Euler, leapfrog, and Runge-Kutta of fourth order."""
 
+# Fewest segments on the short side of the grasp: with two a chain would be 14 % too soft.
 LEAST_SEGMENTS = 4
-"""Fewest segments on the short side of the grasp: with two a chain would be 14 % too soft."""
 
+# Part of the largest stable step that is taken: bending stiffens a little where it squeezes.
 STEP_MARGIN = 0.9
-"""Part of the largest stable step that is taken: bending stiffens a little where it squeezes."""
 
 MOST_STEPS = 1_000_000
 """Steps in which a chain must settle."""

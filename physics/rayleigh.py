@@ -28,12 +28,12 @@ __all__ = ["BentBeam", "RayleighBeam", "Support"]
 
 Load = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
+# Gauss points per degree of the curve: n points are exact to the degree 2 n - 1, so that loads up
+# to 6 times the curve's degree are integrated exactly.
 POINTS_PER_DEGREE = 4
-"""Gauss points per degree of the curve: n points are exact to the degree 2 n - 1, so that loads up
-to 6 times the curve's degree are integrated exactly."""
 
+# Singular value, of rows of length 1, below which conditions of supports depend on one another.
 DEPENDENT = 1e-12
-"""Singular value, of rows of length 1, below which conditions of supports depend on one another."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,8 @@ __all__ = [
     "critical_stations",
 ]
 
+# Stresses nearer than this part of the larger count as equal: rounding, not physics.
 EQUAL_STRESSES = 1e-9
-"""Stresses nearer than this part of the larger count as equal: rounding, not physics."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,8 +40,8 @@ PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
     "approach-break": ApproachBreak,
     "gentle-lifts": GentleDissection,
 }
+# Fields of an exercise that are no limits.
 FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided"}
-"""Fields of an exercise that are no limits."""
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
 FEW = 300
 """Vertices of a duct that nobody sees."""

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = ["export"]
 
+# Of the last step, as `solve --bed` names them.
 BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
-"""Of the last step, as `solve --bed` names them."""
 
 
 def export(

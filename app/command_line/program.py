@@ -24,8 +24,8 @@ from app.command_line import (
 __all__ = ["main", "program"]
 
 WRONG_INPUT, OUR_FAULT, STOPPED = 2, 1, 130
+# Environment variable with which an error shows where it comes from.
 TRACEBACK = "BLUNTDISSECT_TRACEBACK"
-"""Environment variable with which an error shows where it comes from."""
 
 program = typer.Typer(
     name="bluntdissect",

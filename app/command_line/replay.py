@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["replay"]
 
+# Kinds of file that play a run, by suffix.
 PLAYED = (".glb", ".html")
-"""Kinds of file that play a run, by suffix."""
 
 
 def replay(

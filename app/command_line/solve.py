@@ -30,8 +30,8 @@ from app.command_line.load import (
 
 __all__ = ["solve"]
 
+# mm, MPa and N: far beyond any tissue, far from where numbers run over.
 MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
-"""mm, MPa and N: far beyond any tissue, far from where numbers run over."""
 
 
 def solve(

@@ -22,15 +22,15 @@ __all__ = ["Abandoned", "BuildProcess", "Progress"]
 
 Progress = Callable[[int, int], None]
 Made = TypeVar("Made")
+# How often whoever waits looks whether they still want it.
 POLL_SECONDS = 0.1
-"""How often whoever waits looks whether they still want it."""
+# Longest time of a task: others wait for it.
 BUILD_SECONDS = 120.0
-"""Longest time of a task: others wait for it."""
+# Most memory of the process: more would slow the trainer down, or end it.
 BUILD_MIB = 3072
-"""Most memory of the process: more would slow the trainer down, or end it."""
 MIB = 2**20
+# How much the building gives way to sessions on a machine with few cores.
 NICENESS = 5
-"""How much the building gives way to sessions on a machine with few cores."""
 
 
 class Abandoned(Exception):  # noqa: N818

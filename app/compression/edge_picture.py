@@ -18,13 +18,13 @@ WIDTH = 480
 """Width of a picture, px, about: a panel's, on a screen with two pixels a point."""
 HIGHEST = 720
 LINE = 2
+# RGB, yellow of the same palette.
 SEED_COLOR = (240, 228, 66)
-"""RGB, yellow of the same palette."""
 CROSS = 22
+# By how much what is beyond the region is darker.
 BEYOND = 3
-"""By how much what is beyond the region is darker."""
+# Bits of a pixel's part that are drawn.
 _FINE = 4
-"""Bits of a pixel's part that are drawn."""
 
 
 def edge_picture(

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 __all__ = ["FIGURE_SUFFIXES", "check_figure_target", "draw_organ_figure"]
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+# Key points drawn on each kept section.
 KEY_POINTS = 12
-"""Key points drawn on each kept section."""
+# Distance of the driving points that are drawn, in mean radii.
 DRIVING_RADII = 1.0
-"""Distance of the driving points that are drawn, in mean radii."""
 OUTLINE_CORNERS = 96
+# Angle from which the sections are seen, rad.
 LOOKING_DOWN = np.radians(22.0)
-"""Angle from which the sections are seen, rad."""
+# With Okabe and Ito's colours, which colour-blind readers tell apart.
 _WALL, _LUMEN, _OUTER, _KEY, _DRIVING = "#f3e3d3", "#cc79a7", "#4d4d4d", "#0072b2", "#d55e00"
-"""With Okabe and Ito's colours, which colour-blind readers tell apart."""
 
 
 def check_figure_target(path: Path) -> None:

@@ -18,8 +18,8 @@ __all__ = [
     "summary_lines",
 ]
 
+# Sections left out that a report names one by one.
 MOST_LEFT_OUT = 10
-"""Sections left out that a report names one by one."""
 
 
 DOUBTFUL = "probably another organ than the one wanted, or only a part of it"

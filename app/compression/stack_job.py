@@ -27,6 +27,7 @@ from organ_geometry import (
 __all__ = ["Failed", "StackJob", "compress_stack", "jobs_into", "try_stack"]
 
 ORGAN_SUFFIX = ".organ"
+# The most of a zip that is one's own.
 ZIP_BOUNDS = UploadBounds(
     file_bytes=2**30,
     entries=20_000,
@@ -36,7 +37,6 @@ ZIP_BOUNDS = UploadBounds(
     more_pixels="",
     otherwise="unpack it, and give its folder or file",
 )
-"""The most of a zip that is one's own."""
 
 
 @dataclass(frozen=True, slots=True)

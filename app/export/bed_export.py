@@ -19,14 +19,14 @@ from physics.bed import BeamOnBed, Hand, History, pull, step_places
 
 __all__ = ["BedExport"]
 
+# Name of the motion.
 FREE = "free"
-"""Name of the motion."""
 HAND_SPEED = 3.0
 """mm/s at which the motion is played; it is quasi-static, and the same at any."""
 SHORTEST = 1.0
 """s, of a motion along a short path."""
+# s, of the beam in real time.
 SUBSTEP = 1.0 / 240.0
-"""s, of the beam in real time."""
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ MOST_FRAMES = 2000
 """Most keys of a pull: half a minute at 60 Hz. With more, a viewer's own blending is as smooth."""
 PAGE_FRAMES = 300
 """Keys of a run in a page by default."""
+# s, length of a prescribed pull.
 PULL_SECONDS = 2.0
-"""s, length of a prescribed pull."""
 RUN_STEP = 0.1
 """s between keys while the front runs, for viewers that blend between them."""
 RECOIL_STEP = 0.05

@@ -53,14 +53,14 @@ ORGAN = "organ"
 STRANDS = "strands"
 """Name of the mesh of a bed's strands."""
 STRAND_FINISH = Finish((236, 226, 208), roughness=0.4)
+# Largest error of a torn rim's vertices, over the organ's radius.
 RIM_TOLERANCE = 2e-5
-"""Largest error of a torn rim's vertices, over the organ's radius."""
+# Largest deviation of a driving point's transform from a rotation: joints have no shear.
 RIGID = 1e-6
-"""Largest deviation of a driving point's transform from a rotation: joints have no shear."""
 MOST_VERTICES = 300_000
 """Largest skin: viewers still animate it smoothly."""
+# Scale of a hidden mesh: a duct is then half a micrometre long.
 HIDDEN = 1e-5
-"""Scale of a hidden mesh: a duct is then half a micrometre long."""
 LEAD = 5.0
 """mm behind the clamp at which a chain is anchored. Blender draws a bone whose next joint is nearer
 than 4 mm as long as the bone before it, or a metre long if there is none."""

@@ -20,8 +20,8 @@ __all__ = [
     "torn_snapshot",
 ]
 
+# Stations along the span at which stress is sampled: two for each driving point.
 STRESS_STATIONS = 121
-"""Stations along the span at which stress is sampled: two for each driving point."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,8 +17,8 @@ __all__ = ["StrandMesh", "strand_mesh"]
 RADIUS = 0.07
 """mm."""
 SIDES = 3
+# Most morph targets, which viewers keep in one texture; with more partings neighbours join.
 MOST_SHAPES = 64
-"""Most morph targets, which viewers keep in one texture; with more partings neighbours join."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

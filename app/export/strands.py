@@ -17,8 +17,8 @@ __all__ = ["BedTrack", "StrandsSnapshot", "stubs"]
 
 Floats = NDArray[np.float64]
 
+# Length of a stub, and most of its strand's length at rest.
 STUB_MM, STUB_SHARE = 1.0, 0.35
-"""Length of a stub, and most of its strand's length at rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

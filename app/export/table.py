@@ -11,8 +11,8 @@ from physics import Pull, critical_stations
 
 __all__ = ["axis_table", "curve_table"]
 
+# Rows of an axis, besides those at the grasp and at a varying organ's own sections.
 AXIS_STATIONS = 121
-"""Rows of an axis, besides those at the grasp and at a varying organ's own sections."""
 
 
 def curve_table(pull: Motion) -> bytes:

@@ -15,8 +15,8 @@ from physics.bed import BeamOnBed, SpaceBeam
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
 
+# N/mm: above the stiffness of any duct here.
 STIFFEST = 5.0
-"""N/mm: above the stiffness of any duct here."""
 
 
 def passive_coupling(damping: float, rate: int) -> float:

@@ -37,8 +37,8 @@ PROFILE = "org.bluntdissect:duct"
 LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5)
 """An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed."""
 CONNECT_SECONDS = 3.0
+# Age, s, of a message beyond which the state that answers it is ignored.
 STALE_SECONDS = 0.02
-"""Age, s, of a message beyond which the state that answers it is ignored."""
 LOST_SECONDS = 0.25
 """Time, s, after which an answer is not waited for any more."""
 SLACK = 5e-3

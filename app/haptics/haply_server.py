@@ -39,12 +39,12 @@ from app.haptics.simulated_device import STEP, SimulatedDevice
 
 __all__ = ["HaplyServer", "VirtualService", "websocket_address"]
 
+# Longest time, s, simulated between two messages: the rest of a longer pause is skipped.
 MOST_SECONDS = 0.25
-"""Longest time, s, simulated between two messages: the rest of a longer pause is skipped."""
+# Preset of a workspace whose origin is in the middle of the device's reach.
 CENTRED = "arm_front_centered"
-"""Preset of a workspace whose origin is in the middle of the device's reach."""
+# Stiffness, N/m, and damping, N s/m, that pull a cursor to its target.
 PULL_TO_PLACE, DAMP_TO_PLACE = 500.0, 15.0
-"""Stiffness, N/m, and damping, N s/m, that pull a cursor to its target."""
 CLOSE_SECONDS = 0.5
 """Time, s, in which a client must answer that the service closes."""
 VERSION = b'{"project_name":"bluntdissect virtual device","project_version":"3.5.0.0"}'

@@ -33,14 +33,14 @@ WORK, MODELLED, SAMPLED, BRAKED, WITHHELD, MADE, LEAST, ALLOWED = range(8)
 period loses, what the damper and the bounds take; energy generated, now; the least margin so far
 between what hands put in and what they got; what a start under tension allows."""
 
+# Time in which the force rises, s, after a start or after states were missing.
 SOFT_SECONDS = 0.3
-"""Time in which the force rises, s, after a start or after states were missing."""
 TOLERANCE = 1e-3
 """Surplus energy, N mm, below which nothing is damped: 1 uJ."""
+# tau, time over which generated energy is taken out, s. Within one period it would be a knock.
 DRAIN_SECONDS = 0.02
-"""tau, time over which generated energy is taken out, s. Within one period it would be a knock."""
+# Speed, m/s, below which nothing can be damped.
 SLOWEST = 1e-4
-"""Speed, m/s, below which nothing can be damped."""
 
 
 @njit(cache=True, nogil=True)

@@ -25,20 +25,20 @@ __all__ = ["ORDINARY", "Servo", "real_time"]
 
 SPIN_SECONDS = 1.5e-4
 """How long before a period it stops sleeping, s: a sleep ends late by up to as much."""
+# Time left to a period, s, in which a step can be rehearsed.
 REHEARSAL_SECONDS = 5e-5
-"""Time left to a period, s, in which a step can be rehearsed."""
+# Periods from one to the next that count as missed.
 MISSED = 1.5
-"""Periods from one to the next that count as missed."""
+# Periods behind the clock beyond which it starts afresh instead of catching up.
 BEHIND = 5
-"""Periods behind the clock beyond which it starts afresh instead of catching up."""
 SILENT_SECONDS = 1.0
 """Time without a state after which a device counts as gone."""
 REACH = 10.0
 """Farthest place of a device, m, that is believed."""
 NOWHERE = "a place that is no number or out of reach"
 ORDINARY = "as other processes"
+# How often a force is kept to be compared with the theory's own, up to `MOST_CHECKS` times.
 CHECKS_PER_SECOND = 20
-"""How often a force is kept to be compared with the theory's own, up to `MOST_CHECKS` times."""
 MOST_CHECKS = 2000
 
 

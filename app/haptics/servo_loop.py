@@ -36,11 +36,11 @@ PLACE_UNIT = 1e-7
 TAKE, CLUTCH, LIVE, FRESH = 1, 2, 64, 128
 """Bits of a hand's input: the button that takes the duct, the one that moves the device without the
 hook; whether a state came lately, and whether one came in this period."""
+# Longest movement of a hand, mm, that the model takes in one step, and most steps of a period: a
+# hand without states for some periods is caught up with in such steps.
 STRIDE, MOST_STRIDES = 0.05, 64
-"""Longest movement of a hand, mm, that the model takes in one step, and most steps of a period: a
-hand without states for some periods is caught up with in such steps."""
+# The same of the first period, in which a hook without a device goes where it is left.
 FIRST_STRIDE, FIRST_STRIDES = 0.0125, 2000
-"""The same of the first period, in which a hook without a device goes where it is left."""
 
 
 # Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets

@@ -45,8 +45,8 @@ __all__ = [
 NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
 """Entries of the shared array; then come those of each hand."""
 TIP, FORCE, PEAK, STATION, ROW = 0, 3, 6, 7, 8
+# Periods between two reads of the pipe.
 POLL_PERIODS = 8
-"""Periods between two reads of the pipe."""
 STOP_SECONDS = 5.0
 """Time in which a servo reports when it is stopped."""
 OPEN_SECONDS = 30.0

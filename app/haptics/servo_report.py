@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 __all__ = ["Percentiles", "ServoReport", "TimeHistogram"]
 
+# Of 1 us.
 BINS = 100_000
-"""Of 1 us."""
 
 
 class Percentiles(Struct, frozen=True):

@@ -5,8 +5,8 @@ __all__ = ["MOST_TICKS_AT_ONCE", "TICKS_PER_SECOND", "TICK_SECONDS", "Clock"]
 TICKS_PER_SECOND = 30
 TICK_SECONDS = 1.0 / TICKS_PER_SECOND
 """s. A run depends on its ticks alone, never on real time, so it can be replayed to the bit."""
+# After a stall of more than a second the rest is dropped: the pull slows instead of jumping.
 MOST_TICKS_AT_ONCE = TICKS_PER_SECOND
-"""After a stall of more than a second the rest is dropped: the pull slows instead of jumping."""
 
 
 class Clock:

@@ -25,10 +25,10 @@ SWINGS_PER_SECOND = 2.5
 """Hz, lowest frequency of the straight chain. A real duct swings at tens of Hz, which no screen
 shows: the density is raised by `slowed` squared."""
 DAMPING_RATIO = 0.08  # of critical: low, so that it overshoots visibly as such chains do
+# The chain counts as still when its fastest mass is slower than this.
 STILL_MM_PER_S = 0.02
-"""The chain counts as still when its fastest mass is slower than this."""
+# tonne/mm^3.
 TISSUE_DENSITY = 1e-9
-"""tonne/mm^3."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,11 +24,11 @@ __all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
 
 SECTIONS_ALONG = 64
 """Stations at which an organ's section properties are taken for a varying beam."""
+# Largest ratio of an organ's thickness to that of a preset's bar. Where the thesis's bar merely
+# bends, the heart, 28 times as thick, is stretched to five times its length.
 MOST_TIMES = 6.0
-"""Largest ratio of an organ's thickness to that of a preset's bar. Where the thesis's bar merely
-bends, the heart, 28 times as thick, is stretched to five times its length."""
+# So many follow a bend of one span to within a hundredth of the duct's radius.
 DRIVING_POINTS_PER_SPAN = 60
-"""So many follow a bend of one span to within a hundredth of the duct's radius."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

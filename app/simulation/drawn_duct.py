@@ -31,8 +31,8 @@ from physics import Equilibrium, RuptureCheck
 
 __all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_shares"]
 
+# Part of the span, behind each clamp, over which the stress at the clamp continues.
 CLAMP_DEPTH = 0.01
-"""Part of the span, behind each clamp, over which the stress at the clamp continues."""
 
 
 class DrawnDuct:

@@ -11,10 +11,10 @@ from physics import BreakEvent, NoEquilibrium, RuptureCheck, Theory
 
 __all__ = ["Duct", "Reading"]
 
+# Part of the span next to each clamp that the clamp's jaws keep from the grasper.
 GRASP_MARGIN = 0.1
-"""Part of the span next to each clamp that the clamp's jaws keep from the grasper."""
+# Smallest and largest threshold, in thresholds of the preset.
 THRESHOLD_RANGE = (0.25, 2.0)
-"""Smallest and largest threshold, in thresholds of the preset."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,22 +30,22 @@ LONGEST_SECONDS = 3600.0
 MOST_LIFTS = 100
 FADE_SECONDS = 30.0
 """s after which fading feedback is gone."""
+# s. Fading feedback is shown once in each period, for a shorter part each time.
 FADE_PERIOD = 3.0
-"""s. Fading feedback is shown once in each period, for a shorter part each time."""
 
+# Deflection to hold, and its tolerance, over the deflection at break.
 HOLD_PART, HOLD_TOLERANCE = 0.6, 0.05
-"""Deflection to hold, and its tolerance, over the deflection at break."""
 HOLD_SECONDS = 3.0
 SPARE_FORCE = 1.1
 """Force limit over the largest that the hold needs."""
 MARGIN = 0.15  # distance to break to approach, the same as the read-out's "Stop"
 STAY_SECONDS = 1.0
+# Factors of safety, strength over stress: to work at, and never to go below.
 WORKING_SAFETY, LEAST_SAFETY = 2.0, 1.5
-"""Factors of safety, strength over stress: to work at, and never to go below."""
+# Half width of the working band, over the deflection at its middle.
 BAND_PART = 0.08
-"""Half width of the working band, over the deflection at its middle."""
+# Deflection at which the duct counts as led back, over that at the band's middle.
 SLACK_PART = 0.25
-"""Deflection at which the duct counts as led back, over that at the band's middle."""
 LIFTS, LIFT_SECONDS = 3, 1.0
 REACTION_SECONDS = 0.25
 """s, a visual reaction time (docs/measures.md, source 11)."""

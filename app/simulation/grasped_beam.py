@@ -21,12 +21,12 @@ from physics import (
 
 __all__ = ["BeamModel", "GraspedBeam"]
 
+# Largest force over the force at break at mid-span: off-centre a duct takes more to tear.
 FORCE_RANGE = 1.5
-"""Largest force over the force at break at mid-span: off-centre a duct takes more to tear."""
+# s in which the grasper's force can grow from zero to the force at break.
 RAMP_SECONDS = 0.75
-"""s in which the grasper's force can grow from zero to the force at break."""
+# For a duct that cannot break, the range of forces ends at this deflection over the span.
 BOUNDLESS_DEFLECTION = 1.0
-"""For a duct that cannot break, the range of forces ends at this deflection over the span."""
 PAST_BREAK = 1.15
 """A hand, or a curve, goes up to this deflection over the deflection at break."""
 

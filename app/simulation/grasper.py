@@ -22,10 +22,10 @@ HAND_SPEED = 60.0
 HAND_RATE = 30.0
 """rad/s. A browser sends a drag some 20 times a second; at this rate the steps are smoothed out."""
 SPRING_RATE = 30.0
+# Of the spring-back: undamped angular frequency, rad/s, and fraction of critical damping.
 SPRING_DAMPING = 0.5
-"""Of the spring-back: undamped angular frequency, rad/s, and fraction of critical damping."""
+# A spring-back ends when its amplitude falls below this part of its start: no longer visible.
 STILL_PART = 1e-3
-"""A spring-back ends when its amplitude falls below this part of its start: no longer visible."""
 ARRIVED_MM, ARRIVED_MM_PER_S = 1e-4, 1e-2
 """A hand nearer to its target and slower than this has arrived; then nothing is solved any more."""
 

@@ -14,15 +14,15 @@ Place = tuple[float, float, float]
 RATE_TICKS = 3
 RATE_SECONDS = RATE_TICKS * TICK_SECONDS
 """s over which a loading rate is taken: a mouse moves too unevenly from one tick to the next."""
+# A movement has ended when its speed falls below this part of its peak speed.
 SLOW = 0.1
-"""A movement has ended when its speed falls below this part of its peak speed."""
+# Fewest steps of a movement whose third differences give a useful jerk: half a second.
 LEAST_STEPS = round(0.5 / TICK_SECONDS)
-"""Fewest steps of a movement whose third differences give a useful jerk: half a second."""
+# Smoothness of a reach of minimum jerk, -ln(204.8): no complete movement is smoother.
 SMOOTHEST = -math.log(204.8)
-"""Smoothness of a reach of minimum jerk, -ln(204.8): no complete movement is smoother."""
+# Third differences miss some jerk at both ends of a movement; a result this far above `SMOOTHEST`
+# is taken for that and cut to it, one farther above is none.
 TICKS_SMOOTH_AWAY = 0.05
-"""Third differences miss some jerk at both ends of a movement; a result this far above `SMOOTHEST`
-is taken for that and cut to it, one farther above is none."""
 
 
 class TearMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

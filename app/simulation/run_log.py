@@ -38,9 +38,9 @@ __all__ = [
 
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
 VERSION = 2
+# Files of version 1 have no rate of loading, no overshoot and no `exercise_inputs`. Version 3 is
+# that of a dissection (app.simulation.bed).
 READ_VERSIONS = (1, VERSION)
-"""Files of version 1 have no rate of loading, no overshoot and no `exercise_inputs`. Version 3 is
-that of a dissection (app.simulation.bed)."""
 MOST_TICKS = 2 * 60 * 60 * 30
 """Two hours of ticks, far beyond any training on one duct."""
 MOST_INPUTS = 200_000

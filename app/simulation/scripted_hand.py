@@ -19,12 +19,12 @@ from app.simulation.session import Session
 
 __all__ = ["CAREFUL", "CLUMSY", "HASTY", "Manner", "do_exercise"]
 
+# s of staying beyond what the exercise asks for.
 SPARE_SECONDS = 0.5
-"""s of staying beyond what the exercise asks for."""
 LOST_SECONDS = 0.3
 """s for which a lost duct is not held."""
+# Peak speed of a reach of minimum jerk over its mean speed: 15/8.
 PEAK_SPEED = 1.875
-"""Peak speed of a reach of minimum jerk over its mean speed: 15/8."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,8 +37,8 @@ __all__ = ["VERTICES", "Session"]
 
 VERTICES = 5000
 """Vertices of the skin, about: as many as a browser without a graphics card draws smoothly."""
+# Force above which a run's time is counted, over the force at break at mid-span.
 TASK_THRESHOLD = 0.5
-"""Force above which a run's time is counted, over the force at break at mid-span."""
 MOST_TRIES = 20
 """Most finished exercises kept for comparison."""
 

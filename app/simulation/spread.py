@@ -15,8 +15,8 @@ __all__ = ["Spread"]
 
 PART = 0.90
 """Of the ducts, between the ends of a band."""
+# Factors where a preset states none: those of assets/study_plan.toml.
 ASSUMED = 1.5, 1.3
-"""Factors where a preset states none: those of assets/study_plan.toml."""
 
 
 @dataclass(frozen=True, slots=True)

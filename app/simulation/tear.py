@@ -15,8 +15,8 @@ __all__ = ["FRONT_SECONDS", "SETTLED_SECONDS", "Phase", "Tear", "tear_front", "t
 
 FRONT_SECONDS = 0.6
 """s in which the front crosses the section: slow enough to see on which side it starts."""
+# s in which the free rims draw back.
 RIM_SECONDS = 0.3
-"""s in which the free rims draw back."""
 SETTLED_SECONDS = FRONT_SECONDS + 2.2
 """s after which nothing moves: the swing has decayed below 0.2 % of the displacement."""
 FADE_SECONDS = 0.35

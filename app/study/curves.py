@@ -40,12 +40,12 @@ COLUMNS = {
     "load": ("force", FORCES, 1.0),
     "half_force": ("force", FORCES, 2.0),  # P of the thesis, on one half of the duct
 }
+# Numbers that comments at the top of a file may give of its ducts.
 FACTS = ("span_mm", "diameter_mm", "wall_mm", "grasp_mm")
-"""Numbers that comments at the top of a file may give of its ducts."""
 MOST_BYTES = 50_000_000
 FEWEST_POINTS = 4
+# Part of its largest value that the force falls below once the duct is torn.
 FALLEN = 0.5
-"""Part of its largest value that the force falls below once the duct is torn."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,6 +127,7 @@ def _above_zero(given: dict[str, float], *names: str) -> None:
             raise ValueError(f"{name} must be above 0, got {given[name]:g}")
 
 
+# Distributions by name.
 SHAPES: dict[str, Shape] = {
     "uniform": Shape((("low", "high"),), (), _uniform),
     "loguniform": Shape((("low", "high"),), (), _log_uniform),
@@ -134,7 +135,6 @@ SHAPES: dict[str, Shape] = {
     "normal": Shape((("mean", "sd"),), ("low", "high"), _normal),
     "lognormal": Shape((("median", "factor"), ("mean", "sd")), ("low", "high"), _log_normal),
 }
-"""Distributions by name."""
 
 
 def distribution_of(shape: str, given: dict[str, float]) -> Distribution:

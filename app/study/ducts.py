@@ -38,8 +38,8 @@ Row = NDArray[np.float64]
 Outputs = dict[str, Row]
 """(N,) rows by name; nan where there is none."""
 
+# A grasp is this part of the span from a clamp at least.
 FIRST_PART = 1e-9
-"""A grasp is this part of the span from a clamp at least."""
 
 
 class Block:

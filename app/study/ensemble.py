@@ -26,12 +26,12 @@ from app.workers import by_dask, by_processes, cores
 
 __all__ = ["Done", "Ensemble", "run_study"]
 
+# Rows of a block, about, by theory; of several the fewest.
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
-"""Rows of a block, about, by theory; of several the fewest."""
+# The same of organs by the exact theory, each with a mesh of its own at worst.
 ROWS_OF_ORGANS = 256
-"""The same of organs by the exact theory, each with a mesh of its own at worst."""
+# To start a process takes as long as so many short blocks, about: fewer are not worth it.
 BLOCKS_OF_WORKER = 16
-"""To start a process takes as long as so many short blocks, about: fewer are not worth it."""
 SHORT_BLOCKS, LONGEST = 32, 4
 """A study of more blocks than this has longer ones, so many times as long at most."""
 

@@ -37,8 +37,8 @@ Row = NDArray[np.float64]
 
 FARTHEST = 5.0
 """Deflection, in spans, beyond which a unit is wrong rather than a duct that long."""
+# Poisson's ratios that are tried first.
 RATIOS = np.linspace(0.0, 0.495, 34)
-"""Poisson's ratios that are tried first."""
 TISSUE = 1e-3, 100.0
 """Moduli, MPa, beyond which a unit is probably wrong: of the presets 0.05 to 11.3."""
 BOUND = 0.95

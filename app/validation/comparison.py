@@ -43,8 +43,8 @@ COMPARED: Mapping[str, Theory] = {
 }
 """The theories that are compared, by the name of their column."""
 
+# What the solids of a table's duct are called among the converged curves.
 SOLID_CASES = {"6.1": "A", "6.2": "B", "6.3": "C"}
-"""What the solids of a table's duct are called among the converged curves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

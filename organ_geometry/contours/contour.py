@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 
+# Points around each contour of a loft.
 LOFT_POINTS = 128
-"""Points around each contour of a loft."""
 
 _TINY = float(np.finfo(np.float64).tiny)
 

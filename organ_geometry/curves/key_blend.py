@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 __all__ = ["KeyBlend"]
 
+# The slope of the straight line between the two keys of a piece, times its gap.
 CHORD = np.array([0.0, -1.0, 1.0, 0.0])
-"""The slope of the straight line between the two keys of a piece, times its gap."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

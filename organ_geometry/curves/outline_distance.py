@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 
+# Factor by which a squared distance must exceed the best before its column is left out.
 _FURTHER = 1.0 + 1e-6
-"""Factor by which a squared distance must exceed the best before its column is left out."""
 
 
 def outline_distances(

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from organ_geometry.encoder.settings import Penalty
 from organ_geometry.organ_file.coefficients import SIGNALS
 
+# Largest size with a column of its own in a table of bits.
 LARGEST_SIZE = 12
-"""Largest size with a column of its own in a table of bits."""
 
 
 def first_bits() -> NDArray[np.float64]:

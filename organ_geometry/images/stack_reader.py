@@ -44,8 +44,8 @@ from organ_geometry.images.medical_file import (
 
 __all__ = ["ReadOptions", "read_image_stack", "stack_labels"]
 
+# Images of more values are grey.
 MOST_LABELS = 64
-"""Images of more values are grey."""
 
 
 @dataclass(frozen=True, slots=True)

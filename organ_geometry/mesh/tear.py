@@ -15,29 +15,29 @@ from organ_geometry.organ import Organ
 
 __all__ = ["TornPiece", "torn_pieces"]
 
+# Largest distance of the rim from its mean station, in mean radii.
 RAGGEDNESS = 0.24
-"""Largest distance of the rim from its mean station, in mean radii."""
+# Tags of tissue that stand out of a rim.
 TONGUES = 5
-"""Tags of tissue that stand out of a rim."""
 REACH = 1.0
 """Along how much of the axis the rings adapt to the ragged rim, in mean radii."""
+# Least length of a piece, in mean radii: a duct that tears at a clamp leaves a stump in it.
 SHORTEST_STUMP = 0.8
-"""Least length of a piece, in mean radii: a duct that tears at a clamp leaves a stump in it."""
+# How far a rim draws back along the axis once it is free, in mean radii.
 GAPE = 0.55
-"""How far a rim draws back along the axis once it is free, in mean radii."""
+# By what part more, or less, the side that tore first, or last, draws back: what has been free the
+# longest has drawn back the most, and the lumen is seen.
 GAPE_SPREAD = 0.45
-"""By what part more, or less, the side that tore first, or last, draws back: what has been free the
-longest has drawn back the most, and the lumen is seen."""
+# How far a free rim turns outwards, in mean radii, on average and from wave to wave.
 FLARE, FLARE_WAVES = 0.09, 0.10
-"""How far a free rim turns outwards, in mean radii, on average and from wave to wave."""
+# Part of its thickness that the stretched wall has lost at a rim.
 THINNED = 0.6
-"""Part of its thickness that the stretched wall has lost at a rim."""
+# Along how much of the axis a rim is flared and thinned, in mean radii.
 CURL = 0.9
-"""Along how much of the axis a rim is flared and thinned, in mean radii."""
 SAG = 0.30
 """How far a free end hangs down, in mean radii."""
+# Length of the axis over which a rim's drawing back fades out, in mean radii.
 DRAWN_BACK = 3.0
-"""Length of the axis over which a rim's drawing back fades out, in mean radii."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,12 +31,12 @@ TURNS = 32
 """Parts of half a turn by which the sections' half-curves may be turned in them."""
 # Tilts are tangents in steps of 1/8, 1/16, 1/32 or 1/64.
 COARSEST_TILTS = 8
+# The axis may be off along its chord by 2^2 times what it may be off across it.
 _ALONG_STEPS = 2
-"""The axis may be off along its chord by 2^2 times what it may be off across it."""
+# Share of the length over which the sections turn from an end's plane to those across the axis.
 TILTED_PART = 0.25
-"""Share of the length over which the sections turn from an end's plane to those across the axis."""
+# Width and middle are kept in steps twice as long: half-curves take up what they leave.
 SPAN_STEPS = 2
-"""Width and middle are kept in steps twice as long: half-curves take up what they leave."""
 # 129 keys of the axis and 4097 candidates for key sections at most: three bits and four say which.
 LARGEST_AXIS_DEPTH = 7
 LARGEST_KEY_DEPTH = 12

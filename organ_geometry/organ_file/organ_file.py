@@ -51,10 +51,10 @@ _VERSION_MARK = 0xE0
 LARGEST_FILE_BYTES = 2**20
 # Bytes of a unit's name: four bits say how many.
 LONGEST_UNITS = 15
+# Length of an organ, mm: the gut has seven metres; more is a slip of the unit.
 LONGEST_MM = 10_000.0
-"""Length of an organ, mm: the gut has seven metres; more is a slip of the unit."""
+# How far its surface is from its axis at most, mm.
 WIDEST_MM = 1_000.0
-"""How far its surface is from its axis at most, mm."""
 
 # How files of versions 1 and 2 began.
 _FIRST_MAGICS = (b"\x89organ\r\n", b"\x89o\x02")
@@ -327,16 +327,16 @@ def _pass_signals(
 
 KINDS = (0, 1, 2, 3, 4, 5, 5, 6, 6, 2, 3, 4, 5, 5, 6, 6)
 """Kind of each coefficient: a, e, then s_0 to s_6 and d_0 to d_6 by their order."""
+# Counts of zeros and others that a kind's odds begin with: high orders are mostly zero.
 KIND_STARTS = ((2, 2), (2, 2), (2, 3), (3, 2), (4, 2), (6, 1), (10, 1))
-"""Counts of zeros and others that a kind's odds begin with: high orders are mostly zero."""
 FIRST_STARTS = ((1, 5), (2, 2), (2, 3), (2, 2), (3, 2), (5, 2), (9, 1))
 """The same for the first key section, whose width is hardly ever zero."""
+# Counts of zeros and ones that the odds of the first width's size begin with.
 WIDTH_RUN_START = (1, 5)
-"""Counts of zeros and ones that the odds of the first width's size begin with."""
 BEND_STARTS = (((2, 4), (2, 3), (3, 2), (5, 2)), ((1, 5), (1, 6), (1, 4), (3, 2)))
 """Counts of zeros and others of the axis's bends, along and across, by level."""
+# Counts of zeros and ones of their sizes, by level.
 BEND_RUN_STARTS = ((1, 4), (1, 4), (2, 3), (3, 2))
-"""Counts of zeros and ones of their sizes, by level."""
 # Counts of zeros and ones that a rare flag begins with: unset takes 0.19 bits, set takes 3.
 _RARE = (14, 2)
 # (first, bits in the range, bits of any). Scales 44 to 59 are steps of 1/8 to 1.75 tolerances;

@@ -35,17 +35,17 @@ Floats = NDArray[np.float64]
 
 CONTACT = 1.6
 """Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
+# How far from the beam's surface and the rod's a strand may still touch the rod, mm.
 REACH_OF_RODS = 12.0
-"""How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
+# How often strands may slip off rods in one substep, each time with another equilibrium.
 MOST_SLIPS = 50
-"""How often strands may slip off rods in one substep, each time with another equilibrium."""
+# Bits of what is held in the plane of x and z: y, and turning about x and z.
 IN_PLANE = 2 + 8 + 32
-"""Bits of what is held in the plane of x and z: y, and turning about x and z."""
+# Part of an element's shear flexibility that stands for bending within it, from which on it is
+# stretched along its chord.
 THIN = 0.5
-"""Part of an element's shear flexibility that stands for bending within it, from which on it is
-stretched along its chord."""
+# Factors of a substep whose energy does not balance, and of one after an eighth of that error.
 SHORTER, LONGER = 0.2, 3.0
-"""Factors of a substep whose energy does not balance, and of one after an eighth of that error."""
 EVERYWHERE = (True, True, True)
 
 

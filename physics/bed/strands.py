@@ -19,9 +19,9 @@ __all__ = ["Strands"]
 
 Floats = NDArray[np.float64]
 
+# Numbers of a bed are rounded to multiples of this, mm, N/mm. Sines and roots differ far less than
+# that between machines, so that a seed gives the same bed on all.
 GRAIN = 2.0**-32
-"""Numbers of a bed are rounded to multiples of this, mm, N/mm. Sines and roots differ far less than
-that between machines, so that a seed gives the same bed on all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,8 +43,8 @@ REASONS: dict[int, tuple[Reason, str]] = {
     ),
 }
 
+# Distance of two grasps, in spans, below which they count as one.
 NEAREST = 1e-3
-"""Distance of two grasps, in spans, below which they count as one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,19 +44,19 @@ BREAK, LOADED, SOLVED_ROWS = 0, 5, 10
 # Rows of the sections at stations: mean area over area, c/S, I/(A S^2), centroid's offset over S.
 OVER_AREA, OUTER, SECOND_MOMENT, OFF_AXIS, SECTION_ROWS = range(5)
 
+# Stations where the stress is highest at first, and those looked at besides; the sections at both;
+# room for nodes' places and both samples.
 Room = tuple[Array, Array, Array, Array, Array, Array, Array]
-"""Stations where the stress is highest at first, and those looked at besides; the sections at both;
-room for nodes' places and both samples."""
 
+# Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke).
 ELSEWHERE = 0.4
-"""Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke)."""
+# Part of it that sections inside must bear for this to be looked into.
 NEARLY = 0.98
-"""Part of it that sections inside must bear for this to be looked into."""
 MOST_TRIES = 200
 CLOSE = 1e-12
 """Width, relative to the deflection, at which a break is found."""
+# The same of the deflection from which on there is no equilibrium any more.
 LOST_CLOSE = 1e-6
-"""The same of the deflection from which on there is no equilibrium any more."""
 
 
 @njit(**KERNEL)

@@ -34,8 +34,8 @@ ELEMENTS = 40
 SUBSTEPS = 8
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 HANDS = len(FIRST_INSTRUMENTS)
+# Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
-"""Of the span, where the hands' empty instruments wait: the second one out of the first's way."""
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
 """mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
 MOST_OPENING = 40.0
@@ -43,17 +43,17 @@ MOST_OPENING = 40.0
 TOWARDS_HAND = {"dissector": (0.0, -1.0, 0.0), "swab": (0.0, -0.6, 0.8)}
 """Way from the tip back along an instrument's shaft: jaws pass behind the duct from the side of the
 viewer, a swab comes from above."""
+# Rods of the beam that each hand's instrument is.
 RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
     "hook": ((),) * HANDS,
     "grasper": ((),) * HANDS,
     "dissector": tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS)),
     "swab": tuple((2 * hand,) for hand in range(HANDS)),
 }
-"""Rods of the beam that each hand's instrument is."""
 BIN_MM, FREED_PART = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
+# A tick in which no node moves farther has reached equilibrium: no strand yields any more.
 STILL_MM = 1e-6
-"""A tick in which no node moves farther has reached equilibrium: no strand yields any more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,11 +22,11 @@ __all__ = ["BedExercise", "BedExerciseName", "BedTrial"]
 
 BedExerciseName = Literal["window", "follow-front", "free-scar"]
 
+# A pull within all three is not what a failed try is put down to: its angle to the bed's normal,
+# its distance behind the front and its speed.
 STEEP_DEG, NEAR_MM, SLOW_MM_PER_S = 20.0, 2.0, 15.0
-"""A pull within all three is not what a failed try is put down to: its angle to the bed's normal,
-its distance behind the front and its speed."""
+# Ticks before a limit was passed in which the hand's speed counts.
 SPEED_TICKS = 6
-"""Ticks before a limit was passed in which the hand's speed counts."""
 
 
 class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

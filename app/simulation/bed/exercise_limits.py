@@ -30,11 +30,11 @@ SPARE_FORCE = 1.25
 about four standard deviations over beds of 20 seeds, and the strongest place of a scattered bed
 asks for more than an even one (docs/measures.md)."""
 WINDOW_PART = 1.0 / 3.0
+# Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
+# be freed from there on.
 WINDOW_SHARE, OPENED_SHARE, FOLLOW_SHARE = 0.25, 0.12, 0.6
-"""Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
-be freed from there on."""
+# Strands that may tear out of sight, of those to be parted.
 HIDDEN_PART = 0.1
-"""Strands that may tear out of sight, of those to be parted."""
 LOOSEST = 0.95
 """An exercise whose limit of stress comes out above this part of the break is not offered."""
 MOST_SEEDS = 20

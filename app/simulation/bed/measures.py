@@ -16,8 +16,8 @@ Floats = NDArray[np.float64]
 
 TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
 """(3,) in the duct's frame, towards the camera of the standard view."""
+# mm along the duct from an instrument within which strands are seen, on whichever side.
 WORKING_DISTANCE = 5.0
-"""mm along the duct from an instrument within which strands are seen, on whichever side."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 

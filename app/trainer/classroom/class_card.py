@@ -14,9 +14,9 @@ from app.trainer.panel.controls import note, on_click, set_if_changed
 
 __all__ = ["Card", "ClassCard"]
 
+# s after which what was typed before a click has come: the page sends a field's text a moment after
+# the last key.
 TYPED_SECONDS = 0.2
-"""s after which what was typed before a click has come: the page sends a field's text a moment
-after the last key."""
 FIRST = -10.0
 """Order of the card, above all else of the panel."""
 WHY_A_NAME = (

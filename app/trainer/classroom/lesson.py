@@ -32,8 +32,8 @@ __all__ = ["Lesson", "Row", "ToWatch"]
 log = logging.getLogger(__name__)
 
 LOOK_SECONDS = 1.0
+# s between two savings of a run that goes on: a kill costs no more of it.
 SAVE_SECONDS = 5.0
-"""s between two savings of a run that goes on: a kill costs no more of it."""
 PATIENCE = 200.0
 """Times that a saving has taken, until the next."""
 SAVING, SAVED = "Saving ...", "Saved"

@@ -21,13 +21,13 @@ from app.trainer.client.pull_state import PullState
 
 __all__ = ["HapticHand", "felt_in"]
 
+# Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
+# apart so that a hand resting at the duct does not grab and release it at every tick.
 TAKEN, LEFT = 0.3, 0.05
-"""Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
-apart so that a hand resting at the duct does not grab and release it at every tick."""
+# Ticks that a session has to tear after its duct has torn to the hand.
 TORN_TICKS = 15
-"""Ticks that a session has to tear after its duct has torn to the hand."""
+# mm that a free hook has moved before the picture follows: a hand's tremor is less.
 TOUCHED = 0.01
-"""mm that a free hook has moved before the picture follows: a hand's tremor is less."""
 
 
 def felt_in(session: Session) -> DuctSetting:

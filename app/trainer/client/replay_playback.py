@@ -12,12 +12,12 @@ __all__ = ["LivePlayback", "ReplayPlayback"]
 
 SEEK_SECONDS = 0.4 * TICK_SECONDS
 """s of work on a jump in one tick of the clock, which serves the other clients too."""
+# Ticks replayed between two readings of the clock: about a millisecond of work.
 SEEK_TICKS = 5
-"""Ticks replayed between two readings of the clock: about a millisecond of work."""
 
 
+# Ticks between two pictures of another's duct.
 LIVE_TICKS = 3
-"""Ticks between two pictures of another's duct."""
 
 
 SessionT = TypeVar("SessionT", Session, BedSession)

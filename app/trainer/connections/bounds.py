@@ -27,8 +27,8 @@ from app.trainer.viser_bridge import page_message_decoder, viser_message
 __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
 
 MIB = 2**20
+# Addresses whose openings are remembered.
 MOST_ADDRESSES = 1000
-"""Addresses whose openings are remembered."""
 CLOSE_SECONDS = 0.5
 """s that a page may take to close its connection when asked."""
 LEAST_RATE = 10.0
@@ -38,8 +38,8 @@ MOST_FRAMES, FRAMES_PER_SECOND = 200.0, 10.0
 SMALL_BYTES = 1024
 SPARE = 32
 """Connections beside the pages: of requests for the page, and of pages that are being closed."""
+# Pages that an address may open in the long run; at first as many as it may have.
 OPENINGS_PER_SECOND = 2.0
-"""Pages that an address may open in the long run; at first as many as it may have."""
 
 log = logging.getLogger(__name__)
 

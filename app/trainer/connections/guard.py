@@ -43,6 +43,8 @@ FOREIGN_ORIGIN = "This trainer takes nothing from pages of other sites.\n"
 NO_TOKEN = "Open this trainer by the link that it printed when it started.\n"  # noqa: S105
 NOT_THE_TEACHER = "Open this page by the teacher's link.\n"
 NO_BEARER = "Send the trainer's token: Authorization: Bearer TOKEN\n"
+# Redirects to the trainer. A redirect by status (303) fails after a click in a mail or a chat: the
+# browser sends no SameSite=Strict cookie with a navigation that another site began.
 ENTERED = """<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
@@ -51,8 +53,6 @@ ENTERED = """<!doctype html>
 <a href="PLACE">Open the trainer</a>
 </html>
 """
-"""Redirects to the trainer. A redirect by status (303) fails after a click in a mail or a chat: the
-browser sends no SameSite=Strict cookie with a navigation that another site began."""
 
 
 class Guard:

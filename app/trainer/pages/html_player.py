@@ -36,8 +36,8 @@ VERTICES = 2400
 """Vertices of a page's skin, about; every one is written at every key."""
 MOST_VERTICES = 12_000
 """Most vertices of a page's skin: with more, a hundred keys are too large to open or to send."""
+# Most vertices times keys: a page of thirty megabytes before compression.
 MOST_PLACES = 2_500_000
-"""Most vertices times keys: a page of thirty megabytes before compression."""
 UNITS = "Forces in N, lengths in mm."
 DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
 PULL_KEYS = 41

@@ -34,15 +34,15 @@ _TELLING = (
     "Images across an organ become its surface: its edge is found in each, and only the images are "
     "kept that the others cannot be drawn from to within a threshold."
 )
+# Smallest and largest threshold on the slider, px.
 THRESHOLDS = (0.05, 3.0)
-"""Smallest and largest threshold on the slider, px."""
 THRESHOLD_STEP = 0.01
+# px, the slider's threshold until there is an organ.
 SUITABLE = 0.7
-"""px, the slider's threshold until there is an organ."""
+# s, shortest time between two reports of progress.
 TELLS_EVERY = 0.25
-"""s, shortest time between two reports of progress."""
+# s after the last change of the fields until the organ is looked for.
 PAUSE = 0.6
-"""s after the last change of the fields until the organ is looked for."""
 MOST_MM = 1000.0
 _GREY = "none: grey levels"
 _SENT = ".zip,.tif,.tiff,.dcm,.dicom,.ima,.nii,.gz,.nrrd,.mha"

@@ -27,8 +27,8 @@ SECONDS = 20.0
 """Length of the plot, s."""
 MOST_POINTS = 110
 """Points kept: some more than a panel shows that is updated five times a second."""
+# Height of an axis over its largest figure.
 ABOVE = 1.08
-"""Height of an axis over its largest figure."""
 IDLE_SECONDS = 1.0
 """Between points while nothing moves, s."""
 FORCES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)

@@ -6,8 +6,8 @@ from app.trainer.panel.controls import set_if_changed
 
 __all__ = ["Legend"]
 
+# Below this width by height of the picture a floating legend would cover the duct.
 NARROW = 0.8
-"""Below this width by height of the picture a floating legend would cover the duct."""
 WIDTH, HEIGHT, GAP = 290, 154, 16
 """px."""
 

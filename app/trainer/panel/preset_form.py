@@ -29,8 +29,8 @@ from app.trainer.panel.controls import (
 __all__ = ["PresetForm"]
 
 STRESS, FORCE = "Stress", "Force at mid-span"
+# Decimals of a typed number: a tenth of a micrometre, a ten-thousandth of a kPa.
 DIGITS = 4
-"""Decimals of a typed number: a tenth of a micrometre, a ten-thousandth of a kPa."""
 YOURS, REST = "Yours: ", ". The rest: "
 """Start of an edited preset's source, and what precedes the source that it was edited from."""
 

@@ -33,8 +33,8 @@ _SERIES = {
     "goal": area("goal"),
 }
 REFERENCE_POINTS = 50
+# Relative difference between a beam's numbers and a table's that the table's rounding explains.
 SAME_BEAM = 1e-3
-"""Relative difference between a beam's numbers and a table's that the table's rounding explains."""
 STEP = 1e-6
 """Width of a step in a plot, over the plot's width: vertical to the eye."""
 MIDDLE = 0.05

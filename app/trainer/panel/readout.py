@@ -24,8 +24,8 @@ __all__ = [
 ]
 
 CAREFUL_BELOW = 0.40
+# Distances to break below which the word and the colour change.
 STOP_BELOW = 0.15
-"""Distances to break below which the word and the colour change."""
 
 SAFE, CAREFUL, STOP, TEARING, TORN = "Safe", "Careful", "Stop", "Tearing", "Torn"
 BAND = (

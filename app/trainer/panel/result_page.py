@@ -29,8 +29,8 @@ __all__ = ["run_name", "show_dissection_result", "show_pull_result"]
 
 FileT = TypeVar("FileT", RunFile, DissectionFile)
 MeasuresT = TypeVar("MeasuresT", Measures, DissectionMeasures)
+# Earlier tries shown beside a result.
 TRIES_BESIDE = 2
-"""Earlier tries shown beside a result."""
 _BESIDE = (
     "<b>Try</b>: your earlier tries of this session at the same task. <b>Expert</b>: a scripted "
     "hand, careful and steady, at the same task; it is no surgeon."

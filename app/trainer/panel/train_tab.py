@@ -11,8 +11,8 @@ from app.trainer.viser_bridge import set_arrow_step
 
 __all__ = ["TrainTab", "slider_step"]
 
+# Change of the force by an arrow key, over the force at break.
 ARROW = 0.01
-"""Change of the force by an arrow key, over the force at break."""
 
 
 class TrainTab:

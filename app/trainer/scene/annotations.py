@@ -11,8 +11,8 @@ from app.trainer.scene.overlay import Overlay
 
 __all__ = ["Annotations"]
 
+# Distance of the chain before the duct's axis, in radii: the viewer sees it beside the duct.
 CHAIN_ASIDE = 1.9
-"""Distance of the chain before the duct's axis, in radii: the viewer sees it beside the duct."""
 ARROW_FOOT = 1.25
 """Height of the arrow's foot above the duct's axis, in radii: above the wall."""
 

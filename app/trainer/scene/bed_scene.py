@@ -26,8 +26,8 @@ __all__ = ["BedScene", "Colours"]
 
 Colours = Literal["tissue", "stress", "freed"]
 """How the duct is coloured: as tissue, by the stress in its wall, or by what is freed of it."""
+# Where a hook throws no shadow that can be seen, mm.
 AWAY = (1e3, 0.0, 0.0)
-"""Where a hook throws no shadow that can be seen, mm."""
 LIFT = 0.3
 """Height over the duct, in spans, that the camera keeps in its picture."""
 ARROW_FOOT = 1.25

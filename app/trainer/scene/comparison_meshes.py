@@ -13,8 +13,8 @@ __all__ = ["ChainLines", "GhostMesh"]
 
 GHOST_COLOR = (70, 130, 235)
 NODE_COLOR, LINK_COLOR = (236, 120, 220), (190, 100, 200)
+# Radius, mm.
 NODE_SIZE = 0.55
-"""Radius, mm."""
 
 
 class GhostMesh(Drawn):

@@ -26,9 +26,9 @@ SLACK = 1.0
 """mm that the duct moves before its tube is sent again: less than anybody can aim."""
 SWITCH_SECONDS = 0.25
 """s after the end of a drag in which another with Shift, or without it, goes on with it."""
+# The tube's radius over the duct's: inside it, the tube covers nothing, but can be picked. The page
+# also accepts a press some pixels beside it (`viser_bridge`).
 SHRUNK = 0.9
-"""The tube's radius over the duct's: inside it, the tube covers nothing, but can be picked. The
-page also accepts a press some pixels beside it (`viser_bridge`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

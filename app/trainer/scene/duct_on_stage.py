@@ -27,8 +27,8 @@ from organ_geometry.mesh import Surface
 
 __all__ = ["TORN_ENDS", "DrawnSurface", "DuctOnStage"]
 
+# Relative change of span and radius too small to be seen: a megabyte need not be sent for it.
 SAME_STAGE = 0.01
-"""Relative change of span and radius too small to be seen: a megabyte need not be sent for it."""
 TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 AnySession = TypeVar("AnySession", Session, BedSession)

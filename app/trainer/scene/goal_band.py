@@ -11,10 +11,10 @@ __all__ = ["GOAL_COLOR", "GoalBand", "GoalStretch"]
 GOAL_COLOR = (92, 200, 255)
 HALF_LENGTH = 0.3
 """Half the band's length over the span: its ends show beside the hook and a raised duct."""
+# Gap between label and hook, in half lengths; the force is written on the hook's other side.
 LABEL_ASIDE = 0.15
-"""Gap between label and hook, in half lengths; the force is written on the hook's other side."""
+# px.
 LINE_WIDTH = 2.5
-"""px."""
 
 
 class GoalBand:

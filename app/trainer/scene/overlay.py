@@ -15,8 +15,8 @@ SECTION_SIDES = 40
 KEY_POINTS_OF_A_SECTION = 8
 CLEAR = 0.35
 """mm of points and rings off the wall, so that its relief does not hide them."""
+# Radii of points, mm.
 KEY_SIZE, DRIVING_SIZE = 0.32, 0.24
-"""Radii of points, mm."""
 
 
 class Overlay(Drawn):

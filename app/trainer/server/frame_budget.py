@@ -8,9 +8,9 @@ HIGH_LOAD, LOW_LOAD = 0.95, 0.9
 """Mean loads above which frames are left out, and below which they come back. Sessions keep their
 steps up to the first; a trainer with 32 that dissect is below it with a picture in every other
 tick."""
+# Work of a session's step and of its picture, as measured: their ratio says what another interval
+# would make of the load.
 STEP_MS, PICTURE_MS = 0.78, 0.98
-"""Work of a session's step and of its picture, as measured: their ratio says what another interval
-would make of the load."""
 WEIGHT = 0.05
 """Weight of the newest tick in the running mean, so that one delayed tick changes little."""
 

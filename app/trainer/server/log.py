@@ -11,8 +11,8 @@ __all__ = ["LogFormat", "set_up_log"]
 LogFormat = Literal["text", "json"]
 LONGEST = 4000
 """Characters of a record's text, its traceback included."""
+# Records at once and in the long run; how many more there were is said with the next.
 MOST_AT_ONCE, PER_SECOND = 100.0, 1.0
-"""Records at once and in the long run; how many more there were is said with the next."""
 
 
 class _Bounded(logging.Formatter):

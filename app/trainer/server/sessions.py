@@ -11,8 +11,8 @@ from app.trainer.connections.bounds import MOST_CLIENTS
 
 __all__ = ["Sessions", "SessionsFullError"]
 
+# s that a session waits for its page to come back.
 KEPT_SECONDS = 600.0
-"""s that a session waits for its page to come back."""
 TOKEN_BYTES = 16
 
 

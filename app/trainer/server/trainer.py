@@ -56,24 +56,24 @@ from organ_geometry import Organ
 
 __all__ = ["AddressTakenError", "Trainer"]
 
+# s, longest time that a session advances at once: a stall slows a pull, but skips nothing.
 LONGEST_TICK = 0.1
-"""s, longest time that a session advances at once: a stall slows a pull, but skips nothing."""
 
 LONGEST_STANDING = 5.0
 """s without a tick after which the trainer is not healthy."""
+# Threads that step sessions: more would only wait for the interpreter's lock.
 MOST_THREADS = 4
-"""Threads that step sessions: more would only wait for the interpreter's lock."""
 EXPIRY_SECONDS = 10.0
 """s between two searches for sessions that have expired."""
+# s that a browser may take to send its stored token.
 STORAGE_SECONDS = 1.0
-"""s that a browser may take to send its stored token."""
 LOST = (
     "The one that this page had is gone: the trainer was started anew, or the page was away for "
     "more than ten minutes."
 )
 
+# A client's number and view, and whether it is drawn in this tick.
 _Turn: TypeAlias = tuple[int, ClientView, bool]
-"""A client's number and view, and whether it is drawn in this tick."""
 
 log = logging.getLogger(__name__)
 

@@ -33,8 +33,8 @@ from physics import Cubic
 
 __all__ = ["ICONS", "WarmUp", "warm_bed", "warm_session"]
 
+# mm by which a duct is lifted that is to tear.
 MOST_LIFT = 40.0
-"""mm by which a duct is lifted that is to tear."""
 
 ICONS = (
     viser.Icon.ARROW_BACK_UP,

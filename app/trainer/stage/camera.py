@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.clamps import JAW_LENGTH
 
+# Vertical, rad.
 FIELD_OF_VIEW = 0.62
-"""Vertical, rad."""
 
 ELEVATION = 0.6435011
 """Of the camera over the duct, rad."""

@@ -13,8 +13,8 @@ from app.trainer.stage.solids import Part, Solid, joined_solid, smooth_path, sol
 from organ_geometry.mesh import Finish, vertex_normals
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
+# Steel for a stage without an environment map, where polished metal reflects nothing.
 MATT_STEEL = Finish(color=(150, 154, 160), roughness=0.45, metallic=0.25)
-"""Steel for a stage without an environment map, where polished metal reflects nothing."""
 
 INSULATION = Finish(color=(24, 26, 30), roughness=0.42, metallic=0.1, clearcoat=0.2)
 
@@ -36,8 +36,8 @@ STUB = (
 )
 """Rings of the tissue between a clamp's jaws: distance behind the wall's end, in radii, and width
 and height over those of the end."""
+# Where the cuff meets the duct, radii.
 _CUFF_FACE = -0.05
-"""Where the cuff meets the duct, radii."""
 _IN_SHADE = 0.86
 _ROUND_BITE = 0.8  # with this bite or more, the duct's ends count as round
 

@@ -22,20 +22,20 @@ __all__ = ["BITE", "Contact", "HookPlace"]
 
 BITE = 0.62
 """Height of a duct's section between the jaws over that at rest."""
+# Relative growth of the section's width there.
 SPREAD = 0.13
-"""Relative growth of the section's width there."""
 JAW_REACH = 0.4
 """Length of the axis between the jaws, in radii."""
+# Length of the axis over which the flattening fades, in radii.
 JAW_FADE = 0.85
-"""Length of the axis over which the flattening fades, in radii."""
+# Depth of the wire in the wall, in radii.
 SINK_AT_REST, SINK_AT_BREAK = 0.02, 0.20
-"""Depth of the wire in the wall, in radii."""
+# Light that is left on the wall in the angle below a jaw.
 JAW_SHADE = 0.62
-"""Light that is left on the wall in the angle below a jaw."""
+# Largest gap between a clamp and the wall's end that a stub bridges, in radii.
 STUB_SLACK = 0.3
-"""Largest gap between a clamp and the wall's end that a stub bridges, in radii."""
+# Orders of waves around a ring over which the smoothing fades them out.
 SMOOTHED_ORDERS = 5.0
-"""Orders of waves around a ring over which the smoothing fades them out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

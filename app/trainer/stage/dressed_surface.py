@@ -34,8 +34,8 @@ the page interpolates between points."""
 DARKEST = 0.62
 """Part of a stress's colour that is left where the wall turns away from the viewer, so that its
 shape can be seen; where it faces the viewer the colours are those of the map."""
+# sRGB of places without a stress.
 _UNKNOWN = (72, 66, 66)
-"""sRGB of places without a stress."""
 
 
 @dataclass(frozen=True, slots=True)

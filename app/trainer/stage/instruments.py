@@ -33,17 +33,17 @@ __all__ = ["DrawnInstrument"]
 SHAFT_RADIUS = 2.25
 SHAFT_LENGTH = 320.0
 GRASPER_LEAN, DISSECTOR_LEAN = np.array([0.50, 0.22, 0.84]), np.array([0.72, -0.58, 0.38])
+# Ways of the shafts of the first hand's instruments, not of unit length.
 SWAB_LEAN = np.array([0.66, 0.0, 0.75])
-"""Ways of the shafts of the first hand's instruments, not of unit length."""
+# Height of a grasper's hinge over the duct's axis, in radii.
 HINGE = 2.7
-"""Height of a grasper's hinge over the duct's axis, in radii."""
+# Length of a dissector's jaws that runs as the rods do, mm.
 STRAIGHT = 13.0
-"""Length of a dissector's jaws that runs as the rods do, mm."""
 GAUZE = Finish(color=(226, 214, 204), roughness=1.0, specular=0.1)
+# Length of a swab's ball, in its radii.
 BALL = 2.5
-"""Length of a swab's ball, in its radii."""
+# By which each jaw of an empty grasper is turned outwards, rad.
 OPEN_TURN = 0.28
-"""By which each jaw of an empty grasper is turned outwards, rad."""
 GAP = 2.1
 """Distance of a closed dissector's axes, in radii of its jaws."""
 _STATIONS = 40

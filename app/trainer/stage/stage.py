@@ -26,10 +26,10 @@ _ASPECT_CHANGE = 0.02  # relative change of width by height that counts as anoth
 _POSE_TOLERANCE = 0.01  # of the distance, within which a camera is where it was put
 _RESET_TOLERANCE = 1e-4  # of the same for one that viser has reset: no hand is so exact
 _LIFT_ROOM = 3.0  # mm between the duct and the bed, at the reference span or less
+# Distance beside the duct that the camera may look at, in spans.
 _SIGHT = 0.1
-"""Distance beside the duct that the camera may look at, in spans."""
+# Smallest distance of the camera to its target, and smallest height, in radii.
 _NEAREST, _LOWEST = 6.0, 2.0
-"""Smallest distance of the camera to its target, and smallest height, in radii."""
 
 
 def stage_files(

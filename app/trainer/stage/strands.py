@@ -33,14 +33,14 @@ PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
 NUMBERS = 5
 """Streamed for each strand."""
+# mm, and of how taut: less cannot be seen.
 LEAST_CHANGE = 0.01
-"""mm, and of how taut: less cannot be seen."""
 WIDTH = 0.05
 """Half of the width of a mean strand, mm."""
+# Films join neighbours between two of these angles from straight down, on both flanks, rad.
 FILM_ANGLES = (0.30, 0.65, 0.95, 1.25)
-"""Films join neighbours between two of these angles from straight down, on both flanks, rad."""
+# Largest distance of two neighbours that a film joins, mm.
 FILM_WIDTH = 1.6
-"""Largest distance of two neighbours that a film joins, mm."""
 
 
 @cache

@@ -32,10 +32,10 @@ __all__ = ["Tissue", "TornEnd", "lumen_share", "send_finish"]
 TornEnd = Literal["first", "last"]
 """The torn end of a piece, along the organ's axis."""
 
+# The scene node of the material of a client's duct.
 FINISH = "/finish/wall"
-"""The scene node of the material of a client's duct."""
+# Distances of the fringe's rings beyond a torn rim, in radii.
 FRINGE = (0.2, 0.42)
-"""Distances of the fringe's rings beyond a torn rim, in radii."""
 _DROOP = 0.35  # part of a fringe's length that it hangs down
 
 

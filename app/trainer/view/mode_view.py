@@ -16,12 +16,12 @@ from app.trainer.viser_bridge import watch_pace
 
 __all__ = ["ModeView"]
 
+# s, shortest time between updates of the panel: faster changes of a figure cannot be read.
 PANEL_SECONDS = 0.2
-"""s, shortest time between updates of the panel: faster changes of a figure cannot be read."""
 LEAST_PICTURES = 5.0
 """Frames per second below which a page gets the simple picture."""
+# s that this is said for: on a phone it covers the picture.
 NOTICE_SECONDS = 20.0
-"""s that this is said for: on a phone it covers the picture."""
 
 
 StateT = TypeVar("StateT", bound=ClientState[Any, Any])

@@ -29,10 +29,10 @@ __all__ = [
     "watch_pace",
 ]
 
+# s that a browser may take to answer: one that draws in software is busy at first.
 ANSWER_SECONDS = 4.0
-"""s that a browser may take to answer: one that draws in software is busy at first."""
+# s that a page may take for its first answer; its reader waits in a thread of its own.
 OPENING_SECONDS = 15.0
-"""s that a page may take for its first answer; its reader waits in a thread of its own."""
 _CLOSER = "bd-closer"  # as in page.css
 _LETTER_KEYS = "letter-keys"
 

@@ -40,10 +40,10 @@ from physics.bed.kernels.state import (
 from physics.bed.kernels.step import copy_rows, move
 from physics.bed.kernels.vectors import inner
 
+# Part of the energies that move in a tick by which its balance may be off.
 CLOSED = 5e-5
-"""Part of the energies that move in a tick by which its balance may be off."""
+# And part of all that is stored and dissipated.
 CLOSED_OF_ALL = 1e-8
-"""And part of all that is stored and dissipated."""
 ROUNDING = 1e-13
 """And by rounding, mJ."""
 SHORTEST, MOST_TRIES, LONG = 2.0**-14, 100, 2.0**-5

@@ -23,13 +23,13 @@ from physics.bed.kernels.step import (
 from physics.bed.kernels.tangent import copy_blocks, hold_nodes, shift_tangent, solve
 from physics.bed.kernels.vectors import inner
 
+# How many times as far as the hands a node may go in one Newton step without being looked at.
 FAR_BEYOND_HANDS = 4.0
-"""How many times as far as the hands a node may go in one Newton step without being looked at."""
+# After how many Newton steps that lower no energy a beam on rods is at a minimum.
 STALLED = 30
-"""After how many Newton steps that lower no energy a beam on rods is at a minimum."""
+# How often an unstable equilibrium is left by a nudge. Nudges grow fourfold, from 4e-6 of an
+# element's length to some 17 lengths: beyond those nothing near the last shape is left to find.
 UNSTABLE_TRIES = 12
-"""How often an unstable equilibrium is left by a nudge. Nudges grow fourfold, from 4e-6 of an
-element's length to some 17 lengths: beyond those nothing near the last shape is left to find."""
 
 
 @inner

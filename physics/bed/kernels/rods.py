@@ -23,8 +23,8 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.vectors import Floats, Three, added, cross, dot, inner, scaled
 
+# Angles, rad: wrapped by more a strand slips off a rod; and none is wrapped by more.
 SLIPS, MOST_WRAP = 3.0, 3.2
-"""Angles, rad: wrapped by more a strand slips off a rod; and none is wrapped by more."""
 UNMET = 2
 """In `side`: a strand that is out of a rod's reach, or past its tip. Odd ones touch it."""
 
