@@ -62,6 +62,7 @@ class DeviceOptions:
     address: str  # of its service, for those that have one
     period: float  # between two exchanges, s
     script: HandScript = field(default_factory=HandScript)  # the hand of a virtual device
+    number: int = 0  # which of the devices of a service that has several
 
 
 class Device(Protocol):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 from app.haptics.device import Device, DeviceError, DeviceLimits, DeviceOptions, open_device
 from app.haptics.device_run import DeviceRun
@@ -15,11 +16,15 @@ __all__ = ["felt_run", "least_limits", "opened_devices"]
 
 @contextmanager
 def opened_devices(named: Sequence[tuple[str, DeviceOptions]]) -> Generator[list[Device]]:
-    """Open devices; after an error in what follows they are closed again."""
+    """Open devices, of one service one after the other; after an error they are closed again."""
     devices: list[Device] = []
+    services: list[tuple[str, str]] = []
     try:
         for name, options in named:
-            devices.append(open_device(name, options))
+            service = name, options.address
+            number = services.count(service)
+            devices.append(open_device(name, replace(options, number=number)))
+            services.append(service)
         yield devices
     except BaseException:
         for device in devices:

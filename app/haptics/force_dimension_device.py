@@ -53,7 +53,8 @@ class ForceDimensionDevice:
 
 def open_force_dimension(options: DeviceOptions) -> ForceDimensionDevice:
     """Return the first device that Force Dimension's SDK finds."""
-    del options
+    if options.number:
+        raise DeviceError("two devices of Force Dimension cannot be felt at once")
     try:
         dhd = importlib.import_module("forcedimension_core.dhd")
     except ModuleNotFoundError as error:

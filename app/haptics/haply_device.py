@@ -64,7 +64,7 @@ class HaplyDevice:
         self._clock = clock
         self.meanwhile: Callable[[], None] = lambda: None
         host, port = websocket_address(options.address)
-        self._address = options.address
+        self._address, self._number = options.address, options.number
         self._patience = min(STALE_SECONDS, 4.0 * options.period)
         self._sent: deque[float] = deque()
         self._behind = False
@@ -90,10 +90,10 @@ class HaplyDevice:
             self._socket.close()
             raise
         self.version: Version = "3.1" if message.session_id is UNSET else "3.5"
-        inverse = message.inverse3[0]
+        inverse, grips = message.inverse3[self._number], message.wireless_verse_grip
         self._id = inverse.device_id
         self._message = ClientMessage.of_force(self._id, Vector(), self.version)
-        self._grip = message.wireless_verse_grip[0].device_id if message.wireless_verse_grip else ""
+        self._grip = grips[self._number].device_id if len(grips) > self._number else ""
         kind = "Inverse3" if inverse.config is UNSET else inverse.config.type
         self.name = f"Haply {kind} {self._id}, messages of {self.version}"
         self.limits = LIMITS
@@ -186,8 +186,12 @@ class HaplyDevice:
                     message = read_service_message(each)
                 except ProtocolError as error:
                     raise DeviceError(f"{self._address}: {error}") from error
-                if not message.inverse3:
-                    raise DeviceError(f"the service at {self._address} has no Inverse3 connected")
+                if (found := len(message.inverse3)) <= self._number:
+                    wanted = f", not {self._number + 1}" if found else ""
+                    raise DeviceError(
+                        f"the service at {self._address} has {found or 'no'} Inverse3 "
+                        f"connected{wanted}"
+                    )
                 return message
             try:
                 self._socket.settimeout(patience)
@@ -265,9 +269,9 @@ class HaplyDevice:
         for grip in message.wireless_verse_grip:
             if grip.device_id == self._grip and grip.state is not UNSET:
                 state.buttons = grip.state.pressed
-        wired = message.verse_grip
-        if not self._grip and wired and wired[0].state is not UNSET:
-            state.buttons = int(wired[0].state.button)
+        for wired in (message.verse_grip or ())[self._number : self._number + 1]:
+            if not self._grip and wired.state is not UNSET:
+                state.buttons = int(wired.state.button)
         return True
 
     def _gone(self, why: str) -> DeviceError:
@@ -275,5 +279,5 @@ class HaplyDevice:
 
 
 def open_haply(options: DeviceOptions) -> HaplyDevice:
-    """Return the first Inverse3 of a service."""
+    """Return an Inverse3 of a service, with the VerseGrip of the same place in its list."""
     return HaplyDevice(options)

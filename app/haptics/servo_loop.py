@@ -6,13 +6,15 @@ states are fresh: all else follows, so that a recorded run is these alone and is
 Work of the hands on the model, from step to step of it. With the ways r_1 and r_2 of two steps and
 the forces F_0, F_1, F_2 at their ends, the trapezoidal rule (F_1 + F_2)/2 . r_2 leaves out
 F'' |r_2|^3/12, which is 1e-5 of the work of fast hands. It is taken off with the second difference
-of the forces along r_2, the rule being exact then for forces that change by a parabola:
+of the forces, the rule being exact then for forces that change by a parabola along a straight way:
 
-    a = r_1 . r_2 / |r_2|,  b = |r_2|,  D = [(F_2 - F_1)/b - (F_1 - F_0)/a] / (a + b)
-    W_2 = [(F_1 + F_2)/2 - D b^2/6] . r_2
+    a = r_1 . r_2 / |r_2|,  b = |r_2|
+    W_2 = (F_1 + F_2)/2 . r_2 - b^2/[6 a (a + b)] [r_1 . (F_2 - F_1) - r_2 . (F_1 - F_0)]
 
-unless the hands turned by more than 60 degrees between the two, where their steps are short, a hook
-came to the duct or off it, or the duct tore. A hook that the duct lies above begins where that is.
+Where two hands turn, r_1 and r_2 are not parallel; the last bracket is the change of the stiffness
+K, r_1 . dK r_2, all the same, because K is symmetric. This is left out where the hands turned by
+more than 60 degrees, where their steps are short, a hook came to the duct or off it, or the duct
+tore. A hook that the duct lies above begins where that is.
 """
 
 import math
@@ -150,15 +152,18 @@ def _book(
     for h in range(ways.shape[1]):  # a hook that comes or goes changes all forces
         first, last = ways[PULLED, h, UP], elastic[h, UP]
         goes_on &= (first > 0.0) == (last > 0.0) == (ways[PULLED_BEFORE, h, UP] > 0.0)
+    bent = 0.0
+    if goes_on:
+        back = along / ahead
+        bent = ahead * ahead / (6.0 * back * (ahead + back))
     for h in range(ways.shape[1]):
         for j in range(3):
             first, last, way = ways[PULLED, h, j], elastic[h, j], ways[LED_NOW, h, j]
-            force = 0.5 * (first + last)
+            work = 0.5 * (first + last) * way
             if goes_on:
-                back = along / ahead
-                bent = (last - first) / ahead - (first - ways[PULLED_BEFORE, h, j]) / back
-                force -= ahead * ahead * bent / (6.0 * (ahead + back))
-            works[0 if h < hands else 1] += force * way
+                before = way * (first - ways[PULLED_BEFORE, h, j])
+                work -= bent * (ways[DRAWN, h, j] * (last - first) - before)
+            works[0 if h < hands else 1] += work
             # What tore is another course of the force, on which nothing goes on.
             ways[DRAWN, h, j] = way if forces[h, j] == elastic[h, j] else 0.0
             ways[PULLED_BEFORE, h, j] = first

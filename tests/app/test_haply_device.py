@@ -13,7 +13,9 @@ from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
+from app.haptics import felt_run
 from app.haptics.device import (
+    Device,
     DeviceError,
     DeviceOptions,
     DeviceState,
@@ -108,9 +110,9 @@ class Service:
         assert not self._arriving  # what is unread would reset the connection
         self.closed = True
 
-    def opened(self, period: float = 1e-3) -> HaplyDevice:
+    def opened(self, period: float = 1e-3, number: int = 0) -> HaplyDevice:
         return HaplyDevice(
-            DeviceOptions(ADDRESS, period), clock=lambda: self.now,
+            DeviceOptions(ADDRESS, period, number=number), clock=lambda: self.now,
             connect=lambda *_: cast(socket.socket, self),
         )  # fmt: skip
 
@@ -186,6 +188,43 @@ def test_the_button_of_a_wired_grip_and_states_that_leave_out_what_is_usual_are_
         assert device.exchange(STILL, into)
         pressed.append(into.buttons)
     assert pressed == [0, 1, 0]
+
+
+def test_the_second_device_of_a_service_has_its_own_force_and_grip() -> None:
+    both = inventory()
+    second = json.loads(json.dumps(both["inverse3"][0]).replace("049D", "04BA"))
+    second["state"]["cursor_position"]["z"] = 0.2
+    both["inverse3"].append(second)
+    both["wireless_verse_grip"] = [
+        {"device_id": name, "state": {"buttons": {"a": name == "61548", "b": False, "c": False}}}
+        for name in ("61547", "61548")
+    ]
+    for number, name, place, buttons in ((0, "049D", 0.15, 0), (1, "04BA", 0.2, 1)):
+        service, into = Service(lambda *_: [json.dumps(both)], json.dumps(both)), DeviceState()
+        device = service.opened(number=number)
+        assert name in device.name
+        assert device.exchange(STILL, into)
+        assert (into.position[2], into.buttons) == (place, buttons)
+        assert [each["device_id"] for each in json.loads(service.heard[0])["inverse3"]] == [name]
+        device.close()
+    with pytest.raises(DeviceError, match="has 1 Inverse3 connected, not 2"):
+        Service(lambda *_: []).opened(number=1)
+
+
+def test_devices_of_one_service_are_opened_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[str, str, int]] = []
+
+    def opened(name: str, options: DeviceOptions) -> Device:
+        asked.append((name, options.address, options.number))
+        return cast(Device, None)
+
+    monkeypatch.setattr(felt_run, "open_device", opened)
+    other = "ws://127.0.0.1:10002"
+    named = [("haply", ADDRESS), ("haply", other), ("haply", ADDRESS), ("virtual", ADDRESS)]
+    with felt_run.opened_devices([(name, DeviceOptions(at, 1e-3)) for name, at in named]):
+        assert [number for _, _, number in asked] == [0, 0, 1, 0]
 
 
 def forces_heard(service: Service) -> list[float]:

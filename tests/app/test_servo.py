@@ -156,6 +156,10 @@ def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
     """To what the trapezoidal rule of the bed's own books leaves open; without `released` 1e-2."""
     run = felt(script, in_bed(bed), seconds=script.path[-1].time_s + 0.1)
     assert unexplained(run) < 3e-4  # 6e-5 at worst in 250, 2e-7 in the median
+    model = run.loop.model
+    assert isinstance(model, FeltBed)
+    if not model.torn:
+        assert run.left[-1] == pytest.approx(model.beam.books.open, abs=1e-11)  # nothing is ours
 
 
 def test_what_the_motors_did_is_what_the_loop_has_booked() -> None:
@@ -360,14 +364,22 @@ def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
     assert model.torn
 
 
-@pytest.mark.parametrize(("second", "later"), [(29.0, 0.2), (37.0, 0.3), (31.0, -0.2)])
-def test_the_work_of_two_hands_is_stored_to_a_millionth(second: float, later: float) -> None:
+@pytest.mark.parametrize(
+    ("second", "later", "oldest"),
+    [(29.0, 0.2, 0.0), (37.0, 0.3, 0.0), (31.0, -0.2, 0.0), (37.0, 0.3, 3e-3)],
+)
+def test_the_work_of_two_hands_is_stored_to_a_millionth(
+    second: float, later: float, oldest: float
+) -> None:
+    """With states up to `oldest` seconds late as well, so that the hands move by turns."""
+    late = np.random.default_rng(1).uniform(0.0, oldest, (1200, 2))
     loop = ServoLoop(choice(Exact(), 15.0, second).felt(1.0), LoopSettings(), LIMITS, 2)
     worst = peak = 0.0
     for period in range(
         1200
     ):  # each of them comes to the duct and off it while the other one moves
-        times = np.maximum(1e-3 * period - np.array([max(-later, 0.0), max(later, 0.0)]), 0.0)
+        times = 1e-3 * period - np.array([max(-later, 0.0), max(later, 0.0)])
+        times = np.maximum(times - late[period], 0.0)
         heights = np.array([6.0, 4.0]) * np.sin(np.pi * times * np.array([1.1, 0.9]))
         places = np.rint(1e-3 / PLACE_UNIT * heights).astype(np.int64)
         loop.step(np.array([[0, 0, place] for place in places]), [FRESH | LIVE] * 2)
