@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import random
 import re
 import shlex
@@ -32,6 +33,8 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     out, err = io.StringIO(), io.StringIO()
     with (
         patch.object(sys, "argv", line),
+        # It would have this process, and all tests after this one, go before other processes.
+        patch.object(os, "sched_setscheduler", side_effect=PermissionError, create=True),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         pytest.raises(SystemExit) as ended,
