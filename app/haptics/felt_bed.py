@@ -181,6 +181,7 @@ class FeltBed:
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
         """Advance by one period; see `FeltModel`."""
         if self.torn:
+            self.elastic_forces[:] = 0.0
             self.hooks[:] = hands
             np.add(self._taken, hands, self.tips)
             return
