@@ -1,13 +1,16 @@
 """A pull: one beam grasped at one place, solved for one load after the other."""
 
 from abc import ABC, abstractmethod
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
 from physics.equilibrium import Equilibrium
+
+if TYPE_CHECKING:
+    from physics.rupture import BreakEvent
 
 __all__ = ["Pull"]
 
@@ -27,7 +30,11 @@ class Pull(ABC):
         The grasper's whole force, N.
     deflection
         Displacement of the grasp along the pull, mm.
+    softens
+        Whether the stress may fall where the deflection grows; `first_break` then finds the break.
     """
+
+    softens = False
 
     def __init__(self, beam: Beam, grasp: float) -> None:
         self.beam = beam
@@ -42,6 +49,10 @@ class Pull(ABC):
     @abstractmethod
     def to_deflection(self, deflection: float) -> Self:
         """Find the equilibrium at a displacement of the grasp along the pull, mm."""
+
+    def first_break(self, threshold: float) -> "BreakEvent | None":
+        """Find the first load at which the stress reaches a threshold, MPa; None if none does."""
+        raise NotImplementedError
 
     @abstractmethod
     def sample(self, stations: NDArray[np.float64]) -> Equilibrium:

@@ -111,6 +111,8 @@ def break_of(pull: Pull, threshold: float) -> BreakEvent | None:
     # to neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
     # None: the beam bears deflections of a thousand spans, or all that its theory can follow.
     positive(threshold, "threshold", "MPa")
+    if pull.softens:
+        return pull.first_break(threshold)
     span, stations = pull.beam.span, critical_stations(pull.beam, pull.grasp)
 
     def reaches(deflection: float) -> bool:

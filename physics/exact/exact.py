@@ -19,7 +19,7 @@ from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
-from physics.rupture import critical_stations
+from physics.rupture import BreakEvent, check_rupture, critical_stations
 
 __all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
 
@@ -99,8 +99,9 @@ class Exact:
     its length. `NeoHooke`, for Poisson's ratios from 0.2: where the grasp is less than half a
     diameter from a clamp, deflections up to 1.1 times that distance (a hollow section gives way
     beyond). `Linear` with shear softens beyond a tension of about 0.5 E A and then shears
-    sideways instead of turning; that is the law's doing. What a law cannot carry is a
-    `BeyondLaw`.
+    sideways instead of turning; that is the law's doing. Its highest stress may fall on the way
+    from some 0.7 E on: a break is where a threshold is first reached. What a law cannot carry is
+    a `BeyondLaw`.
 
     `intervals` lie between the rotations sought on each side of the grasp, an even number from 4;
     the error falls with their fourth power.
@@ -138,6 +139,7 @@ class ExactPull(Pull):
     ) -> None:
         super().__init__(beam, grasp)
         self._theory = theory
+        self.softens = theory.law.shear and second is None
         self._span = beam.span
         self._second = None if second is None else beam.grasped_at(second)[0]
         if self._second is not None and self._second - self.grasp < NEAREST * self._span:
@@ -260,7 +262,7 @@ class ExactPull(Pull):
         ducts[many.REACH_OUT] = self.beam.fibre_distance / self._span
         ducts[many.LIMIT], ducts[many.LOAD] = limits, loads
         self._line[at.COMPLIANCE] = 0.0
-        solved = many.solve_exact_beam(
+        return many.solve_exact_beam(
             self._state,
             self._fibres,
             self._grasp,
@@ -270,8 +272,17 @@ class ExactPull(Pull):
             ducts,
             by_force=by_force,
         )
-        self.rest()
-        return solved
+
+    def first_break(self, threshold: float) -> BreakEvent | None:
+        """Find the first load at which the stress reaches a threshold, MPa; None if none does."""
+        limits = np.array([threshold / self.beam.modulus])
+        solved = self.solve_loads(limits, np.array([np.nan]), by_force=False)[:, 0]
+        force, deflection = (solved[:2] * [self._force_unit, self._span]).tolist()
+        if math.isnan(force):
+            self.rest()
+            return None
+        pulled = self.to_deflection(deflection).sample(critical_stations(self.beam, self.grasp))
+        return BreakEvent(force, deflection, check_rupture(pulled, threshold))
 
     def _set(self, hold: Hold, compliance: int) -> tuple[float, int]:
         """Set the compliance of a grip; return what is prescribed and of which kind."""

@@ -3,8 +3,11 @@
 Each is solved in compiled code, from rest, so that no result depends on the one before. Those of
 constant section are set up there, too; one whose sections vary is set up by `ExactPull`, for as
 many thresholds and loads as there are. The search for a break works on s(d), the highest stress at
-a deflection d, which grows with d: it starts where the cubic beam would break and closes in by
-regula falsi in the Illinois form. All is without units, as `symbols` has it.
+a deflection d, and closes in by regula falsi in the Illinois form. By the linear law without shear
+s grows with d, and the search starts where the cubic beam would break. Laws with shear soften: the
+stress at a clamp may fall again while that elsewhere grows. There the beam is pulled up in steps,
+and where s falls its top between them is looked for by golden sections, so that what is found is
+the first deflection at which the threshold is reached. All is without units, as `symbols` has it.
 """
 
 import math
@@ -48,10 +51,14 @@ OVER_AREA, OUTER, SECOND_MOMENT, OFF_AXIS, SECTION_ROWS = range(5)
 # room for nodes' places and both samples.
 Room = tuple[Array, Array, Array, Array, Array, Array, Array]
 
-# Stress, in E, from which on it may be highest between the clamps and the grasp (neo-Hooke).
+# Stress, in E, from which on it may be highest between the clamps and the grasp (with shear).
 ELSEWHERE = 0.4
 # Part of it that sections inside must bear for this to be looked into.
 NEARLY = 0.98
+# Ratio of the deflections that are looked at on the way up to the break of a law that softens.
+PACE = 1.25
+# Part of an interval that golden sections cut off; width at which a top is found, relative.
+GOLDEN, NARROW = 0.381966011250105, 1e-4
 MOST_TRIES = 200
 CLOSE = 1e-12
 """Width, relative to the deflection, at which a break is found."""
@@ -182,9 +189,12 @@ def _read_stress(
             if total >= highest - 1e-9 * abs(highest):
                 highest = max(total, highest)
                 solved[row + 2, i], solved[row + 3, i] = stations[k], normal
-        if fibres is None or highest < ELSEWHERE or room[1].size == 0:
+        if highest < ELSEWHERE or room[1].size == 0:
             break
-        if not _higher_inside(state, room[2][OUTER, 0], highest):
+        if fibres is None:
+            if state[2][SHEARING, 0] == 0.0:
+                break
+        elif not _higher_inside(state, room[2][OUTER, 0], highest):
             break
     solved[row, i], solved[row + 1, i] = line[FORCE], line[DEFLECTION]
     solved[row + 4, i] = highest
@@ -192,11 +202,73 @@ def _read_stress(
 
 
 @njit(**KERNEL)
+def _stress_at(
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    bounds: Array,
+    room: Room,
+    solved: Array,
+    i: int,
+    there: float,
+) -> float:
+    """Return the highest stress at a deflection, nan where there is no equilibrium."""
+    # It is written into the rows of the load, which are free as yet.
+    if newton.solve(state, fibres, grasp, int(BY_DEFLECTION), there) != FOUND:
+        return math.nan
+    part = state[1].shape[1] if grasp is None else grasp
+    return _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
+
+
+@njit(**KERNEL)
+def _pull_up(
+    state: State,
+    fibres: Array | None,
+    grasp: int | None,
+    bounds: Array,
+    room: Room,
+    limit: float,
+    solved: Array,
+    i: int,
+) -> tuple[float, float, float]:
+    """Return a deflection before the first break, its stress, and one at the break or beyond."""
+    d0, s0, d1, s1 = 0.0, 0.0, 0.0, 0.0
+    d2 = FIRST_STEP * state[3][SHORTER_PART]
+    while d1 <= FARTHEST:
+        s2 = _stress_at(state, fibres, grasp, bounds, room, solved, i, d2)
+        if not s2 < limit:
+            return d1, s1, d2
+        # A parabola through three stresses rises by an eighth of the larger fall at most.
+        left, s_left, middle, top, right, s_right = d0, s0, d1, s1, d2, s2
+        while (
+            top > s_right
+            and top + 0.5 * (top - min(s_left, s_right)) >= limit
+            and right - left > NARROW * middle
+        ):
+            beyond = right - middle > middle - left
+            there = middle + GOLDEN * (right - middle if beyond else left - middle)
+            stress = _stress_at(state, fibres, grasp, bounds, room, solved, i, there)
+            if not stress < limit:
+                return (middle, top, there) if beyond else (left, s_left, there)
+            if stress > top:
+                if beyond:
+                    left, s_left = middle, top
+                else:
+                    right, s_right = middle, top
+                middle, top = there, stress
+            elif beyond:
+                right, s_right = there, stress
+            else:
+                left, s_left = there, stress
+        d0, s0, d1, s1, d2 = d1, s1, d2, s2, PACE * d2
+    return d1, s1, math.inf
+
+
+@njit(**KERNEL)
 def _find_break(
     state: State,
     fibres: Array | None,
     grasp: int | None,
-    part: int,
     bounds: Array,
     room: Room,
     ducts: Array,
@@ -213,12 +285,13 @@ def _find_break(
     there = limit / (bent + math.sqrt(bent * bent + square * limit))
     low, f_low, high, f_high = 0.0, -limit, math.inf, 0.0
     sound, side = False, 0
+    if fibres is not None or state[2][SHEARING, 0] != 0.0:
+        low, f_low, there = _pull_up(state, fibres, grasp, bounds, room, limit, solved, i)
+        f_low -= limit
     for _ in range(MOST_TRIES):
-        outcome = newton.solve(state, fibres, grasp, int(BY_DEFLECTION), there)
-        stress = math.nan
-        if outcome == FOUND:
-            # Into the break's rows where it is reached, else into those of the load, free as yet.
-            stress = _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
+        if there == math.inf:
+            break
+        stress = _stress_at(state, fibres, grasp, bounds, room, solved, i, there)
         over = stress - limit
         if over < 0.0:
             low, f_low = there, over
@@ -276,7 +349,7 @@ def solve_ducts(
             _set_up(state, fibres, grasp, bounds, room, ducts, i)
         newton.rest(state, fibres)
         if ducts[LIMIT, i] > 0.0:
-            _find_break(state, fibres, grasp, part, bounds, room, ducts, solved, i)
+            _find_break(state, fibres, grasp, bounds, room, ducts, solved, i)
         for row in range(LOADED, SOLVED_ROWS):
             solved[row, i] = math.nan
         load = ducts[LOAD, i]

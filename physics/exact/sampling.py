@@ -64,9 +64,12 @@ def _neo_hooke_strains(
             d_kappa = (moment - m - n_k * d_lam - q_k * d_gam) / (m_k + n_k * lam_k + q_k * gam_k)
             d_lam += lam_k * d_kappa
             d_gam += gam_k * d_kappa
-        lam += d_lam
-        gam += d_gam
-        kappa += d_kappa
+        # Not so far in a step that fibres turn inside out: from there other roots are found.
+        size = max(abs(d_lam), abs(d_kappa * y))
+        shorter = 0.3 * lam / size if size > 0.3 * lam else 1.0
+        lam += shorter * d_lam
+        gam += shorter * d_gam
+        kappa += shorter * d_kappa
         if abs(d_lam) + abs(d_gam) + abs(d_kappa * y) < 1e-12:
             break
     return lam, gam, kappa
