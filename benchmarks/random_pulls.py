@@ -26,7 +26,7 @@ ENDS: tuple[tuple[End, End], ...] = (
     ("clamped", "sliding"),
 )
 TICKS = 300
-ROUNDING = 1e-12
+ROUNDING = 1e-9
 """Energies below it, mJ, are rounding."""
 OPEN = 1e-4
 """Part of the work that the energy balance may leave unexplained."""

@@ -12,7 +12,7 @@ from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
 from physics.bed.kernels.newton import equilibrium
-from physics.bed.kernels.rods import UNMET, way_round
+from physics.bed.kernels.rods import UNMET, strand_ends, way_round
 from physics.bed.kernels.state import (
     ARM_X,
     ARM_Z,
@@ -46,7 +46,7 @@ from physics.bed.kernels.state import (
     YIELD,
     State,
 )
-from physics.bed.kernels.strands import meet_rods, strand_ends, yielded
+from physics.bed.kernels.strands import meet_rods, yielded
 from physics.bed.kernels.tick import tick
 
 __all__ = [

@@ -41,7 +41,7 @@ from physics.bed.kernels.step import copy_rows, move
 from physics.bed.kernels.vectors import inner
 
 # Part of the energies that move in a tick by which its balance may be off.
-CLOSED = 5e-5
+CLOSED = 1e-5
 # And part of all that is stored and dissipated.
 CLOSED_OF_ALL = 1e-8
 ROUNDING = 1e-13

@@ -12,21 +12,31 @@ past the tip: these two jump, so that in a search for equilibrium they stand as 
 import math
 
 from physics.bed.kernels.state import (
+    ARM_X,
+    ARM_Y,
+    ARM_Z,
     CONTACT,
     DELAYED,
+    FOOT_X,
+    FOOT_Y,
+    FOOT_Z,
     IN_USE,
+    LENGTH,
     POTENTIAL,
     RADIUS,
     SHAFT,
+    SLIPPED_NOW,
+    STIFF,
     TIP,
     State,
 )
-from physics.bed.kernels.vectors import Floats, Three, added, cross, dot, inner, scaled
+from physics.bed.kernels.vectors import Floats, Three, added, columns, cross, dot, inner, scaled
 
-# Angles, rad: wrapped by more a strand slips off a rod; and none is wrapped by more.
-SLIPS, MOST_WRAP = 3.0, 3.2
-UNMET = 2
-"""In `side`: a strand that is out of a rod's reach, or past its tip. Odd ones touch it."""
+# Angle, rad: wrapped by more a strand slips off a rod.
+SLIPS = 3.0
+UNMET, SLIPPED = 2, 4
+"""In `side`: a strand that is out of a rod's reach, or past its tip; one that has just slipped off,
+and is straight until it meets the rod again. Odd ones touch it."""
 
 
 @inner
@@ -67,8 +77,8 @@ def way_round(
     # strand has just slipped off it, else 0. To a strand with an end inside it the rod is only as
     # thick as leaves that end on its surface: so lengths never jump.
     none = (0.0, 0.0, 0.0)
-    if side == UNMET and not live:
-        return UNMET, 0.0, none, none, 0.0
+    if side >= UNMET and not live:
+        return side, 0.0, none, none, 0.0
     bent = side == 1 or side == -1
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
     r = rod[RADIUS]
@@ -96,8 +106,11 @@ def way_round(
     la, lb = math.sqrt(ra * ra - r * r), math.sqrt(rb * rb - r * r)
     arc = -1.0
     if bent:
-        arc = angle(side * turn, dot(a, b)) - angle(la, r) - angle(lb, r)
-        if arc < MOST_WRAP - 2.0 * math.pi:
+        on_a, on_b = angle(la, r), angle(lb, r)
+        arc = angle(side * turn, dot(a, b)) - on_a - on_b
+        # Of phi's a whole turn apart the one nearest to the middle of 0, where both ends lie the
+        # same way, and the one at which it slips off.
+        if arc < 0.5 * (SLIPS - on_a - on_b) - math.pi:
             arc += 2.0 * math.pi
     if arc <= 0.0:
         return 0, 0.0, none, none, 0.0  # straight
@@ -107,7 +120,7 @@ def way_round(
     if slipped:
         return UNMET, length, none, none, 0.0
     if live and arc > SLIPS:
-        return 0, length, none, none, 0.0
+        return SLIPPED, length, none, none, 0.0
     f = plane / length
     shift = scaled(u, axial / length)
     da, db = max(ra * ra, 1e-24), max(rb * rb, 1e-24)
@@ -120,6 +133,27 @@ def way_round(
     by_a = added(scaled(a, f * out_a), scaled(cross(u, a), -f * side * r / da))
     by_b = added(scaled(b, f * out_b), scaled(cross(u, b), f * side * r / db))
     return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
+
+
+@inner
+def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
+    """Return where strand i of node n holds the beam, and its foot."""
+    t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
+    a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
+    end = (
+        s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
+        s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
+        s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
+    )
+    return end, (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
+
+
+@inner
+def energy_round(s: State, i: int, way: float, straight: float) -> float:
+    """Return by how much more strand i stores along a way round a rod than straight, mJ."""
+    bent = max(way - s.strand[LENGTH, i], 0.0)
+    short = max(straight - s.strand[LENGTH, i], 0.0)
+    return 0.5 * (1.0 - s.damage[i]) * s.strand[STIFF, i] * (bent * bent - short * short)
 
 
 @inner
@@ -174,5 +208,11 @@ def rods_near(s: State, n: int, kind: int) -> bool:
             any_near = True
         else:  # out of reach: strands forget on which side they touched it
             for i in range(s.first[n], s.first[n + 1]):
+                if s.side[m, i] & 1 and s.damage[i] < 1.0:
+                    end, foot = strand_ends(s, n, i)
+                    way = way_round(end, foot, s.rods[m], s.side[m, i], False)[1]
+                    if way > 0.0:
+                        d = added(end, scaled(foot, -1.0))
+                        s.sums[SLIPPED_NOW] += energy_round(s, i, way, math.sqrt(dot(d, d)))
                 s.side[m, i] = UNMET
     return any_near

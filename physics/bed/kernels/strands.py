@@ -18,7 +18,16 @@ rest in that kink, where no forces balance.
 import math
 
 from kernel_cache import njit
-from physics.bed.kernels.rods import UNMET, any_rod, reached, rods_near, way_round
+from physics.bed.kernels.rods import (
+    SLIPPED,
+    UNMET,
+    any_rod,
+    energy_round,
+    reached,
+    rods_near,
+    strand_ends,
+    way_round,
+)
 from physics.bed.kernels.state import (
     ARM_X,
     ARM_Y,
@@ -46,19 +55,6 @@ from physics.bed.kernels.state import (
     State,
 )
 from physics.bed.kernels.vectors import Three, added, columns, cross, dot, inner, scaled
-
-
-@inner
-def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
-    """Return where strand i of node n holds the beam, and its foot."""
-    t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
-    a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
-    end = (
-        s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
-        s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
-        s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
-    )
-    return end, (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
 
 
 @inner
@@ -135,15 +131,14 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == DELAYED
                     )
                     bent = touch & 1 == 1
-                    if kind == DELAYED and way > 0.0 and (was == UNMET or not bent):
+                    if kind == DELAYED and way > 0.0 and (was >= UNMET or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
-                        straight_u = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
-                        stiff = 0.5 * (1.0 - damage[i]) * strand[STIFF, i]
-                        straight_u = max(straight_u, 0.0)
-                        bent_u = max(way - strand[LENGTH, i], 0.0)
-                        jump = stiff * (bent_u * bent_u - straight_u * straight_u)
-                        s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
+                        jump = energy_round(s, i, way, math.sqrt(lx * lx + ly * ly + lz * lz))
+                        if was == SLIPPED:  # it meets the rod's other side
+                            s.sums[SLIPPED_NOW] -= jump
+                        else:
+                            s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
                     if kind == DELAYED:
                         side[m, i] = touch
                     if bent:
@@ -349,7 +344,7 @@ def meet_rods(s: State, meet: bool) -> int:
                 end, foot = strand_ends(s, n, i)
                 before = way_round(end, foot, s.rods[m], was, False)[0]
                 now = way_round(end, foot, s.rods[m], was, True)[0]
-                s.side[m, i] = now
+                s.side[m, i] = 0 if now == SLIPPED else now  # it may meet the other side at once
                 if (before ^ now) & 1 and s.damage[i] < 1.0:
                     jumps += 1
     return jumps
