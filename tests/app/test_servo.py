@@ -418,6 +418,23 @@ def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
     assert changes.max() < 0.05
 
 
+@pytest.mark.parametrize(("bed", "grasp"), [("firm", 25.4), ("loose", 13.0), ("inflamed", 38.0)])
+def test_a_hand_at_rest_in_a_bed_feels_the_force_of_the_equilibrium(bed: str, grasp: float) -> None:
+    chosen = DuctChoice.of(DUCT, None, Cubic(), grasp, bed=bed_named(bed))
+    loop = ServoLoop(chosen.felt(1.0), LoopSettings(), LIMITS)
+    for z in np.linspace(0.0, 3.0, 300).tolist():
+        stepped(loop, z, FRESH | LIVE)
+    stepped(loop, 3.0, FRESH | LIVE, 700)
+    felt, still = loop.model, chosen.felt(1.0)
+    assert isinstance(felt, FeltBed)
+    assert isinstance(still, FeltBed)
+    node = still.beam.take(grasp)
+    still.beam.lead(node, still.beam.places[node] + felt.hooks[0])
+    still.beam.advance()
+    assert felt.forces[0, 2] > 0.5
+    assert felt.forces[0] == pytest.approx(still.beam.hand_force(node), rel=1e-6, abs=1e-7)
+
+
 def test_a_duct_that_is_freed_is_softer_than_in_its_bed() -> None:
     """Down and up again along a duct whose strands have parted: a hand feels what it has done."""
     run = felt(hand(UP_AND_DOWN), in_bed(), seconds=3.9)
