@@ -27,6 +27,9 @@ wheel: $(BIN)/python  ## build dist/bluntdissect-*.whl, which pip, pipx and uvx 
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w dist . && rm -rf build
 	@ls dist/*.whl
 
+# Of some hundred processes that tests start, the first compiles our modules for all.
+test test-all coverage: export PYTHONDONTWRITEBYTECODE :=
+
 test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 	@$(BIN)/python -m pytest $(WORKERS) $(ARGS)
 

@@ -54,17 +54,22 @@ def test_regions_of_the_modulus_hold_it_19_times_in_20(theory: Theory) -> None:
     assert 177 <= held <= 199
 
 
-def test_regions_of_two_parameters_hold_them_and_say_that_they_trade() -> None:
+@pytest.mark.parametrize(
+    # 9.5 +- 0.7 and 38 +- 1.4: the least are 3.6 sd below.
+    ("tries", "least"), [(10, 7), pytest.param(40, 33, marks=pytest.mark.long)]
+)
+def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
+    tries: int, least: int
+) -> None:
     theory = Exact(NeoHooke())
     exact, noise = forces_of(theory), np.random.default_rng(3)
     held = np.zeros(2, dtype=int)
-    for _ in range(40):
+    for _ in range(tries):
         measured = exact + noise.normal(0.0, 0.002 * exact.max(), exact.size)
         found = fit_pulls([specimen(measured)], theory, free_ratio=True)
         for k, (each, truth) in enumerate(((found.modulus, 0.4), (found.poisson_ratio, 0.42))):
             held[k] += int(each.low <= truth <= each.high)
-    # 38 +- 1.4: 33 is 3.6 sd below.
-    assert held.min() >= 33
+    assert held.min() >= least
     noisy = exact + noise.normal(0.0, 0.05 * exact.max(), exact.size)
     found = fit_pulls([specimen(noisy)], theory, free_ratio=True)
     assert found.poisson_ratio.told == "open"

@@ -205,7 +205,7 @@ def test_refuses_a_file_that_is_no_scene(tmp_path: Path) -> None:
 
 
 def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
-    free = BEAM.replace('"clamped"', '"free"')
+    free = BEAM.replace('"clamped"', '"free"').replace("elements = 60", "elements = 12")
     push = "[[hand]]\nat_mm = 60.0\npath_N = [[0.0, 0.0, 5.0]]\nsteps = 5\n"
     message = refused(["peel", scene(tmp_path, free, BED, push)])
     assert "of 5: " in message

@@ -108,7 +108,8 @@ class Gltf:
         node = self.tree["nodes"][self.node(name)]
         mesh = self.tree["meshes"][node["mesh"]]
         skin = self.tree["skins"][node["skin"]]
-        joints = np.stack([self._world(joint, state) for joint in skin["joints"]])
+        worlds: dict[int, np.ndarray] = {}
+        joints = np.stack([self._world(joint, state, worlds) for joint in skin["joints"]])
         binds = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
         matrices = joints @ binds
         weights = state.get((self.node(name), "weights"), np.array(mesh.get("weights", [])))
@@ -125,11 +126,19 @@ class Gltf:
             found.append(np.einsum("vij,vj->vi", blended, ones)[:, :3])
         return found
 
-    def _world(self, number: int, state: dict[tuple[int, str], np.ndarray]) -> np.ndarray:
-        matrix = self._matrix(number, state)
-        while (parent := self.parents.get(number)) is not None:
-            matrix, number = self._matrix(parent, state) @ matrix, parent
-        return matrix
+    def _world(
+        self,
+        number: int,
+        state: dict[tuple[int, str], np.ndarray],
+        worlds: dict[int, np.ndarray],
+    ) -> np.ndarray:
+        """A node's matrix to the scene; those found before are in `worlds`."""
+        if number not in worlds:
+            matrix, parent = self._matrix(number, state), self.parents.get(number)
+            if parent is not None:
+                matrix = self._world(parent, state, worlds) @ matrix
+            worlds[number] = matrix
+        return worlds[number]
 
     def _matrix(self, number: int, state: dict[tuple[int, str], np.ndarray]) -> np.ndarray:
         node = self.tree["nodes"][number]

@@ -390,10 +390,6 @@ def test_units_that_are_not_mm_are_warned_of(cover: Cover, write_stack: WriteSta
     )
 
 
-def test_the_shipped_phantom_has_no_warnings() -> None:
-    assert build_organ(read_image_stack(BILE_DUCT_PHANTOM)).warnings == ()
-
-
 def test_the_report_says_what_the_file_gives(cover: Cover, write_stack: WriteStack) -> None:
     images = [disc(cover, radius) for radius in (25.0, 25.5, 26.0, 27.0, 27.5)]
     stack = read_image_stack(write_stack(images, SPACING))
@@ -551,7 +547,7 @@ def test_a_real_duct_lies_on_the_mesh_it_was_cut_from(
         # the tolerance, half a pixel or more, and takes what saves bytes: 0.52, 0.33 and 0.70 px.
         ("bile_duct_perpendicular", 0.55),
         ("bile_duct_parallel", 0.4),
-        ("ureter_left", 0.8),
+        pytest.param("ureter_left", 0.8, marks=pytest.mark.long),
     ],
 )
 def test_real_ducts_stay_below_the_published_fit(

@@ -24,8 +24,10 @@ from organ_geometry.surface_distance import root_mean_squares, section_distances
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SETS = (
     "bile_duct_perpendicular",
-    "bile_duct_parallel",
-    *(pytest.param(name, marks=pytest.mark.long) for name in ("ureter_left", "aorta_ct")),
+    *(
+        pytest.param(name, marks=pytest.mark.long)
+        for name in ("bile_duct_parallel", "ureter_left", "aorta_ct")
+    ),
 )
 
 
