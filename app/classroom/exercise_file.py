@@ -41,7 +41,7 @@ PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
     "gentle-lifts": GentleDissection,
 }
 # Fields of an exercise that are no limits.
-FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided"}
+FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided", "one_stretch"}
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
 FEW = 300
 """Vertices of a duct that nobody sees."""

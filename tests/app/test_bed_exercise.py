@@ -69,6 +69,19 @@ def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) 
                 assert outcome.reason.count(". ") == 0, "more than a sentence"
 
 
+def test_a_window_is_one_opening() -> None:
+    window, front = (offered(session_in("firm", 1))[name] for name in ("window", "follow-front"))
+    assert "in one stretch" in window.goal
+    two = [(5.0, 13.0), (30.0, 39.0)]
+    assert window.freed(two) == pytest.approx(9.0)
+    assert front.freed(two) == pytest.approx(17.0)
+    assert window.freed([]) == front.freed([(-4.0, -2.0)]) == 0.0
+    # Runs recorded before were judged by all that was free, and still are.
+    before = msgspec.to_builtins(window)
+    del before["one_stretch"]
+    assert msgspec.convert(before, BedExercise).freed(two) == pytest.approx(17.0)
+
+
 def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     session = session_in("firm", 3)
     exercise = offered(session)["follow-front"]

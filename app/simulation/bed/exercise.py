@@ -46,6 +46,7 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     opened_mm: tuple[float, float] | None = None  # free at the start
     divided: bool = False  # the duct ends at its second clamp, which is gone
     time_limit_s: float = 120.0
+    one_stretch: bool = False  # whether `free_mm` are of one free stretch, or of all
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.from_mm < self.to_mm < math.inf:
@@ -87,8 +88,8 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """What to do, in one sentence."""
         if self.name == "window":
             return (
-                f"Pass the dissector behind the duct and open it until {self.free_mm:.0f} mm are "
-                f"free."
+                f"Pass the dissector behind the duct and open it until {self.free_mm:.0f} mm "
+                + ("are free in one stretch." if self.one_stretch else "are free.")
             )
         if self.name == "follow-front":
             return (
@@ -124,9 +125,14 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return found
 
     def freed(self, stretches: list[tuple[float, float]]) -> float:
-        """Return the length of the free stretches within the goal's ends, mm."""
+        """Return the length that is free within the goal's ends, mm: of all stretches or of one."""
         inside = [min(b, self.to_mm) - max(a, self.from_mm) for a, b in stretches]
-        return sum(each for each in inside if each > 0.0)
+        return (max if self.one_stretch else sum)([0.0, *(each for each in inside if each > 0.0)])
+
+    def standing(self, freed: float) -> str:
+        """Return how much of what is asked for is free, in words."""
+        where = " in one stretch" if self.one_stretch else ""
+        return f"{freed:.0f} of {self.free_mm:.0f} mm free{where}"
 
 
 class BedTrial(Trial[BeddedDuct]):
@@ -140,7 +146,7 @@ class BedTrial(Trial[BeddedDuct]):
         self._force = np.zeros(3)
         self._force_squared = self._station = 0.0
         self._pulled = -1
-        self.standing = f"0 of {exercise.free_mm:.0f} mm free"
+        self.standing = exercise.standing(0.0)
 
     def judge(self, figures: BeddedDuct) -> Outcome | None:
         """Return the outcome if this tick ends the exercise."""
@@ -148,7 +154,7 @@ class BedTrial(Trial[BeddedDuct]):
         self._follow(duct)
         freed = wanted.freed(taker.stretches)
         self.progress = min(freed / wanted.free_mm, 1.0)
-        self.standing = f"{freed:.0f} of {wanted.free_mm:.0f} mm free"
+        self.standing = wanted.standing(freed)
         if duct.torn is not None:
             return Outcome(False, f"The duct tore: {self._why()}.")
         if taker.soonest < wanted.time_to_break_limit_s:

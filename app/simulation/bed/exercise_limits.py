@@ -120,6 +120,7 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
         out_of_sight_limit=10**6,
         opened_mm=opened,
         divided=opened is not None,
+        one_stretch=name == "window",
     )
 
 
