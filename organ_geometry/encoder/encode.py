@@ -115,6 +115,7 @@ def encoded_organ(
             kept = Search(own).fewest_bytes()
     except ToleranceNotMet as error:
         missed = error
+        # Every section by itself is kept then: it is the promise of all together that is not.
         if missed.nearest_mm <= tolerance:
             raise ToleranceTooSmall(
                 f"{overall:.4g} mm over all sections cannot be kept by two degree-6 curves a "
@@ -122,6 +123,9 @@ def encoded_organ(
                 missed.overall_mm,
             ) from None
 
+        # Without the promise of all together: what is named is what that section needs. Trials take
+        # the axis's levels, its depth and the turn that came nearest; others would take as long
+        # again each.
         def keeps(limit: float) -> bool:
             try:
                 Search(candidates(limit, None)).nearest(missed.way)
@@ -135,6 +139,7 @@ def encoded_organ(
             f"boundary: section {missed.section} needs {smallest:.4g} mm",
             smallest,
         ) from None
+    # As any reader decodes it, so that what is reported is measured on the file's own content.
     organ = organ_from_bytes(kept.data, name)
     return EncodedOrgan(organ, kept.sampling.places, kept.sampling.outlines)
 
@@ -160,5 +165,6 @@ def smallest_kept(keeps: Callable[[float], bool], refused: float, nearest: float
 
 def _four_digits(length: float) -> float:
     """Return a length rounded up to four digits, as a message prints it."""
+    # Up: rounded down, what a message names could be refused itself.
     digit = 10.0 ** (math.floor(math.log10(length)) - 3)
     return float(f"{math.ceil(length / digit) * digit:.4g}")

@@ -81,7 +81,9 @@ class EdgeJacobian:
             stands_for = (points / np.maximum(taken, 1))[section[some]]
             parts.append(located.chosen(some))
             tables.append(np.stack([section[some], np.full(len(some), wall), stands_for]))
+        # (3, N): slice, wall, and how many points each stands for.
         table = np.concatenate(tables, axis=1)
+        # By slices, both walls of one after the other: descent adds up D slice by slice.
         order = np.argsort(table[0], kind="stable")
         slices = table[0, order].astype(np.intp)
         stands_for = table[2, order]
@@ -91,6 +93,7 @@ class EdgeJacobian:
             lumen=table[1, order] > 0.0,
             points=points,
             at=(points.piece + points.share) * (candidates / pieces),
+            # One in all of a slice, so that D is the mean of its points.
             weights=stands_for / np.bincount(slices, stands_for, count)[slices],
             pieces=pieces,
             candidates=candidates,
@@ -127,6 +130,7 @@ class EdgeJacobian:
         # (W, K, 16) integers are stored, of the outer boundary and then of the lumen, whose own are
         # what it differs by; (16,) steps are in mm.
         values = differences_to_values(keys)
+        # Keys are numbers of candidates; a reader's axis has several pieces from one to the next.
         finer = self.pieces // self.candidates
         blend = KeyBlend.at(np.arange(self.pieces + 1), keys * finer)
         signals = np.zeros((len(keys), SIGNALS))
@@ -138,6 +142,7 @@ class EdgeJacobian:
             # The outlines that a reader has, so that distances are those that will be evaluated.
             outlines = closed_outlines(blend.of(signals_to_rows(signals)), OUTLINE_CORNERS)
             distances[some], changes[:, some] = _changes(self.points.chosen(some), outlines)
+        # The lumen stores its difference from the outer boundary: the latter's changes move both.
         walls = [changes] if len(stored) == 1 else [changes, changes * self.lumen]
         return distances, np.stack(walls)
 
@@ -147,6 +152,7 @@ def _changes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N,) distances e of points to their outlines and (16, N) their changes C."""
     squared, ends, parts = points.feet(outlines)
+    # Outlines are polygons of corners at equal steps of t, u = cos t, once around.
     half = OUTLINE_CORNERS // 2
     corners = np.cos(np.linspace(0.0, np.pi, half))
     # u and the sign h at each corner: along the bottom half (+) and back along the top one (-).

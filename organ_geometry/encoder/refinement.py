@@ -158,6 +158,7 @@ class Refinement:
             for keys in _neighbours(self._state.keys, place):
                 trial = self._with_keys(self._state, keys)
                 self._descend(trial, place)
+                # Costs are predictions: what gains less may lose when it is encoded.
                 if self._cost(trial) < cost - self._settings.moved_bits:
                     self._state, moved = self._without_zero_keys(trial), True
                     cost = self._cost(self._state)
@@ -184,6 +185,7 @@ class Refinement:
 
     def _errors(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the part of each slice's D that the chosen points make."""
+        # Beside `_unseen`, which a descent cannot change.
         errors = np.bincount(self._jacobian.slices, self._weights * residuals**2, len(self._unseen))
         return np.asarray(errors, dtype=np.float64)
 
@@ -235,5 +237,6 @@ def _neighbours(keys: NDArray[np.intp], place: int) -> list[NDArray[np.intp]]:
                 other[place] += move
                 found.append(other)
     if here - before > 1:
+        # Half-way to the key section before; from there later passes move it.
         found.append(np.insert(keys, place, (before + here) // 2))
     return found
