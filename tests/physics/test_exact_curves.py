@@ -8,19 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from linear_curves import DIAMETERS, MODULI, NO_SHEAR, NO_SHEAR_OFF_CENTRE, SHEAR, SHEAR_OFF_CENTRE
 
-from app.validation.converged_curves import (
-    DIAMETERS,
-    MODULI,
-    NO_SHEAR,
-    NO_SHEAR_OFF_CENTRE,
-    SHEAR,
-    SHEAR_OFF_CENTRE,
-    SOLID,
-    SOLID_HELD_OUT,
-    SOLID_OFF_CENTRE,
-    Curve,
-)
+from app.validation.converged_curves import SOLID, SOLID_HELD_OUT, SOLID_OFF_CENTRE, Curve
 from physics import Beam, Exact, Linear, NeoHooke
 
 LINEAR, SHEARED = Exact(), Exact(Linear(shear=True))
