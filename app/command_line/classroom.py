@@ -1,18 +1,20 @@
 """`bluntdissect class`: a class with its teacher and trainees, and what is kept of it."""
 
-from collections.abc import Callable
-from inspect import Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from app.command_line.client_bounds import client_bounds, options_of
+from app.command_line.image_options import chosen
 from app.command_line.load import PRESET_HELP, organ_from
 from app.command_line.trainer import (
     NET,
     Certificate,
     Key,
+    LogFormatName,
     Look,
+    Metrics,
     OrganFile,
     Port,
     TrustProxy,
@@ -24,6 +26,7 @@ from app.command_line.trainer import (
 
 if TYPE_CHECKING:
     from app.classroom.store import ClassStore
+    from app.trainer.server.log import LogFormat
     from app.trainer.server.trainer import Trainer
     from app.trainer.stage.lighting import LookChoice
 
@@ -45,6 +48,7 @@ def _check(host: str, port: int, look: str, **_: object) -> None:
         raise ValueError("--host must be an address")
 
 
+@options_of(client_bounds)
 def _open(
     store: "ClassStore",
     *,
@@ -61,7 +65,6 @@ def _open(
         ),
     ] = None,
     look: Look = "auto",
-    most_clients: Annotated[int, typer.Option(help="Trainees at a time.")] = 64,
     certificate: Certificate = None,
     key: Key = None,
     public_url: Annotated[
@@ -69,20 +72,24 @@ def _open(
         typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
     ] = None,
     trust_proxy: TrustProxy = None,
+    metrics: Metrics = False,
+    log_format: LogFormatName = "text",
+    **bounds: Any,
 ) -> None:
     """Serve a class until it is told to stop."""
     if trust_proxy is not None and public_url is None:
         raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
+    log: LogFormat = chosen("--log-format", log_format, ("text", "json"))
     tls = tls_context(certificate, key)
     ready_for_signals()
+    # A class sits behind one router.
+    bounds["most_per_address"] = max(bounds["most_per_address"], bounds["most_clients"] + 2)
+    within = client_bounds(**bounds)
     from app.simulation import chosen_preset
-    from app.trainer.connections.bounds import Bounds
     from app.trainer.connections.guard import is_loopback
 
-    tissue = organ_from(organ)
-    chosen = None if preset is None else chosen_preset(preset)
-    bounds = Bounds(most_clients, max(most_clients + 2, 48))
-
+    tissue = organ_from(organ, within.organ_mm)
+    material = None if preset is None else chosen_preset(preset)
     chosen_look = cast("LookChoice", look)
 
     def start() -> "Trainer":
@@ -90,11 +97,12 @@ def _open(
         from app.trainer.server.log import set_up_log
         from app.trainer.server.trainer import Trainer
 
-        set_up_log("text")
+        set_up_log(log, within.log_length)
         return Trainer(
-            tissue, chosen, host=host, port=port, look=chosen_look, bounds=bounds, tls=tls,
-            public_url=public_url, trusted_proxy=trust_proxy,
-            lesson=Lesson(store, tissue, chosen),
+            tissue, material, host=host, port=port, look=chosen_look, bounds=within.connections,
+            build_process=within.builds, export_vertices=within.export_vertices, metrics=metrics,
+            tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
+            lesson=Lesson(store, tissue, material),
         )  # fmt: skip
 
     def say(running: "Trainer") -> None:
@@ -109,17 +117,8 @@ def _open(
     serve(start, say)
 
 
-def _serves(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of `_open` in place of its `**options`."""
-    own = [each for each in signature(command).parameters.values() if each.kind != each.VAR_KEYWORD]
-    shared = [each for each in signature(_open).parameters.values() if each.name != "store"]
-    vars(command)["__signature__"] = Signature([*own, *shared])
-    command.__annotations__ = {each.name: each.annotation for each in (*own, *shared)}
-    return command
-
-
 @program.command("new")
-@_serves
+@options_of(_open, "store")
 def new(title: Title, **options: Any) -> None:
     """Make a class and open it; it prints a link for the teacher and one for the trainees.
 
@@ -137,7 +136,7 @@ def new(title: Title, **options: Any) -> None:
 
 
 @program.command("open")
-@_serves
+@options_of(_open, "store")
 def open_class(
     title: Title,
     new_links: Annotated[

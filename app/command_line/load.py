@@ -1,5 +1,6 @@
 """Shared by the commands: an organ from a file or the shipped one, and a theory."""
 
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -29,13 +30,17 @@ __all__ = [
 ]
 
 
-def organ_from(path: Path | None) -> "Organ":
+def organ_from(path: Path | None, longest_mm: float = inf) -> "Organ":
     """Return the organ in a file, or the shipped one."""
-    if path is None:
-        return shipped_organ()
     from organ_geometry import read_organ
 
-    return read_organ(path)
+    organ = shipped_organ() if path is None else read_organ(path)
+    if organ.length > longest_mm:
+        raise ValueError(
+            f"{path or organ.name}: the organ is {organ.length:,.0f} mm long and --organ-mm "
+            f"allows {longest_mm:,.0f} mm"
+        )
+    return organ
 
 
 def shipped_organ() -> "Organ":

@@ -6,10 +6,12 @@ import sys
 import threading
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.command_line.client_bounds import client_bounds, options_of
+from app.command_line.image_options import chosen
 from app.command_line.load import PRESET_HELP, organ_from
 
 if TYPE_CHECKING:
@@ -17,13 +19,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
+    from app.trainer.server.log import LogFormat
     from app.trainer.server.trainer import Trainer
 
 __all__ = [
     "NET",
     "Certificate",
     "Key",
+    "LogFormatName",
     "Look",
+    "Metrics",
     "OrganFile",
     "Port",
     "TrustProxy",
@@ -35,7 +40,6 @@ __all__ = [
 ]
 
 NET = "Other machines"
-BOUNDS = "Bounds of what clients may take"
 
 # Options that a class has, too.
 Port = Annotated[int, typer.Option(help="Port to serve; 0 takes a free one.")]
@@ -54,8 +58,13 @@ TrustProxy = Annotated[
     str | None,
     typer.Option(help="The proxy's address; its X-Forwarded-For is believed.", rich_help_panel=NET),
 ]
+Metrics = Annotated[
+    bool, typer.Option("--metrics", help="Serve figures for Prometheus at /metrics.")
+]
+LogFormatName = Annotated[str, typer.Option(help="Log on stderr: text or json.")]
 
 
+@options_of(client_bounds)
 def trainer(
     host: Annotated[
         str,
@@ -91,37 +100,8 @@ def trainer(
         ),
     ] = None,
     look: Look = "auto",
-    most_clients: Annotated[
-        int, typer.Option(help="Trainees at a time.", rich_help_panel=BOUNDS)
-    ] = 64,
-    most_per_address: Annotated[
-        int,
-        typer.Option(help="Pages of an address; a class may share one.", rich_help_panel=BOUNDS),
-    ] = 48,
-    most_per_browser: Annotated[
-        int,
-        typer.Option(help="Pages of a browser that came by the link.", rich_help_panel=BOUNDS),
-    ] = 8,
-    messages_per_second: Annotated[
-        float, typer.Option(help="Messages of a page; more of them wait.", rich_help_panel=BOUNDS)
-    ] = 120.0,
-    build_seconds: Annotated[
-        float, typer.Option(help="Time of building an organ, s.", rich_help_panel=BOUNDS)
-    ] = 120.0,
-    build_memory: Annotated[
-        int, typer.Option(help="Memory of building organs, MiB (Linux).", rich_help_panel=BOUNDS)
-    ] = 3072,
-    build_pixels: Annotated[
-        int,
-        typer.Option(
-            help="Million pixels of images sent to be built; of each a 24th.",
-            rich_help_panel=BOUNDS,
-        ),
-    ] = 120,
-    metrics: Annotated[
-        bool, typer.Option("--metrics", help="Serve figures for Prometheus at /metrics.")
-    ] = False,
-    log_format: Annotated[str, typer.Option(help="Log on stderr: text or json.")] = "text",
+    metrics: Metrics = False,
+    log_format: LogFormatName = "text",
     exercise_inputs: Annotated[
         str,
         typer.Option(help="What counts in exercises: hand, or any for sliders and keys as well."),
@@ -143,6 +123,7 @@ def trainer(
     haptics_hand: Annotated[
         Path | None, typer.Option(help="TOML file of the virtual device's hand.")
     ] = None,
+    **bounds: Any,
 ) -> None:
     """Serve the trainer; open the address that it prints in a browser.
 
@@ -158,38 +139,34 @@ def trainer(
         raise ValueError(f"--exercise-inputs must be hand or any, not {exercise_inputs}")
     if not 0 <= port <= 65535:
         raise ValueError(f"--port must be from 0 to 65535, not {port}")
-    if log_format not in ("text", "json"):
-        raise ValueError(f"--log-format must be text or json, not {log_format}")
     if trust_proxy is not None and public_url is None:
         raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
+    log: LogFormat = chosen("--log-format", log_format, ("text", "json"))
     token, tls = _given_token(token_file), tls_context(certificate, key)
     ready_for_signals()
+    within = client_bounds(**bounds)
     from app.simulation import chosen_preset
 
-    tissue = organ_from(organ)
-    chosen = None if preset is None else chosen_preset(preset)
+    tissue = organ_from(organ, within.organ_mm)
+    material = None if preset is None else chosen_preset(preset)
     devices = [(haptics, haptics_address)]
     if second_haptics is not None:
         if haptics is None:
             raise ValueError("--second-haptics is of a second device: give --haptics")
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
-    from app.compression.build_process import BuildProcess
-    from app.trainer.connections.bounds import Bounds
-
-    builds = BuildProcess(build_seconds, build_memory, build_pixels)
-    bounds = Bounds(most_clients, most_per_address, most_per_browser, messages_per_second)
 
     def start() -> "Trainer":
         from app.trainer.server.log import set_up_log
         from app.trainer.server.trainer import Trainer
 
-        set_up_log(log_format)
+        set_up_log(log, within.log_length)
         return Trainer(
-            tissue, chosen, host=host, token=token, port=port, mode=mode, look=look, bounds=bounds,
-            build_process=builds, metrics=metrics,
-            tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
-            exercise_inputs=exercise_inputs, haptics=servo,
+            tissue, material, host=host, token=token, port=port, mode=mode, look=look,
+            bounds=within.connections, build_process=within.builds,
+            export_vertices=within.export_vertices, metrics=metrics, tls=tls,
+            public_url=public_url, trusted_proxy=trust_proxy, exercise_inputs=exercise_inputs,
+            haptics=servo,
         )  # fmt: skip
 
     def say(running: "Trainer") -> None:

@@ -45,17 +45,15 @@ class BuildProcess:
     """
 
     def __init__(
-        self, seconds: float = BUILD_SECONDS, mib: int = BUILD_MIB, million_pixels: int = 120
+        self,
+        seconds: float = BUILD_SECONDS,
+        mib: int = BUILD_MIB,
+        bounds: UploadBounds | None = None,
     ) -> None:
-        for name, value, least in (
-            ("seconds", seconds, 1), ("memory", mib, 512), ("pixels", million_pixels, 1)
-        ):  # fmt: skip
+        for name, value, least in (("seconds", seconds, 1), ("memory", mib, 512)):
             if not value >= least:
                 raise ValueError(f"--build-{name} must be at least {least}")
-        # What may be sent to be built. One image is of a 24th.
-        self.bounds = UploadBounds(
-            image_pixels=million_pixels * 10**6 // 24, all_pixels=million_pixels * 10**6
-        )
+        self.bounds = bounds or UploadBounds()  # of what may be sent to be built
         self._seconds, self._mib = seconds, mib
         self._lock = threading.Lock()
         self._stopped = threading.Event()

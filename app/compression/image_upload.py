@@ -54,6 +54,7 @@ class UploadBounds:
     image_pixels: int = 5 * 10**6  # Of one image, which takes 80 bytes each to trace
     all_pixels: int = 120 * 10**6  # Of all images
     voxels: int = 2**26  # Voxels of a volume, which is read whole
+    organ_mm: float = 10_000.0  # Length of the organ that is built
     # What to do about more pixels, before what to do about more of anything.
     more_pixels: str = "start bluntdissect trainer with more --build-pixels, or "
     otherwise: str = (

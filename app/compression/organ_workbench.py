@@ -224,6 +224,11 @@ class OrganWorkbench:
         if isinstance(built, _TooSmall):
             pixel = opened.stack.mean_pixel
             raise PromiseRefusedError(tolerance_px or 0.0, built.smallest_mm / pixel, pixel)
+        if built.organ.length > self._bounds.organ_mm:
+            raise ValueError(
+                f"the organ is {built.organ.length:,.0f} mm long and the most is "
+                f"{self._bounds.organ_mm:,.0f} mm (--organ-mm): are the sizes of its images in mm?"
+            )
         # The images have not been changed under it.
         if self.opened is opened:
             self.built = built

@@ -21,6 +21,8 @@ from websockets import Subprotocol
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from app.command_line.client_bounds import client_bounds
+from app.compression.image_upload import UploadBounds
 from app.trainer.connections.bounds import Bounds, Connections, socket_options
 from app.trainer.connections.guard import Guard
 from app.trainer.viser_bridge import (
@@ -361,5 +363,32 @@ def test_a_page_keeps_its_frames_whatever_another_does(served: str, attack: str)
 def test_bounds_that_are_none_are_refused() -> None:
     for option in ("--most-clients", "--most-per-address", "--most-per-browser"):
         assert f"{option} must be at least 1" in refused(("trainer", option, 0))
-    words = refused(("trainer", "--messages-per-second", 9))
-    assert "--messages-per-second must be at least 10" in words
+    for option, least in (
+        ("--messages-per-second", 10), ("--silent-seconds", 1), ("--message-kib", 600),
+        ("--upload-mib", 1), ("--build-seconds", 1), ("--build-memory", 512),
+        ("--build-pixels", 1), ("--export-vertices", 300), ("--log-length", 200),
+    ):  # fmt: skip
+        words = refused(("trainer", option, least - 1))
+        assert f"{option} must be at least {least}" in words
+    assert "at least the 64 of --upload-mib" in refused(("trainer", "--all-upload-mib", 63))
+    assert "--organ-mm must be above 0" in refused(("trainer", "--organ-mm", 0))
+    words = refused(("class", "new", "Nobody's", "--organ-mm", 40))
+    assert "mm long and --organ-mm allows 40 mm" in words
+
+
+def test_options_reach_what_they_bound() -> None:
+    within = client_bounds(
+        silent_seconds=7.0, message_kib=700, upload_mib=3, all_upload_mib=5, build_pixels=48,
+        organ_mm=60.0, export_vertices=900, log_length=333,
+    )  # fmt: skip
+    connections, images = within.connections, within.builds.bounds
+    assert (connections.silent_seconds, connections.message_bytes) == (7.0, 700 * 2**10)
+    assert (connections.upload_bytes, connections.all_upload_bytes) == (3 * 2**20, 5 * 2**20)
+    assert (images.file_bytes, images.all_pixels, images.image_pixels) == (
+        3 * 2**20, 48_000_000, 2_000_000,
+    )  # fmt: skip
+    assert (images.organ_mm, within.organ_mm) == (60.0, 60.0)
+    assert (within.export_vertices, within.log_length) == (900, 333)
+    usual = client_bounds()
+    assert usual.connections == Bounds()
+    assert usual.builds.bounds == UploadBounds()

@@ -156,5 +156,3 @@ def test_a_task_has_so_much_time_and_memory_and_the_next_is_made() -> None:
         BuildProcess(seconds=0.0)
     with pytest.raises(ValueError, match="--build-memory must be at least 512"):
         BuildProcess(mib=0)
-    with pytest.raises(ValueError, match="--build-pixels must be at least 1"):
-        BuildProcess(million_pixels=0)

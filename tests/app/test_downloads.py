@@ -16,6 +16,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from app.export.pull_export import PullExport
 from app.simulation import Session, preset_named
 from app.simulation.bed import BedSession
+from app.trainer.client.client_state import EXPORT_VERTICES as VERTICES
 from app.trainer.pages.dissection_files import run_download
 from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
 from organ_geometry.organ import Organ
@@ -51,7 +52,7 @@ def vtp(content: bytes) -> dict[str, np.ndarray]:
 def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     shown = session(preset)
     pull(shown, 0.3 * shown.duct.force_limit)
-    order, reading = export_on_screen(shown), shown.reading()
+    order, reading = export_on_screen(shown, VERTICES), shown.reading()
     assert order.dissection is shown.duct.dissection
     assert order.theory.name == Exact().name
     assert order.force is not None
@@ -71,7 +72,7 @@ def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     shown.grab(20.0)
     shown.move_hand(5.0)
     settle(shown)
-    order = export_on_screen(shown)
+    order = export_on_screen(shown, VERTICES)
     assert order.grasp == 20.0
     assert order.force is not None
     assert order.force == shown.reading().force > 0.0
@@ -87,7 +88,7 @@ def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     settle(shown)
     shown.release()
     shown.advance()
-    reading, order = shown.reading(), export_on_screen(shown)
+    reading, order = shown.reading(), export_on_screen(shown, VERTICES)
     assert reading.force == 0.0
     assert 0.0 < reading.deflection < 5.0
     assert order.force is not None
@@ -95,22 +96,31 @@ def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     assert held.deflection == pytest.approx(reading.deflection, rel=1e-6)
 
 
+def test_a_mesh_has_about_as_many_vertices_as_it_may() -> None:
+    for most in (2_000, VERTICES):
+        content = download(session(), ".stl", most).content
+        mesh = trimesh.load(io.BytesIO(content), file_type="stl")
+        assert isinstance(mesh, trimesh.Trimesh)
+        mesh.merge_vertices()
+        assert 0.6 * most < len(mesh.vertices) < 1.2 * most
+
+
 def test_still_meshes_are_the_duct_as_it_is() -> None:
     shown = session()
     pull(shown, 0.3 * shown.duct.force_limit)
     reading = shown.reading()
-    mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
+    mesh = trimesh.load(io.BytesIO(download(shown, ".stl", VERTICES).content), file_type="stl")
     assert isinstance(mesh, trimesh.Trimesh)
     mesh.merge_vertices()
     assert mesh.is_watertight
-    arrays = vtp(download(shown, ".vtp").content)
+    arrays = vtp(download(shown, ".vtp", VERTICES).content)
     assert mesh.bounds == pytest.approx(
         np.stack([arrays["points"].min(0), arrays["points"].max(0)])
     )
     least = arrays["distance_to_break"].min()
     assert least == pytest.approx(reading.check.distance_to_break, abs=0.03)
     # With the session's edges the vertices are the session's.
-    order = replace(export_on_screen(shown), edge_length=shown.drawn.edge_length)
+    order = replace(export_on_screen(shown, VERTICES), edge_length=shown.drawn.edge_length)
     (drawn,) = shown.drawn.surfaces
     assert vtp(order.content(".vtp"))["points"] == pytest.approx(drawn.vertices, abs=1e-4)
 
@@ -118,9 +128,9 @@ def test_still_meshes_are_the_duct_as_it_is() -> None:
 def test_a_torn_duct_is_two_pieces_with_the_rim_that_is_seen() -> None:
     shown = session()
     tear(shown)
-    order = export_on_screen(shown)
+    order = export_on_screen(shown, VERTICES)
     assert order.torn
-    mesh = trimesh.load(io.BytesIO(download(shown, ".stl").content), file_type="stl")
+    mesh = trimesh.load(io.BytesIO(download(shown, ".stl", VERTICES).content), file_type="stl")
     assert isinstance(mesh, trimesh.Trimesh)
     mesh.merge_vertices()
     assert mesh.body_count == 2
@@ -140,18 +150,18 @@ def test_what_moves_goes_to_the_force_or_over_the_break(torn: bool) -> None:
         tear(shown)
     else:
         pull(shown, 0.3 * shown.duct.force_limit)
-    order = export_on_screen(shown)
+    order = export_on_screen(shown, VERTICES)
     end = None if torn else order.force
     moving = replace(order, force=end, torn=False)
-    assert download(shown, ".glb").content == moving.content(".glb")
-    (head, *rows) = csv.reader(io.StringIO(download(shown, ".csv").content.decode()))
+    assert download(shown, ".glb", VERTICES).content == moving.content(".glb")
+    (head, *rows) = csv.reader(io.StringIO(download(shown, ".csv", VERTICES).content.decode()))
     assert head[0].startswith("force")
     assert order.break_event is not None
     assert float(rows[-1][0]) == pytest.approx(order.break_event.force, rel=1e-8)
 
 
 def test_a_page_at_rest_goes_over_the_break() -> None:
-    page = download(session(), ".html")
+    page = download(session(), ".html", VERTICES)
     assert page.name.endswith(".html")
     assert b"drawn, not computed" in page.content
 
@@ -160,14 +170,14 @@ def test_a_duct_that_does_not_break_is_pulled_as_far_as_the_grasper_can() -> Non
     shown = Session(phantom(), preset_named("thesis-rubber"), vertices=300)
     shown.set_threshold(shown.duct.threshold_range[1])
     shown.advance(30)
-    order = export_on_screen(shown)
-    rows = list(csv.reader(io.StringIO(download(shown, ".csv").content.decode())))
+    order = export_on_screen(shown, VERTICES)
+    rows = list(csv.reader(io.StringIO(download(shown, ".csv", VERTICES).content.decode())))
     end = shown.duct.force_limit if order.break_event is None else order.break_event.force
     assert float(rows[-1][0]) == pytest.approx(end, rel=1e-8)
 
 
 def test_the_organ_file_is_the_organ() -> None:
-    found = download(session(), ".organ")
+    found = download(session(), ".organ", VERTICES)
     assert found.name == f"{phantom().name}.organ"
     again = organ_from_bytes(found.content)
     assert np.array_equal(again.axis, phantom().axis)
@@ -179,11 +189,11 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
     other = Organ(organ.axis, organ.frames, organ.keys, organ.outer, name="../a b/\u00fc")
     shown = Session(other, vertices=300)
     with pytest.raises(ValueError, match="built from images"):
-        download(shown, ".organ")
-    assert download(shown, ".csv").name == "a_b.csv"
+        download(shown, ".organ", VERTICES)
+    assert download(shown, ".csv", VERTICES).name == "a_b.csv"
     for suffix in (".pvd", ".exe", "glb", ""):
         with pytest.raises(ValueError, match="a download must be one of"):
-            download(shown, suffix)
+            download(shown, suffix, VERTICES)
     assert set(SUFFIXES) == {".glb", ".stl", ".vtp", ".csv", ".html", ".organ"}
 
 
@@ -211,7 +221,7 @@ def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float)
     assert (reading.torn_at is not None) == (lift > 20.0)
 
     def file(suffix: str) -> bytes:
-        return run_download(run, phantom(), suffix).content
+        return run_download(run, phantom(), suffix, VERTICES).content
 
     assert b'"name":"run"' in file(".glb")
     assert b"A recorded run of" in file(".html")
@@ -231,5 +241,5 @@ def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float)
 
 def test_no_file_of_a_run_that_has_not_begun() -> None:
     with pytest.raises(ValueError, match="no run yet"):
-        run_download(None, phantom(), ".glb")
-    assert run_download(None, phantom(), ".organ").content == phantom().encoded
+        run_download(None, phantom(), ".glb", VERTICES)
+    assert run_download(None, phantom(), ".organ", VERTICES).content == phantom().encoded

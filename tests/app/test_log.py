@@ -19,7 +19,7 @@ def record(message: str, *, fault: bool = False) -> logging.LogRecord:
 
 
 def test_a_record_is_a_line_of_json_with_its_traceback() -> None:
-    line = log._Json().format(record("two\nlines", fault=True))
+    line = log._Json(4000).format(record("two\nlines", fault=True))
     assert "\n" not in line
     read = json.loads(line)
     assert set(read) == {"time", "level", "logger", "message"}
@@ -29,9 +29,9 @@ def test_a_record_is_a_line_of_json_with_its_traceback() -> None:
 
 
 def test_a_record_is_cut() -> None:
-    text = log._Bounded().format(record("x" * 10_000))
+    text = log._Bounded(4000).format(record("x" * 10_000))
     assert text == f"{'x' * 4000} ... and 10,000 in all"
-    assert len(json.loads(log._Json().format(record("x" * 10_000)))["message"]) < 4100
+    assert len(json.loads(log._Json(4000).format(record("x" * 10_000)))["message"]) < 4100
 
 
 def test_what_comes_too_fast_is_dropped_and_counted() -> None:
@@ -53,7 +53,7 @@ def test_the_log_goes_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
     before, level = root.handlers[:], root.level
     root.handlers = []
     try:
-        log.set_up_log("json")
+        log.set_up_log("json", 4000)
         logging.getLogger("some.part").warning("refused from %s", "10.0.0.1")
         logging.getLogger("some.part").info("nobody reads this")
     finally:

@@ -390,6 +390,17 @@ def test_labels_are_offered_and_a_point_takes_the_one_it_is_on(
     assert (small.mean_radius, large.mean_radius) == pytest.approx((3.1, 7.1), abs=0.15)
 
 
+def test_an_organ_longer_than_is_allowed_is_not_built() -> None:
+    content = zipped({f"{n}.png": encoded(image, ".png") for n, image in enumerate(scene())})
+    bench = OrganWorkbench(UploadBounds(organ_mm=4.0))
+    try:
+        bench.open_upload("scan.zip", content, pixel_mm=0.5, slice_mm=2.0)
+        with pytest.raises(ValueError, match=r"mm long and the most is 4 mm \(--organ-mm\)"):
+            bench.build()
+    finally:
+        bench.close()
+
+
 def test_a_point_and_a_region_are_those_of_compress(bench: OrganWorkbench, tmp_path: Path) -> None:
     content = zipped({f"{n}.png": encoded(image, ".png") for n, image in enumerate(scene())})
     bench.open_upload("scan.zip", content, pixel_mm=0.5, slice_mm=2.0)

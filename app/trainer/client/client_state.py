@@ -30,9 +30,13 @@ PATIENCE = 0.4
 """s of waiting after which the client is told what is being done."""
 
 
+EXPORT_VERTICES = 20_000
+"""Of a surface that is downloaded, about: edges of half a millimetre on the shipped duct."""
+
+
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Threads and a process that do the slow work of all clients."""
+    """Threads and a process that do the slow work of all clients, and how much they may make."""
 
     # finds in a moment what a client waits for: a result, or what typed numbers mean
     awaited: BackgroundWorker = field(default_factory=BackgroundWorker)
@@ -42,6 +46,7 @@ class Workers:
     builder: BackgroundWorker = field(default_factory=BackgroundWorker)
     # runs the builder's work, so that it can be cancelled
     build_process: BuildProcess = field(default_factory=BuildProcess)
+    export_vertices: int = EXPORT_VERTICES
 
     def stop(self) -> None:
         """End them."""

@@ -7,7 +7,7 @@ from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.recorded_run import RecordedRun
 from app.export.vtk_series import snapshot_contents
 from app.simulation.bed import DissectionFile, DissectionReplay
-from app.trainer.pages.downloads import VERTICES, Download, file_name, organ_content
+from app.trainer.pages.downloads import Download, file_name, organ_content
 from app.trainer.pages.html_player import page_edge_length, run_page
 from organ_geometry import Organ
 from organ_geometry.mesh import mesh_content
@@ -26,8 +26,9 @@ FEW = 300
 """Vertices of the skin where only its motion is asked for."""
 
 
-def run_download(run: DissectionFile | None, organ: Organ, suffix: str) -> Download:
-    """Return a run on an organ as a file. It can take seconds: not for the clock."""
+def run_download(run: DissectionFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
+    """Return a run on an organ as a file, its surface of about so many vertices."""
+    # It can take seconds: not for the clock.
     if suffix not in RUN_SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(RUN_SUFFIXES)}, got {suffix!r}")
     name = file_name(organ)
@@ -35,16 +36,16 @@ def run_download(run: DissectionFile | None, organ: Organ, suffix: str) -> Downl
         return Download(f"{name}{suffix}", organ_content(organ))
     if run is None or not run.log.ticks:
         raise ValueError("There is no run yet: take hold of the duct, and pull.")
-    return Download(f"{name}{suffix}", _content(run, organ, name, suffix))
+    return Download(f"{name}{suffix}", _content(run, organ, name, suffix, vertices))
 
 
-def _content(run: DissectionFile, organ: Organ, name: str, suffix: str) -> bytes:
+def _content(run: DissectionFile, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
     replay = DissectionReplay(run.log, organ, vertices=FEW)
     most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES}.get(suffix, 2)
     played = RecordedRun.of_dissection(replay, frames=min(most, run.log.ticks + 1))
     if suffix == ".html":
         return run_page(played, edge_length=page_edge_length(organ)).encode()
-    edge_length = page_edge_length(organ, VERTICES)
+    edge_length = page_edge_length(organ, vertices)
     if suffix == ".glb":
         return played.rigged(edge_length=edge_length)
     at_end = played.at_end(edge_length=edge_length)

@@ -10,7 +10,6 @@ from organ_geometry import Organ
 
 __all__ = [
     "SUFFIXES",
-    "VERTICES",
     "Download",
     "download",
     "export_on_screen",
@@ -27,8 +26,6 @@ SUFFIXES = {
     ".organ": "Organ file",
 }
 """Suffixes and what the panel calls the files."""
-VERTICES = 20_000
-"""Of a surface, about: edges of half a millimetre on the shipped duct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +36,7 @@ class Download:
     content: bytes
 
 
-def export_on_screen(session: Session) -> PullExport:
+def export_on_screen(session: Session, vertices: int) -> PullExport:
     """Return a session's duct: its theory, grasp, force and threshold, or its tear."""
     dissection, grasp, reading = session.duct.dissection, session.duct.grasp, session.reading()
     export = PullExport(
@@ -48,7 +45,7 @@ def export_on_screen(session: Session) -> PullExport:
         grasp,
         torn=reading.phase is not Phase.INTACT,
         threshold_MPa=session.duct.threshold,
-        edge_length=page_edge_length(dissection.organ, VERTICES),
+        edge_length=page_edge_length(dissection.organ, vertices),
         seed=session.seed,
     )
     if export.torn:
@@ -62,22 +59,23 @@ def export_on_screen(session: Session) -> PullExport:
     return replace(export, force=max(0.0, force))
 
 
-def download(session: Session, suffix: str) -> Download:
-    """Return what is on the screen as a file. It can take seconds: not for the clock."""
+def download(session: Session, suffix: str, vertices: int) -> Download:
+    """Return what is on the screen as a file, its surface of about so many vertices."""
+    # It can take seconds: not for the clock.
     # Static meshes are as the duct is now, in two if it is torn. What moves pulls the duct to where
     # it is now, or a duct at rest or torn to its break, where it tears. The curve goes to the
     # break. Where nothing breaks, the grasper's largest force is the end.
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
     name = file_name(session.duct.dissection.organ)
-    return Download(f"{name}{suffix}", _content(session, suffix))
+    return Download(f"{name}{suffix}", _content(session, suffix, vertices))
 
 
-def _content(session: Session, suffix: str) -> bytes:
+def _content(session: Session, suffix: str, vertices: int) -> bytes:
     organ = session.duct.dissection.organ
     if suffix == ".organ":
         return organ_content(organ)
-    export = export_on_screen(session)
+    export = export_on_screen(session, vertices)
     if suffix in (".stl", ".vtp"):
         return export.content(suffix)
     export = _moving(export, session.duct.force_limit, whole_curve=suffix == ".csv")

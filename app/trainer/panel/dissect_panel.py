@@ -99,7 +99,8 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
         state = self._state
         if state.in_exercise:
             raise ValueError("An exercise goes on until it is over. Stop it first.")
-        return run_download(state.run_at_hand(), state.session.duct.dissection.organ, suffix)
+        organ = state.session.duct.dissection.organ
+        return run_download(state.run_at_hand(), organ, suffix, state.workers.export_vertices)
 
     def show_result(self, run: DissectionFile) -> None:
         """Open the result page of a run."""

@@ -10,6 +10,7 @@ from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.dissect_plot import DissectPlot
 from app.trainer.scene.bed_scene import Colours
+from app.trainer.viser_bridge import pairs_html
 
 __all__ = ["HandsTab"]
 
@@ -40,6 +41,7 @@ class HandsTab:
 
     def __init__(self, gui: viser.GuiApi, state: DissectState) -> None:
         self._state = state
+        gui.add_html(pairs_html())
         self._hands = [
             Choice(gui, name, OFFERED, partial(state.choose_instrument, hand))
             for hand, name in enumerate(HANDS)
@@ -53,11 +55,6 @@ class HandsTab:
             initial_value=0.0,
             visible=False,
             hint="Between the dissector's jaws (O opens, C closes)",
-        )
-        self._depth = gui.add_checkbox(
-            "Into the picture",
-            initial_value=state.into_picture,
-            hint="For fingers: as with Shift or the right button, up is away from you",
         )
         self._colours = Choice(gui, "Colours", COLOURED, lambda value: state.show(colours=value))
         self._pause = gui.add_button(
@@ -76,6 +73,11 @@ class HandsTab:
             )
             for name in HANDS
         ]
+        self._depth = gui.add_checkbox(
+            "Into the picture",
+            initial_value=state.into_picture,
+            hint="For fingers: as with Shift or the right button, up is away from you",
+        )
         self.plot = DissectPlot(gui)
         on_input(self._jaws, lambda value: state.open_jaws(number(value)))
         on_input(self._depth, lambda value: state.show(into_picture=value is True))

@@ -45,7 +45,7 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
                 gui,
                 state,
                 SUFFIXES,
-                lambda suffix: download(state.shown, suffix),
+                lambda suffix: download(state.shown, suffix, state.workers.export_vertices),
                 "The duct as it is now, in a file",
             )
         anytime = {"H": lambda: state.show(heat=not state.heat), "V": state.bring_home}

@@ -9,17 +9,21 @@ from typing import Literal
 __all__ = ["LogFormat", "set_up_log"]
 
 LogFormat = Literal["text", "json"]
-LONGEST = 4000
-"""Characters of a record's text, its traceback included."""
 # Records at once and in the long run; how many more there were is said with the next.
 MOST_AT_ONCE, PER_SECOND = 100.0, 1.0
 
 
 class _Bounded(logging.Formatter):
+    def __init__(self, longest: int) -> None:
+        super().__init__("%(message)s")
+        self._longest = longest
+
     def format(self, record: logging.LogRecord) -> str:
         """Return the record's text with its traceback, cut to the longest."""
         text = super().format(record)
-        return text if len(text) <= LONGEST else f"{text[:LONGEST]} ... and {len(text):,} in all"
+        if len(text) <= self._longest:
+            return text
+        return f"{text[: self._longest]} ... and {len(text):,} in all"
 
 
 class _Json(_Bounded):
@@ -59,10 +63,10 @@ class _Rate(logging.Filter):
         return True
 
 
-def set_up_log(kind: LogFormat) -> None:
-    """Write the log of this process in one format, from warnings on."""
+def set_up_log(kind: LogFormat, longest: int) -> None:
+    """Write this process's log in one format, from warnings on, of so many characters a record."""
     handler = logging.StreamHandler()
-    handler.setFormatter(_Json() if kind == "json" else _Bounded("%(message)s"))
+    handler.setFormatter((_Json if kind == "json" else _Bounded)(longest))
     handler.addFilter(_Rate())
     logging.basicConfig(handlers=[handler], level=logging.WARNING, force=True)
     logging.captureWarnings(True)

@@ -25,7 +25,7 @@ from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session
 from app.trainer.classroom.lesson import Lesson, ToWatch
 from app.trainer.classroom.teacher_page import TeacherPage
-from app.trainer.client.client_state import MODES, Mode, Workers, explained
+from app.trainer.client.client_state import EXPORT_VERTICES, MODES, Mode, Workers, explained
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.practice import Practice
@@ -100,6 +100,8 @@ class Trainer:
         Limits of what clients may take; usual ones when None.
     build_process
         Builds organs, within limits of its own.
+    export_vertices
+        Of a surface that is downloaded, about.
     exercise_inputs
         Which inputs count in exercises; "any" allows sliders and keys, and each run says so.
     haptics
@@ -139,6 +141,7 @@ class Trainer:
         look: LookChoice = "full",
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
+        export_vertices: int = EXPORT_VERTICES,
         exercise_inputs: ExerciseInputs = "hand",
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
         metrics: bool = False,
@@ -172,7 +175,9 @@ class Trainer:
         self._making = threading.Lock()
         self._left = threading.Event()  # a page has left since memory was given back
         self._kept = Sessions(lambda: Practice(organ, preset), most=bounds.most_clients)
-        self._workers = Workers(build_process=build_process or BuildProcess())
+        self._workers = Workers(
+            build_process=build_process or BuildProcess(), export_vertices=export_vertices
+        )
         self._stopping = threading.Event()
         self._ticked = time.monotonic()
         self.timer, self._budget = FixedRateTimer(TICK_SECONDS), FrameBudget()

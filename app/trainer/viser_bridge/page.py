@@ -20,6 +20,7 @@ __all__ = [
     "letter_keys_on",
     "offer_home",
     "open_tab",
+    "pairs_html",
     "prepare_page",
     "run_in_page",
     "set_arrow_step",
@@ -33,7 +34,7 @@ __all__ = [
 ANSWER_SECONDS = 4.0
 # s that a page may take for its first answer; its reader waits in a thread of its own.
 OPENING_SECONDS = 15.0
-_CLOSER = "bd-closer"  # as in page.css
+_CLOSER, _PAIRS = "bd-closer", "bd-pairs"  # as in page.css
 _LETTER_KEYS = "letter-keys"
 
 
@@ -129,6 +130,11 @@ def set_letter_keys(client: viser.ClientHandle, on: bool) -> None:
 def closer_html() -> str:
     """Return the HTML mark that makes a dialog's next button its closing button."""
     return f"<div class='{_CLOSER}'></div>"
+
+
+def pairs_html() -> str:
+    """Return the HTML mark after which buttons and checkboxes of a tab stand two in a row."""
+    return f"<div class='{_PAIRS}'></div>"
 
 
 def watch_pace(
