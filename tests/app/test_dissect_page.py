@@ -165,6 +165,16 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         page.mouse.up()
         tab.wait_until(lambda: session.reading().held == (False, True))
         np.testing.assert_array_equal(session.duct.hands[1].place, left)
+        # Two buttons stand in a row, with all their words, and leave room for the plot.
+        let_go = page.get_by_role("button", name="Right hand: let go")
+        words = let_go.locator(".mantine-Button-label")
+        assert words.evaluate("label => label.scrollWidth <= label.clientWidth")
+        boxes = [
+            page.get_by_role("button", name=each).bounding_box() for each in ("Pause", "Reset")
+        ]
+        assert boxes[0]["y"] == boxes[1]["y"]
+        plot = page.locator(".uplot").bounding_box()
+        assert plot["y"] + 0.5 * plot["height"] < 800.0
         tab.press("Right hand: let go")
         tab.wait_until(lambda: session.reading().held == (False, False))
 

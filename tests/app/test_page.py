@@ -33,6 +33,7 @@ from app.simulation import (
 from app.simulation.scripted_hand import HASTY
 from app.trainer.client.pull_state import HAND_ONLY
 from app.trainer.connections.bounds import Bounds
+from app.trainer.client.client_state import EXPORT_VERTICES
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server.trainer import Trainer
@@ -293,7 +294,8 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
 
         # What is on the screen, by the code that the command line exports with.
         tab.choose("Export as", SUFFIXES[".stl"])
-        assert downloaded(tab, "Download file") == download(session, ".stl").content
+        shown = download(session, ".stl", EXPORT_VERTICES).content
+        assert downloaded(tab, "Download file") == shown
 
 
 def test_exercise_is_done_judged_and_downloaded_and_replayed(

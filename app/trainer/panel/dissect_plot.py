@@ -69,7 +69,7 @@ class DissectPlot:
                 ),
             ),
             legend=uplot.Legend(show=False),
-            aspect=2.2,
+            aspect=2.8,
         )
         marks = [*hands, distance]
         self._keys = key_html(marks), key_html([*marks, limit])
