@@ -31,9 +31,9 @@ from app.simulation import (
     series_csv,
 )
 from app.simulation.scripted_hand import HASTY
+from app.trainer.client.client_state import EXPORT_VERTICES
 from app.trainer.client.pull_state import HAND_ONLY
 from app.trainer.connections.bounds import Bounds
-from app.trainer.client.client_state import EXPORT_VERTICES
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.pull_plot import ansys_points
 from app.trainer.server.trainer import Trainer
