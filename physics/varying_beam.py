@@ -40,6 +40,7 @@ class VaryingBeam(Beam):
     # stands for this one where one section must do; None: the one of least second moment over fibre
     # distance
     weakest: Beam | None = None
+    _mean_section: tuple[float, float] = field(init=False, repr=False)
 
     def __eq__(self, other: object) -> bool:
         """Return whether it is this very beam: one section does not say it."""
@@ -81,6 +82,8 @@ class VaryingBeam(Beam):
             check(float(row.max()), f"every one of {name}", unit)
             object.__setattr__(self, name, row)
         object.__setattr__(self, "span", float(stations[-1]))
+        means = (float(np.trapezoid(row, stations)) for row in (self.areas, self.second_moments))
+        object.__setattr__(self, "_mean_section", tuple(mean / self.span for mean in means))
         one = self.weakest
         if one is not None and (one.span, one.modulus) != (self.span, self.modulus):
             raise ValueError(
@@ -137,10 +140,7 @@ class VaryingBeam(Beam):
     @property
     def mean_section(self) -> tuple[float, float]:
         """Mean area, mm^2, and mean second moment, mm^4."""
-        return (
-            float(np.trapezoid(self.areas, self.stations)) / self.span,
-            float(np.trapezoid(self.second_moments, self.stations)) / self.span,
-        )
+        return self._mean_section
 
     def sections_at(self, at: Stations, *, shear_areas: bool = True) -> Sections:
         """Return the sections at stations, linear between those that are given."""

@@ -227,14 +227,15 @@ def _organ_ducts(
         raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
     wall = block.number("wall_mm", preset.beam.wall_mm)
     span = block.number("span_mm", None)
-    # A beam of each wall and span; nan, which is none given, sorts as one value.
-    alike, which = np.unique(np.stack([wall, span]), axis=1, return_inverse=True, equal_nan=True)
+    # A beam of each wall and span; along an axis no two nan, which is none given, are alike.
+    given = np.nan_to_num(np.stack([wall, span]), nan=-1.0)
+    alike, which = np.unique(given, axis=1, return_inverse=True)
     which = which.ravel()
     shapes: list[Beam] = []
     said: dict[int, str] = {}
     for k, (w, s) in enumerate(alike.T.tolist()):
         try:
-            beam = _organ_beam(organ, preset, _number(w), _number(s))
+            beam = _organ_beam(organ, preset, None if w < 0.0 else w, None if s < 0.0 else s)
             assert beam.weakest is not None  # noqa: S101 (an organ's has one)
             shapes.append(beam if isinstance(theory, Exact) else beam.weakest)
         except ValueError as error:
@@ -251,10 +252,6 @@ def _organ_ducts(
     names = ("span", "area", "second_moment", "fibre_distance")
     sizes = [np.array([getattr(beam, name) for beam in shapes])[which] for name in names]
     return Ducts(*sizes, *rows), said
-
-
-def _number(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
 
 
 @lru_cache(maxsize=4096)

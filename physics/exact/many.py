@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from physics.exact import newton, sampling
 from physics.exact.linear_law import Linear
-from physics.exact.mesh import LAYER
+from physics.exact.mesh import LAYER, steepness
 from physics.exact.neo_hooke_law import NeoHooke, fibre_pull, shrinkage
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
@@ -72,21 +72,11 @@ def _graded(
 ) -> None:
     """Write the bounds of a part, graded as `mesh` says."""
     length = end - start
-    slope = min(LAYER * gyration / length, 1.0)
-    steepness = 0.0
-    if slope < 1.0:
-        low, high = 0.0, 6.0
-        for _ in range(60):
-            steepness = 0.5 * (low + high)
-            if 2.0 * steepness / math.sinh(2.0 * steepness) > slope:
-                low = steepness
-            else:
-                high = steepness
-        steepness = low
-    over = 0.0 if steepness == 0.0 else 1.0 / math.tanh(steepness)
+    b = steepness(min(LAYER * gyration / length, 1.0))
+    over = 0.0 if b == 0.0 else 1.0 / math.tanh(b)
     for k in range(count + 1):
         even = 2.0 * k / count - 1.0
-        place = math.tanh(steepness * even) * over if steepness > 0.0 else even
+        place = math.tanh(b * even) * over if b > 0.0 else even
         bounds[first + k] = start + 0.5 * length * (1.0 + place)
     bounds[first], bounds[first + count] = start, end
 

@@ -6,9 +6,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from kernel_cache import njit
 from physics.beam import Beam
+from physics.exact.state import KERNEL
 
-__all__ = ["element_bounds"]
+__all__ = ["LAYER", "element_bounds", "steepness"]
 
 LAYER = 3.0
 """End spacing of the mesh in radii of gyration, times the number of elements of a part.
@@ -57,20 +59,23 @@ def _graded(count: int, length: float, gyration: float) -> NDArray[np.float64]:
     # Graded by tanh, a smooth map of an even mesh, so that the order of the error stays.
     even = np.linspace(-1.0, 1.0, count + 1)
     end_slope = min(LAYER * gyration / length, 1.0)
-    steepness = _steepness(end_slope)
-    graded = np.tanh(steepness * even) / math.tanh(steepness) if steepness > 0.0 else even
+    b = steepness(end_slope)
+    graded = np.tanh(b * even) / math.tanh(b) if b > 0.0 else even
     bounds = 0.5 * length * (1.0 + graded)
     bounds[0], bounds[-1] = 0.0, length
     return bounds
 
 
-def _steepness(end_slope: float) -> float:
+@njit(**KERNEL)
+def steepness(end_slope: float) -> float:
     """Return the b for which tanh(b u)/tanh(b) has that slope at its ends, at most 1."""
     low, high = 0.0, 6.0
     if end_slope >= 1.0:
         return 0.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        slope = 2.0 * middle / math.sinh(2.0 * middle) if middle > 0.0 else 1.0
-        low, high = (middle, high) if slope > end_slope else (low, middle)
+        if 2.0 * middle / math.sinh(2.0 * middle) > end_slope:
+            low = middle
+        else:
+            high = middle
     return low

@@ -21,7 +21,7 @@ from app.study.plan import read_plan
 from app.study.report import tear_curve
 from app.study.sampling import drawn_columns, draws
 from app.study.sensitivity import sobol_indices
-from physics import Cubic, break_of
+from physics import Beam, Cubic, Exact, ExactPull, break_of
 
 PLAN = """\
 samples = {samples}
@@ -302,6 +302,28 @@ def test_beds_and_organs_are_varied_too(tmp_path: Path) -> None:
     assert 0.0 < weak < strong
     assert table["fault"] == [None, None]
     assert run("study", "report", tmp_path / "bed").returncode == 0
+
+
+def test_an_organ_is_set_up_once_for_all_that_are_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from assets import BILE_DUCT
+
+    (tmp_path / "plan.toml").write_text(
+        f'samples = 6\n[duct]\norgan = "{BILE_DUCT}"\n'
+        '[inputs.modulus_MPa]\ndistribution = "uniform"\nlow = 0.2\nhigh = 0.4\n'
+        "[inputs.grasp_share]\ngrid = [0.4, 0.7]\n"
+    )
+    grasps: list[float] = []
+    pull = Exact.pull
+
+    def counted(self: Exact, beam: Beam, grasp: float) -> ExactPull:
+        grasps.append(grasp / beam.span)
+        return pull(self, beam, grasp)
+
+    monkeypatch.setattr(Exact, "pull", counted)
+    assert run_study(read_plan(tmp_path / "plan.toml"), tmp_path / "results").faults == 0
+    assert sorted(grasps) == pytest.approx([0.4, 0.7])
 
 
 @pytest.mark.parametrize(
