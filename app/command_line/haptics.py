@@ -201,13 +201,14 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         bed=None if run.bed is None else bed_named(run.bed),
         bed_seed=run.bed_seed,
     )
-    loop, again = played_again(run, choice)
+    loop, again, closes_to = played_again(run, choice)
     same = again.forces_sha256 == run.forces_sha256
     facts = {
         "periods": run.periods,
         "seconds": run.periods / run.rate,
         "torn": loop.model.torn,
         "work_of_hands_mJ": float(loop.regulator.books[0]),
+        "work_closes_to": closes_to,
         "as_recorded": same,
         "bytes": len(content),
     }

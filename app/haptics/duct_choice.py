@@ -6,6 +6,7 @@ from app.haptics.device import DeviceLimits
 from app.haptics.device_run import DeviceRun, Recorder
 from app.haptics.felt_bed import FeltBed
 from app.haptics.felt_duct import FeltDuct, FeltModel
+from app.haptics.regulator import WORK
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.simulation import Dissection, OrganIdentity, Preset, RoundBeam, TheoryChoice
 from app.simulation.bed import BED_THEORY, ELEMENTS, BedPreset, beam_in_space
@@ -69,8 +70,9 @@ class DuctChoice:
         threshold = preset.threshold(solved, beam)
         return cls(preset, beam, organ, solved, grasps, threshold, bed, bed_seed)
 
-    def felt(self, coupling: float, period: float = 1e-3) -> FeltModel:
+    def felt(self, coupling: float, period: float = 1e-3, *, retrace: bool = False) -> FeltModel:
         """Return the duct at rest behind a coupling, N/mm, for a servo's period, s."""
+        # With `retrace` its energy in a bed closes better, and a step takes longer (`BeamOnBed`).
         if self.bed is None:
             return FeltDuct(
                 self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
@@ -82,7 +84,9 @@ class DuctChoice:
             beam = beam_in_space(dissection, elements=ELEMENTS, nodes_at=self.grasps)
         layer = self.bed.bed(beam, seed=self.bed_seed)
         return FeltBed(
-            BeamOnBed(beam, layer.strands_under(beam), floor=layer.floor_under(beam)),
+            BeamOnBed(
+                beam, layer.strands_under(beam), floor=layer.floor_under(beam), retrace=retrace
+            ),
             self.grasps,
             threshold=self.threshold,
             coupling=coupling,
@@ -122,11 +126,13 @@ class DuctChoice:
         )
 
 
-def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorder]:
-    """Compute a recorded run again, period by period."""
+def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorder, float]:
+    """Compute a recorded run again, period by period; to what part of its peak its work closes."""
+    # There is time for `retrace` now; what moves is the same.
     places, bits = run.unpacked()
     hands = places.shape[1]
-    model = choice.felt(run.coupling_N_per_mm, run.settings.period)
+    model = choice.felt(run.coupling_N_per_mm, run.settings.period, retrace=True)
+    open_work = peak = 0.0
     loop = ServoLoop(model, run.settings, run.limits, hands)
     recorder = Recorder(hands)
     if run.assist_mm:
@@ -134,4 +140,6 @@ def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorde
     for units, inputs in zip(places, bits.tolist(), strict=True):
         loop.step(units, inputs)
         recorder.keep(units, inputs, loop.given)
-    return loop, recorder
+        open_work = max(open_work, abs(loop.open_work))
+        peak = max(peak, abs(float(loop.regulator.books[WORK])))
+    return loop, recorder, open_work / peak if peak else 0.0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice
 from app.haptics.device_run import Recorder
 from app.haptics.felt_duct import FeltDuct
-from app.haptics.regulator import ALLOWED, BRAKED, LEAST, MODELLED, SAMPLED, WITHHELD, WORK
+from app.haptics.regulator import ALLOWED, BRAKED, LEAST, SAMPLED, WITHHELD, WORK
 from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, ServoLoop
 from app.haptics.servo_report import Energies, ForceCheck, ServoReport, TimeHistogram
 
@@ -198,14 +198,11 @@ class Servo:
         """Return the report of the run."""
         loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
         scale = loop.settings.scale
-        assist, held = loop.assist_work / scale, (model.stored + model.spent) / scale
-        released = model.released / scale
-        residual = float(books[MODELLED]) - (held + released - assist)
         energy = Energies(
-            float(books[WORK]), model.stored / scale, model.spent / scale, released,
+            float(books[WORK]), model.stored / scale, model.spent / scale, model.released / scale,
             float(books[SAMPLED]),
-            float(books[BRAKED]), float(books[WITHHELD]), assist,
-            abs(residual) / self._peak if self._peak else 0.0, float(books[LEAST]),
+            float(books[BRAKED]), float(books[WITHHELD]), loop.assist_work / scale,
+            abs(loop.open_work) / self._peak if self._peak else 0.0, float(books[LEAST]),
             float(books[ALLOWED]),
         )  # fmt: skip
         periods, seconds = self._periods, max(self._seconds, 1e-9)

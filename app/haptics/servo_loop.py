@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
 from app.haptics.felt_duct import UP, FeltModel
-from app.haptics.regulator import Regulator, regulate
+from app.haptics.regulator import MODELLED, Regulator, regulate
 from kernel_cache import njit
 
 __all__ = ["CLUTCH", "FRESH", "LIVE", "PLACE_UNIT", "TAKE", "LoopSettings", "ServoLoop"]
@@ -280,6 +280,13 @@ class ServoLoop:
     def assist_work(self) -> float:
         """Work of hooks without a device, N mm."""
         return float(self._works[1])
+
+    @property
+    def open_work(self) -> float:
+        """Work of the hands on the model that it has not stored, spent or released, N mm."""
+        model = self.model
+        held = model.stored + model.spent + model.released - self.assist_work
+        return float(self.regulator.books[MODELLED]) - held / self.settings.scale
 
     def assist(self, hook: int, height: float) -> None:
         """Set the target of a hook without a device: mm along the pull; 0 lets go."""

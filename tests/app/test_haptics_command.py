@@ -47,6 +47,7 @@ def test_a_virtual_run_reports_records_and_is_made_again(tmp_path: Path) -> None
     assert made["stale_periods"] == 0
     again = json.loads(run_process("haptics", "--replay", str(record), "--json").stdout)
     assert again["as_recorded"] is True
+    assert 0.0 < again["work_closes_to"] < 1e-6
     assert again["periods"] == made["periods"]
     assert again["bytes"] == record.stat().st_size
 

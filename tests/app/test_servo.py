@@ -64,11 +64,12 @@ class Felt:
 
 
 def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
-         seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0,
+         seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0, retrace: bool = False,
          stalled: Callable[[int], bool] = lambda _: False) -> Felt:  # fmt: skip
     how = LoopSettings(rate, scale)
     device = VirtualDevice(DeviceOptions("", how.period, script))
-    loop = ServoLoop((chosen or choice()).felt(coupling, how.period), how, device.limits)
+    duct = (chosen or choice()).felt(coupling, how.period, retrace=retrace)
+    loop = ServoLoop(duct, how, device.limits)
     model, state, rows = loop.model, DeviceState(), round(seconds * rate)
     hooks, forces, left = np.zeros(rows), np.zeros(rows), np.zeros(rows)
     given, books = np.zeros((rows, 3)), np.zeros((rows, 8))
@@ -154,8 +155,12 @@ def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
     script: HandScript, bed: str
 ) -> None:
     """To what the trapezoidal rule of the bed's own books leaves open; without `released` 1e-2."""
-    run = felt(script, in_bed(bed), seconds=script.path[-1].time_s + 0.1)
+    seconds = script.path[-1].time_s + 0.1
+    run = felt(script, in_bed(bed), seconds=seconds)
     assert unexplained(run) < 3e-4  # 6e-5 at worst in 250, 2e-7 in the median
+    again = felt(script, in_bed(bed), seconds=seconds, retrace=True)
+    assert np.array_equal(again.given, run.given)
+    assert unexplained(again) < 1e-5
     model = run.loop.model
     assert isinstance(model, FeltBed)
     if not model.torn:
@@ -467,7 +472,9 @@ def test_a_run_in_a_bed_is_made_again_to_the_bit() -> None:
     )  # fmt: skip
     again = read_device_run(msgspec.json.encode(run))
     assert (again.bed, again.bed_seed) == ("loose", 1)
-    assert played_again(again, chosen)[1].forces_sha256 == run.forces_sha256
+    _, recorder, closes_to = played_again(again, chosen)
+    assert recorder.forces_sha256 == run.forces_sha256
+    assert 0.0 < closes_to < 1e-6
     assert played_again(again, in_bed("normal", 34.0))[1].forces_sha256 != run.forces_sha256
 
 
@@ -487,13 +494,13 @@ def test_a_run_is_a_small_file_and_is_made_again_to_the_bit(tmp_path: Path) -> N
     content = msgspec.json.encode(run)
     assert len(content) < 6 * run.periods
     again = read_device_run(content)
-    loop, recorder = played_again(again, chosen)
+    loop, recorder, closes_to = played_again(again, chosen)
     assert recorder.forces_sha256 == run.forces_sha256 == report.forces_sha256
     assert float(loop.regulator.books[WORK]) == report.energy_mJ.work_of_hands
     check = report.force_check
     assert check is not None
     assert check.largest_error < 1e-6
-    assert report.energy_mJ.residual_of_peak < 1e-6
+    assert report.energy_mJ.residual_of_peak <= closes_to < 1e-6
     other = DuctChoice.of(DUCT, None, Exact(), 24.0)
     assert played_again(again, other)[1].forces_sha256 != run.forces_sha256
     for wrong, says in (
