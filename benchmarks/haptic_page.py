@@ -49,12 +49,19 @@ HAND = "repeats = true\n[hand]\nstiffness_N_per_m = 700\ndamping_N_s_per_m = 8\n
 LIMITS = {"step, 99.9 %, us": 60.0, "over 1.5 ms, %": 0.5, "state to force, 99 %, us": 1500.0}
 
 
-def hand() -> str:
-    """Return the TOML of a hand that lifts the duct at one place after the other."""
+TAKES = (0.05, 0.0, "[]"), (0.15, 0.0, '["a"]'), (0.5, LIFT, '["a"]'), (0.85, 0.0, '["a"]')
+LIFTS: dict[Where, tuple[tuple[float, float, str], ...]] = {
+    "pull": ((0.05, 0.0, "[]"), (0.5, LIFT, "[]"), (1.0, 0.0, "[]")),
+    "dissect": (*TAKES, (0.95, 0.0, "[]")),
+}
+"""Parts of a cycle, heights, mm, and buttons."""
+
+
+def hand(where: Where) -> str:
+    """Return the TOML of a hand that lifts the duct, in its bed at one place after the other."""
     text, time_s = HAND, 0.0
     for aside in ASIDE:
-        for part, up, button in ((0.05, 0.0, "[]"), (0.15, 0.0, '["a"]'), (0.5, LIFT, '["a"]'),
-                                 (0.85, 0.0, '["a"]'), (0.95, 0.0, "[]")):  # fmt: skip
+        for part, up, button in LIFTS[where]:
             text += (f"[[path]]\ntime_s = {time_s + part * CYCLE}\n"
                      f"offset_mm = [{aside}, 0, {up}]\nbuttons = {button}\n")  # fmt: skip
         time_s += CYCLE
@@ -205,8 +212,8 @@ def figures_beside_page(seconds: float) -> Iterator[tuple[str, dict[str, Any]]]:
 
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / "hand.toml"
-        script.write_text(hand())
         for where in ("pull", "dissect"):
+            script.write_text(hand(where))
             yield f"{where}, bare loop", beside_page(where, seconds, None, bare)
             with virtual_service(script) as address:
                 yield f"{where}, servo", beside_page(where, seconds, address, lambda: None)
