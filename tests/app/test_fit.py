@@ -56,7 +56,8 @@ def test_regions_of_the_modulus_hold_it_19_times_in_20(theory: Theory) -> None:
 
 @pytest.mark.parametrize(
     # 9.5 +- 0.7 and 38 +- 1.4: the least are 3.6 sd below.
-    ("tries", "least"), [(10, 7), pytest.param(40, 33, marks=pytest.mark.long)]
+    ("tries", "least"),
+    [(10, 7), pytest.param(40, 33, marks=pytest.mark.long)],
 )
 def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
     tries: int, least: int
