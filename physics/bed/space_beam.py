@@ -31,6 +31,10 @@ Floats = NDArray[np.float64]
 STIFFNESSES = ("axial", "shear across", "shear up", "torsion", "bending up", "bending across")
 """Columns of `SpaceBeam.stiffness`: bending up is in the plane of the axis and up."""
 
+# A hook that is nearer to an end than this part of an element holds the end: in an element so short
+# the rounding of places would be a force.
+NEAR_END = 2e-3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpaceBeam:
@@ -383,7 +387,7 @@ def _node_stations(
         if any(abs(s - other) <= 1e-6 * span for other in seen):
             raise ValueError(f"two hooks are on top of one another at {s:g} mm")
         seen.append(s)
-        if min(s, span - s) > 1e-9 * span:
+        if min(s, span - s) > NEAR_END * span / elements:
             anchors.append(s)
     anchors.sort()
     lengths = np.diff(anchors)

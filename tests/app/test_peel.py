@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 from pathlib import Path
 
@@ -164,6 +165,27 @@ def test_strands_of_a_two_sided_preset_push_as_they_pull(tmp_path: Path) -> None
     force = up["steps"][-1]["force_N"][2]
     assert force > 1e-5
     assert down["steps"][-1]["force_N"][2] == pytest.approx(-force, rel=1e-3)
+
+
+@pytest.mark.parametrize("at", [47.1238, 47.1239, 47.13])
+def test_the_end_of_an_arc_is_held_by_its_length_to_some_digits(tmp_path: Path, at: float) -> None:
+    """A quarter circle pressed out of its plane: P R^3 (pi / 4 EI + (3 pi - 8) / 4 GJ)."""
+    angles = np.linspace(0.0, 0.5 * math.pi, 9)
+    points = [[30.0 * math.sin(a), 30.0 * (1.0 - math.cos(a)), 0.0] for a in angles.tolist()]
+    beam = f"""
+        [beam]
+        axis_mm = {points}
+        elements = 120
+        ends = ["clamped", "free"]
+        axial_stiffness_N = 1e5
+        shear_stiffness_N = 1e7
+        bending_stiffness_Nmm2 = 80.0
+        torsion_stiffness_Nmm2 = 30.0
+        """
+    push = f"[[hand]]\nat_mm = {at}\npath_N = [[0.0, 0.0, 1e-5]]\nsteps = 1\n"
+    (step,) = peeled(scene(tmp_path, beam, push))["steps"]
+    expected = 1e-5 * 30.0**3 * (math.pi / 320.0 + (3.0 * math.pi - 8.0) / 120.0)
+    assert step["hand_mm"][2] == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize(

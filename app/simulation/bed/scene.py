@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ from app.bounded_file import decoded, read_bounded
 from app.simulation.bed.preset import bed_named
 from physics import Beam
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
+from physics.bed.space_beam import axis_line
 from physics.quantity import finite, positive
 
 __all__ = ["PeelScene", "read_scene"]
@@ -20,9 +22,12 @@ Numbers = Number | list[Number]
 Point = tuple[Number, Number, Number]
 Steps = int | list[int]
 Span = tuple[Number, Number]
+TableT = TypeVar("TableT", bound=msgspec.Struct)
 
 MOST_BYTES = 20_000_000
 """Size of a scene file: some 100,000 strands, each in a table of its own."""
+# Part of a curved axis's length.
+JUST_BEYOND = 1e-3
 DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
@@ -52,6 +57,12 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     break_stress_MPa: Number | None = None  # noqa: N815
     radius_mm: Numbers | None = None
     plane: bool = False
+
+    def axis_length(self) -> float | None:
+        """Return the length of a curved axis, mm."""
+        if self.axis_mm is None:
+            return None
+        return float(axis_line(np.array(self.axis_mm, dtype=np.float64))[0][-1])
 
     def made(self, nodes_at: list[float]) -> SpaceBeam:
         """Return the beam, with nodes where hooks take hold."""
@@ -336,14 +347,17 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def played(self) -> tuple[History, SpaceBeam]:
         """Move the hands along their paths."""
-        hands = [each.made() for each in self.hand]
-        if not hands and not self.rod:
+        if not self.hand and not self.rod:
             raise ValueError("a scene needs a [[hand]] or a [[rod]]")
+        span = self.beam.axis_length()
+        hands = [_on_axis(each, "at_mm", span).made() for each in self.hand]
         beam = self.beam.made([hand.at for hand in hands])
         tables = self.bed if isinstance(self.bed, list) else [] if self.bed is None else [self.bed]
-        beds = [table.made(beam) for table in tables]
+        beds = [_on_axis(table, "to_mm", span).made(beam) for table in tables]
         strands = [bed.strands_under(beam) for bed in beds]
-        strands += [each.made(beam, i + 1) for i, each in enumerate(self.strand)]
+        strands += [
+            _on_axis(each, "at_mm", span).made(beam, i + 1) for i, each in enumerate(self.strand)
+        ]
         history = pull(
             beam,
             Strands.joined(strands),
@@ -364,6 +378,15 @@ def read_scene(path: Path) -> PeelScene:
 def with_own(bed: Bed, own: dict[str, float]) -> Bed:
     """Return a bed with some of its numbers replaced."""
     return replace(bed, **own)  # pyright: ignore[reportArgumentType]
+
+
+def _on_axis(table: TableT, field: str, length: float | None) -> TableT:
+    """Return a table whose place is the end of a curved axis where it is just beyond it."""
+    # Who writes an arc's length knows it without its spline's last digits.
+    place = getattr(table, field)
+    if length is None or place is None or not length < place <= length * (1.0 + JUST_BEYOND):
+        return table
+    return msgspec.structs.replace(table, **{field: length})
 
 
 def _radians(degrees: Number | None) -> float | None:
