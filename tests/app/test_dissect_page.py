@@ -169,12 +169,10 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         let_go = page.get_by_role("button", name="Right hand: let go")
         words = let_go.locator(".mantine-Button-label")
         assert words.evaluate("label => label.scrollWidth <= label.clientWidth")
-        boxes = [
-            page.get_by_role("button", name=each).bounding_box() for each in ("Pause", "Reset")
-        ]
-        assert boxes[0]["y"] == boxes[1]["y"]
-        plot = page.locator(".uplot").bounding_box()
-        assert plot["y"] + 0.5 * plot["height"] < 800.0
+        middle = "each => (box => box.top + 0.5 * box.height)(each.getBoundingClientRect())"
+        pause, reset = (page.get_by_role("button", name=each) for each in ("Pause", "Reset"))
+        assert pause.evaluate(middle) == reset.evaluate(middle)
+        assert page.locator(".uplot").evaluate(middle) < 800.0
         tab.press("Right hand: let go")
         tab.wait_until(lambda: session.reading().held == (False, False))
 
