@@ -280,7 +280,7 @@ def test_who_says_nothing_is_closed_and_who_speaks_is_not() -> None:
             with plain:
                 assert plain.recv(1) == b""
             assert speaking.ping().wait(LONGEST)
-            assert len(connections) == 1
+            until(lambda: len(connections) == 1)
         until(lambda: len(connections) == 0)
 
 

@@ -29,7 +29,7 @@ from app.trainer.stage.strands import differ, write_strands
 from app.trainer.stage.wall_texture import mean_color, wall_texture
 from app.trainer.viser_bridge import read_icons
 from organ_geometry import Organ
-from physics import Cubic
+from physics import Cubic, break_of
 
 __all__ = ["ICONS", "WarmUp", "warm_bed", "warm_session"]
 
@@ -166,6 +166,7 @@ class WarmUp:
                     return
                 theory.pull(beam, grasp).to_force(1.0).sample(np.array([grasp]))
                 theory.pull(beam, grasp).to_deflection(1.0).sample(np.array([grasp]))
+                break_of(theory.pull(beam, grasp), 1.0)
         self.done.set()
 
 
