@@ -88,7 +88,7 @@ def _open(
     from app.simulation import chosen_preset
     from app.trainer.connections.guard import is_loopback
 
-    tissue = organ_from(organ, within.organ_mm)
+    tissue = organ_from(organ, within.builds.bounds.organ_mm)
     material = None if preset is None else chosen_preset(preset)
     chosen_look = cast("LookChoice", look)
 

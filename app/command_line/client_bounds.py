@@ -16,18 +16,17 @@ MIB = 2**20
 LONGEST_MM = 10_000
 """As organ files have it at most."""
 LEAST = {
-    "silent_seconds": 1, "message_kib": 600, "upload_mib": 1, "export_vertices": 300,
-    "log_length": 200,
+    "silent_seconds": 1, "message_kib": 600, "upload_mib": 1, "build_pixels": 1,
+    "export_vertices": 300, "log_length": 200,
 }  # fmt: skip
 """What the trainer's own page needs: it sends files in parts of 512 KiB."""
 
 
 class ClientBounds(NamedTuple):
-    """Limits of what is sent, built, opened, downloaded and logged."""
+    """Limits of what is sent, built (an organ's length among them), downloaded and logged."""
 
     connections: "Bounds"
     builds: "BuildProcess"
-    organ_mm: float
     export_vertices: int
     log_length: int
 
@@ -80,8 +79,6 @@ def client_bounds(
         most_clients, most_per_address, most_per_browser, messages_per_second, silent_seconds,
         message_kib * 1024, upload_mib * MIB, all_upload_mib * MIB,
     )  # fmt: skip
-    if build_pixels < 1:
-        raise ValueError("--build-pixels must be at least 1")
     sent = UploadBounds(
         file_bytes=upload_mib * MIB,
         image_pixels=build_pixels * 10**6 // 24,
@@ -89,7 +86,7 @@ def client_bounds(
         organ_mm=organ_mm,
     )
     builds = BuildProcess(build_seconds, build_memory, sent)
-    return ClientBounds(connections, builds, organ_mm, export_vertices, log_length)
+    return ClientBounds(connections, builds, export_vertices, log_length)
 
 
 def options_of(

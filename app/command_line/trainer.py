@@ -147,7 +147,7 @@ def trainer(
     within = client_bounds(**bounds)
     from app.simulation import chosen_preset
 
-    tissue = organ_from(organ, within.organ_mm)
+    tissue = organ_from(organ, within.builds.bounds.organ_mm)
     material = None if preset is None else chosen_preset(preset)
     devices = [(haptics, haptics_address)]
     if second_haptics is not None:
