@@ -365,10 +365,12 @@ class BeamOnBed:
         """(3,) force of the hand on a rod, N."""
         return self.state.pull[rod].copy()
 
-    def touched_by(self, rod: int) -> NDArray[np.bool_]:
+    def touched_by(self, rod: int, *, unmet: bool = False) -> NDArray[np.bool_]:
         """(S,) whether each strand touches a rod, or did so when it parted."""
+        # `unmet`: also those that it has not met, or that have slipped off.
         out = np.empty(self.strands.count, dtype=np.bool_)
-        out[self._order] = self.state.side[rod] != 0
+        side = self.state.side[rod]
+        out[self._order] = side != 0 if unmet else np.abs(side) == 1
         return out
 
     def part_between(self, from_mm: float, to_mm: float) -> None:

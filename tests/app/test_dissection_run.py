@@ -6,6 +6,7 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -291,3 +292,38 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
     assert found == original
     assert original.measures.tear is not None
     assert original.measures.strands_parted_by_instrument > 0
+    # It was made when strands that an instrument had not met were put down to it as well.
+    assert original.measures.strands_parted_by_hand == (146, 236)
+    start = msgspec.structs.replace(original.log.start, by_touch=True)
+    log = msgspec.structs.replace(original.log, start=start)
+    again = DissectionReplay(log, phantom(), vertices=300).run_file().measures
+    assert again.strands_parted_by_hand[1] == again.strands_parted_by_instrument == 51
+    by_hand = original.measures.strands_parted_by_hand
+    assert msgspec.structs.replace(again, strands_parted_by_hand=by_hand) == original.measures
+
+
+def test_an_idle_instrument_parts_no_strand() -> None:
+    session = BedSession(phantom(), bed_seed=3, vertices=300)
+    session.choose_instrument(1, "dissector")
+    start = session.grab(0, 25.4)
+    assert start is not None
+    for tick in range(30):
+        session.move_hand(0, start + np.array([0.0, 0.0, 0.3 * tick]))
+        session.advance()
+    held = session.measures()
+    assert held.strands_parted_by_hand == (held.strands_parted, 0)
+    assert held.strands_parted > 100
+    # Jaws that are opened behind the duct, which nobody holds, part theirs.
+    session.release(0)
+    session.advance(10)
+    settled = session.measures().strands_parted
+    session.move_hand(1, session.duct.hands[1].place + np.array([0.0, 24.0, 0.0]))
+    session.advance(60)
+    session.open_jaws(1, 9.0)
+    session.advance(60)
+    swept = session.measures()
+    assert swept.strands_parted > settled
+    assert sum(swept.strands_parted_by_hand) == swept.strands_parted
+    assert swept.strands_parted_by_hand[1] >= swept.strands_parted - settled
+    content = run_json(session.run_file())
+    assert run_json(replayed(content).run_file()) == content

@@ -74,7 +74,8 @@ class DissectionMeasureTaker:
         self.soonest = math.inf
         self._shares = (0.0,) * RATE_TICKS  # newest first
         self._above_half = 0
-        self._holding = self._sweeping = list(range(HANDS))  # hands that last did so
+        # Hands that last did so; `_acting`: hold the duct or press on it.
+        self._holding = self._sweeping = self._acting = list(range(HANDS))
         self._work = [0.0] * HANDS
         self._most = [0.0] * HANDS
         self._product = [0.0] * HANDS
@@ -83,8 +84,10 @@ class DissectionMeasureTaker:
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
 
-    def start(self, duct: BeddedDuct) -> None:
+    def start(self, duct: BeddedDuct, *, by_touch: bool = True) -> None:
         """Start on a duct at rest, whose bed may be opened already."""
+        # `by_touch` is that of the run's start.
+        self.by_touch = by_touch
         self._duct = duct
         self._damage = duct.beam.damage.copy()
         self._before = self._parted = duct.parted
@@ -152,6 +155,10 @@ class DissectionMeasureTaker:
         holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
         sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
         self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
+        pressing = [
+            i for i in sweeping if any(duct.beam.rod_contact(rod).any() for rod in duct.rods_of(i))
+        ]
+        self._acting = holding + pressing or self._acting
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
             total = sum(shares[i] for i in hands)
             for i in hands:
@@ -170,16 +177,17 @@ class DissectionMeasureTaker:
         owner = np.zeros(new.size, dtype=np.int64)
         for hand, holder in enumerate(duct.hands):
             rods = duct.rods_of(hand)
-            if holder.node is None and not rods:
-                continue
             away = np.abs(ends[new, 0] - holder.place[0])
             away = np.maximum(away - 0.5 * holder.opening, 0.0)  # from the nearer jaw or between
-            seen |= away <= WORKING_DISTANCE
+            if holder.node is not None or rods:
+                seen |= away <= WORKING_DISTANCE
             touched = np.zeros(new.size, dtype=np.bool_)
             for rod in rods:
-                touched |= beam.touched_by(rod)[new]
-            # A strand is its instrument's if one touches it, else that of the nearest hold.
-            away = np.where(touched, -1.0, np.inf if holder.node is None else away)
+                touched |= beam.touched_by(rod, unmet=not self.by_touch)[new]
+            # A strand is its instrument's if one touches it, else that of the nearest hand that
+            # acts on the duct.
+            acts = hand in self._acting if self.by_touch else holder.node is not None
+            away = np.where(touched, -1.0, away if acts else np.inf)
             owner[away < nearest] = hand
             nearest = np.minimum(nearest, away)
         for hand in range(HANDS):

@@ -85,6 +85,7 @@ class DissectionReplay(BaseReplay[BedSession, DissectionInput]):
                 threshold=start.threshold_MPa,
                 vertices=vertices,
                 seed=log.seed,
+                by_touch=start.by_touch,
             )
         except ValueError as error:
             raise RunFileError(f"the run's preset or bed: {error}") from None

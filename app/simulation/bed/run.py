@@ -35,10 +35,10 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
         trial = None if exercise is None else BedTrial(exercise, taker)
         super().__init__(taker, exercise, feedback, trial)
 
-    def start(self, point: BeddedDuct) -> None:
+    def start(self, point: BeddedDuct, *, by_touch: bool = True) -> None:
         """Start the clock, with the first input."""
         super().start(point)
-        self._taker.start(point)
+        self._taker.start(point, by_touch=by_touch)
 
     def note(self, hand: int, kind: DissectionInputKind, *values: float) -> None:
         """Log an input; ignored before the start and once the run is over."""
@@ -74,6 +74,7 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
                 bed_seed=duct.seed,
                 threshold_MPa=duct.threshold,
                 strands_sha256=strands_digest(duct.beam.strands),
+                by_touch=self._taker.by_touch,
             ),
             seed=seed,
             tick_seconds=TICK_SECONDS,

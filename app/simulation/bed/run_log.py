@@ -51,6 +51,9 @@ class DissectionStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     strands_sha256: str  # digest of the strands that came of bed and seed
     elements: int = ELEMENTS  # of the beam
     substeps: int = SUBSTEPS  # of a tick
+    # whether a parted strand is an instrument's only if it touched it; in runs made before also if
+    # it had not met it
+    by_touch: bool = False
 
 
 class DissectionInput(msgspec.Struct, frozen=True, array_like=True):

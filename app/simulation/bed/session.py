@@ -42,7 +42,8 @@ class BedSession:
 
     Inputs come from a browser: out of range they are clamped, and those that are not numbers are
     ignored. To the bit, the course of a session is a function of its inputs and of the ticks at
-    which they come. `seed` chooses the raggedness of a torn rim, `bed_seed` the bed's scatter.
+    which they come. `seed` chooses the raggedness of a torn rim, `bed_seed` the bed's scatter;
+    `by_touch` is that of a run's start.
     A run starts with the first hold or instrument and is over with the tear or its exercise.
     `duct`, `drawn` and `run` are public for reading; `duct` is another object after a choice of
     organ, preset or bed, `run` after a reset as well.
@@ -58,9 +59,10 @@ class BedSession:
         threshold: float | None = None,
         vertices: int = VERTICES,
         seed: int = 1,
+        by_touch: bool = True,
     ) -> None:
         self._lock = RLock()
-        self.seed = seed
+        self.seed, self._by_touch = seed, by_touch
         self.drawn = DrawnDuct(organ, vertices, seed)
         self._organ = organ
         self._torn_ticks, self._when_torn = 0, np.empty((0, 3, 4))
@@ -232,7 +234,7 @@ class BedSession:
         if self.run.started or self.run.over:
             return False
         self._renew()
-        self.run.start(self.duct)
+        self.run.start(self.duct, by_touch=self._by_touch)
         return True
 
     def _renew(self) -> None:
