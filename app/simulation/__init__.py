@@ -28,6 +28,7 @@ from app.simulation.preset import (
     OrganBeam,
     Preset,
     RoundBeam,
+    Spread,
     chosen_preset,
     preset_named,
     preset_toml,
@@ -47,7 +48,6 @@ from app.simulation.run_log import (
 )
 from app.simulation.scripted_hand import CAREFUL, do_exercise
 from app.simulation.session import VERTICES, Session
-from app.simulation.spread import Spread
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 
 __all__ = [
