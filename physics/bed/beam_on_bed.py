@@ -8,10 +8,10 @@ for (`BeamOnBed.advance`):
     W - (U_1 - U_0) - D             missing: U stored energy, D dissipated by the strands' law
     sum |f_1 - f_0| |dx| / 2        what W is unsure by, if a force jumped in between
 
-A substep is accepted if what is missing is within `books` of its work, or if a jump of the force
-could change no more than `books` / 100 of all work so far: what is missing was then released in a
+A substep is accepted if what is missing is within `OPEN` of its work, or if a jump of the force
+could change no more than `OPEN` / 100 of all work so far: what is missing was then released in a
 jump (`snap`). Otherwise it is repeated at `SHORTER` of its length, and at half where no equilibrium
-was found, down to 2^-`deepest` of the step.
+was found, down to `SHORTEST` of the step.
 """
 
 import math
@@ -44,8 +44,16 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
+# Largest force out of balance over the largest in the beam; part of the work that may stay
+# unexplained.
+TOLERANCE, OPEN = 1e-9, 1e-5
 # Factors of a substep whose energy does not balance, and of one after an eighth of that error.
 SHORTER, LONGER = 0.2, 3.0
+SHORTEST = 0.5**24
+# s, by which damage in real time lags behind its law: pulls are 1.6 % too large at 5 mm/s in a firm
+# bed. Drag at each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
+# slide.
+DELAY, DRAG = 5e-3, 2e-6
 EVERYWHERE = (True, True, True)
 
 
@@ -416,10 +424,8 @@ class BeamOnBed:
 
     # Steps
 
-    def advance(self, *, tolerance: float = 1e-9, books: float = 1e-5, deepest: int = 24) -> None:
+    def advance(self) -> None:
         """Advance to the hands' targets through equilibria, independent of any rate."""
-        # `tolerance`: largest force out of balance over the largest in the beam; `books`: part of
-        # the work that may stay unexplained; `deepest`: how often a step may be halved.
         s = self.state
         self._account()
         s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
@@ -437,10 +443,10 @@ class BeamOnBed:
             size = min(size, largest, 1.0 - done)
             back = tuple(each.copy() for each in (s.x, s.q, s.damage, s.side, s.sums))
             self._set_goals(done + size)
-            settled = self._settle(tolerance)
+            settled = self._settle()
             if settled is None:
                 s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
-                if size > 0.5**deepest:
+                if size > SHORTEST:
                     size *= 0.5
                     continue
                 self._set_goals(done)
@@ -473,13 +479,13 @@ class BeamOnBed:
             # Noise of forces works where hands lead: free nodes stay where they balance.
             led = (way[0], way[1][after.loads != 0.0], way[2])
             far_each = sum(float(np.abs(w).sum()) for w in led)
-            least = 0.01 * books * books * total + noise * far_each + 1e-14 * after.stored
-            close = abs(missing) <= books * gross + least
+            least = 0.01 * OPEN * OPEN * total + noise * far_each + 1e-14 * after.stored
+            close = abs(missing) <= OPEN * gross + least
             # A jump releases energy. Where some came from nowhere, another equilibrium than the one
             # that the beam would have moved to was found.
-            sure = unsure <= 0.01 * books * total + noise * far_each
-            jump = sure and missing > -books * total
-            if not (close or jump) and size > 0.5**deepest:
+            sure = unsure <= 0.01 * OPEN * total + noise * far_each
+            jump = sure and missing > -OPEN * total
+            if not (close or jump) and size > SHORTEST:
                 s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
                 size *= SHORTER
                 continue
@@ -494,7 +500,7 @@ class BeamOnBed:
             s.react[:] = after.holds
             if np.abs(s.x).max() > far:
                 raise NoEquilibrium("the forces carry the beam away: nothing holds it any more")
-            if abs(missing) <= 0.125 * books * gross + least:
+            if abs(missing) <= 0.125 * OPEN * gross + least:
                 size *= LONGER
         s.moved[:] = 0.0
         s.goal_from[:], s.rods_from[:], s.pull_before[:] = s.goal, s.rods, s.pull
@@ -506,14 +512,14 @@ class BeamOnBed:
         s.load[:] = s.load_from + part * (s.load_to - s.load_from)
         s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
 
-    def _settle(self, tolerance: float) -> tuple[float, float, float] | None:
+    def _settle(self) -> tuple[float, float, float] | None:
         """Find equilibrium and damage at the goals, None if lost."""
         # The energies, mJ, that strands dissipate, that rods put into strands which their tips
         # come upon, and that strands which slip off release.
         lost = 0.0
         entered, slipped = self._meet(first=True)
         for _ in range(MOST_SLIPS):
-            more = self._balanced(tolerance)
+            more = self._balanced()
             if more is None:
                 return None
             lost += more
@@ -534,17 +540,17 @@ class BeamOnBed:
         change = kernels.assemble(s, kernels.POTENTIAL, 0.0) - before
         return max(change, 0.0), max(-change, 0.0)
 
-    def _balanced(self, tolerance: float) -> float | None:
+    def _balanced(self) -> float | None:
         """Find equilibrium and damage with strands on rods as they are; the energy dissipated."""
         s = self.state
         # The tangent of strands that end near a rod is not exact: the last digits come slowly.
         floor = self.rounding + (1e-9 if s.rods[:, kernels.IN_USE].any() else 0.0)
-        if kernels.equilibrium(s, kernels.POTENTIAL, tolerance, floor, 2000) >= 0:
+        if kernels.equilibrium(s, kernels.POTENTIAL, TOLERANCE, floor, 2000) >= 0:
             return kernels.yielded(s)
         # Slower and more robust: equilibrium under fixed damage, then damage by its law, in turn.
         lost = 0.0
         for _ in range(4000):
-            if kernels.equilibrium(s, kernels.STANDING, tolerance, floor, 2000) < 0:
+            if kernels.equilibrium(s, kernels.STANDING, TOLERANCE, floor, 2000) < 0:
                 return None
             more = kernels.yielded(s)
             lost += more
@@ -576,21 +582,10 @@ class BeamOnBed:
         beam = float(s.stiff[:, :3].max()) / float(s.h.min())
         return 1e-15 * max(beam, self._tightest) * self.beam.span
 
-    def tick(
-        self,
-        seconds: float,
-        *,
-        ticks: int = 1,
-        delay: float = 5e-3,
-        drag: float = 2e-6,
-        newton: int = 1,
-    ) -> None:
+    def tick(self, seconds: float, *, ticks: int = 1) -> None:
         """Advance in real time towards the hands' targets, at a fixed cost."""
-        # `delay`, s, of the damage: pulls are 1.6 % too large at 5 mm/s in a firm bed. `drag` at
-        # each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
-        # slide.
         step = seconds / ticks
-        if not _TICK(self.state, ticks, step / (delay + step), drag / step, newton):
+        if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     # What there is to read

@@ -14,11 +14,11 @@ from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
+def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
     """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
     # A tick lets damage go the part `mix` = dt / (tau + dt) of its way to the law (implicit Euler),
-    # then takes `newton` Newton steps with a drag (N/mm at each node: c / dt) against the motion: a
-    # fixed cost. Energy is accounted for up to the last assembly.
+    # then takes a Newton step with a drag (N/mm at each node: c / dt) against the motion. Energy is
+    # accounted for up to the last assembly.
     for now in range(ticks):
         part = 1.0 / (ticks - now)
         for n in range(s.x.shape[0]):
@@ -28,32 +28,31 @@ def tick(s: State, ticks: int, mix: float, drag: float, newton: int) -> bool:
         for m in range(s.rods.shape[0]):
             for r in range(ROD_ROWS):
                 s.rods[m, r] += part * (s.rods_to[m, r] - s.rods[m, r])
-        for round_ in range(newton):
-            account(s, DELAYED if round_ == 0 else STANDING, mix)
-            used = drag
+        account(s, DELAYED, mix)
+        used = drag
+        add_drag(s, used)
+        copy_rows(s.step, s.g)
+        hold_nodes(s, 1.0)
+        # Not definite, which is rare: more and more drag, until it is.
+        while not solve(s):
+            used = 16.0 * used + 1e-3
+            if used > 1e9:
+                return False
+            assemble(s, STANDING, 0.0)
             add_drag(s, used)
             copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
-            # Not definite, which is rare: more and more drag, until it is.
-            while not solve(s):
-                used = 16.0 * used + 1e-3
-                if used > 1e9:
-                    return False
-                assemble(s, STANDING, 0.0)
-                add_drag(s, used)
-                copy_rows(s.step, s.g)
-                hold_nodes(s, 1.0)
-            keep_shape(s)
-            turn = largest(s, 3)
-            part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
-            move(s, part_)
-            dragged = 0.0
-            for n in range(s.x.shape[0]):
-                size = s.thick[n, 0] * s.thick[n, 0]
-                for r in range(6):
-                    way = part_ * s.step[n, r]
-                    s.moved[n, r] = way
-                    if not (s.held[n] >> r) & 1:
-                        dragged += used * way * way * (1.0 if r < 3 else size)
-            s.sums[DRAG_NOW], s.sums[MOVED] = dragged, part_
+        keep_shape(s)
+        turn = largest(s, 3)
+        part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
+        move(s, part_)
+        dragged = 0.0
+        for n in range(s.x.shape[0]):
+            size = s.thick[n, 0] * s.thick[n, 0]
+            for r in range(6):
+                way = part_ * s.step[n, r]
+                s.moved[n, r] = way
+                if not (s.held[n] >> r) & 1:
+                    dragged += used * way * way * (1.0 if r < 3 else size)
+        s.sums[DRAG_NOW], s.sums[MOVED] = dragged, part_
     return True
