@@ -190,6 +190,8 @@ def beside_page(
     return {
         "step, median, us": report.step_us.median,
         "step, 99.9 %, us": report.step_us.p99_9,
+        "with work ahead, median, us": report.whole_step_us.median,
+        "with work ahead, 99.9 %, us": report.whole_step_us.p99_9,
         "over 1.5 ms, %": 100.0 * report.missed_part,
         "period, 99.9 %, us": report.period_us.p99_9,
         "state to force, 99 %, us": report.state_to_force_us.p99,

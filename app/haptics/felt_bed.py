@@ -226,6 +226,11 @@ class FeltBed:
             self.forces[:] = 0.0
             self.hooks[:] = hands
 
+    def assemble_ahead(self) -> None:
+        """Do what the next step does wherever the hands go; see `FeltModel`."""
+        if not self.torn:
+            self.beam.assemble_ahead(self._period)
+
     def station_of(self, hook: int) -> float | None:
         """Return where a hook holds the beam, mm from its first end, or None."""
         node = self._nodes[hook]

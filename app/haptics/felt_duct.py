@@ -66,6 +66,10 @@ class FeltModel(Protocol):
         # says which of them hold the duct.
         ...
 
+    def assemble_ahead(self) -> None:
+        """Do what the next step does wherever the hands go; what follows is the same to the bit."""
+        ...
+
 
 class FeltDuct:
     """A beam in the plane of its pull, under one hook or two that pull and do not push.
@@ -214,6 +218,9 @@ class FeltDuct:
         if self._steps % STRESS_STEPS:
             return False
         return check_rupture(solver.sample(self._critical), self.threshold).broken
+
+    def assemble_ahead(self) -> None:
+        """Nothing: all of a step follows from the hands; see `FeltModel`."""
 
     def station_of(self, hook: int) -> float | None:
         """Nothing: a hook stays at its grasp; see `FeltModel`."""

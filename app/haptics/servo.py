@@ -74,13 +74,18 @@ class Servo:
         self._received, self._alive = [0.0] * len(devices), [0.0] * len(devices)
         self._periods = 0
         self._period, self._step = TimeHistogram(), TimeHistogram()
-        self._exchange, self._answer = TimeHistogram(), TimeHistogram()
+        self._whole, self._exchange = TimeHistogram(), TimeHistogram()
+        self._answer = TimeHistogram()
         self._missed = self._stale = 0
         self._largest = self._jump = self._peak = 0.0
         self._seconds = 0.0
         self._scheduling = scheduling
         self._failed = False
-        self._checks: list[tuple[float, float]] = []
+        self._checks: list[tuple[FeltDuct, float, float]] = []
+        self._ducts, self._torn = 0, False  # of those that are not felt any more
+        self._energies: Energies | None = None
+        self._theories: list[str] = []
+        loop.leaving = self._leave
         self._troubles: Counter[str] = Counter()
 
     def run(
@@ -143,7 +148,10 @@ class Servo:
                 break
             stepping = clock()
             loop.step(units, inputs)
-            self._step.add(clock() - stepping)
+            stepped = clock()
+            loop.model.assemble_ahead()
+            self._step.add(stepped - stepping)
+            self._whole.add(clock() - stepping)
             if self.recorder is not None:
                 self.recorder.keep(units, inputs, loop.given)
             self._watch(before, every)
@@ -191,24 +199,46 @@ class Servo:
         self._peak = max(self._peak, abs(float(loop.regulator.books[WORK])))
         if self._periods % every == 0 and len(self._checks) < MOST_CHECKS:
             model = loop.model
-            if model.hooks[0, 2] > 0.0 and not model.torn:
-                self._checks.append((float(model.hooks[0, 2]), float(model.forces[0, 2])))
+            # Forces in a bed depend on the whole way to them: none can be solved from rest.
+            if isinstance(model, FeltDuct) and len(model.grasps) == 1 and not model.torn:
+                place, force = float(model.hooks[0, 2]), float(model.forces[0, 2])
+                if place > 0.0:
+                    self._checks.append((model, place, force))
 
-    def report(self, ended: str) -> ServoReport:
-        """Return the report of the run."""
+    def _leave(self) -> None:
+        """Keep the figures of a duct before another one is felt."""
+        if self._peak == 0.0:
+            return  # nobody has pulled it
+        model = self.loop.model
+        self._energies, self._ducts = self._balance(), self._ducts + 1
+        self._torn |= model.torn
+        if model.solved_by not in self._theories:
+            self._theories.append(model.solved_by)
+        self._peak = 0.0
+
+    def _balance(self) -> Energies:
+        """Return the energies of all ducts so far."""
         loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
         scale = loop.settings.scale
-        energy = Energies(
+        now = Energies(
             float(books[WORK]), model.stored / scale, model.spent / scale, model.released / scale,
             float(books[SAMPLED]),
             float(books[BRAKED]), float(books[WITHHELD]), loop.assist_work / scale,
             abs(loop.open_work) / self._peak if self._peak else 0.0, float(books[LEAST]),
             float(books[ALLOWED]),
         )  # fmt: skip
+        return now if self._energies is None else self._energies.followed_by(now)
+
+    def report(self, ended: str) -> ServoReport:
+        """Return the report of the run."""
+        loop, model = self.loop, self.loop.model
+        pulled = self._peak > 0.0
+        theories = [*self._theories, *([model.solved_by] if pulled or not self._ducts else [])]
         periods, seconds = self._periods, max(self._seconds, 1e-9)
         return ServoReport(
             device=", ".join(device.name for device in self.devices),
-            theory=model.solved_by,
+            theory=", then ".join(dict.fromkeys(theories)),
+            ducts=self._ducts + pulled,
             grasps_mm=model.grasps,
             coupling_N_per_mm=model.coupling,
             scheduling=self._scheduling,
@@ -221,13 +251,14 @@ class Servo:
             stale_periods=self._stale,
             period_us=self._period.percentiles(),
             step_us=self._step.percentiles(),
+            whole_step_us=self._whole.percentiles(),
             exchange_us=self._exchange.percentiles(),
             state_to_force_us=self._answer.percentiles(),
             largest_force_N=self._largest**0.5,
             largest_force_step_N=self._jump**0.5,
-            energy_mJ=energy,
+            energy_mJ=self._balance(),
             force_check=self._force_check(),
-            torn=model.torn,
+            torn=self._torn or model.torn,
             ended_by=ended,
             device_failed=self._failed,
             troubles=dict(self._troubles),
@@ -235,15 +266,13 @@ class Servo:
         )
 
     def _force_check(self) -> ForceCheck | None:
-        model = self.loop.model
-        # Forces in a bed depend on the whole way to them: there is no force to solve from rest.
-        if not isinstance(model, FeltDuct) or len(model.grasps) > 1 or not self._checks:
+        if not self._checks:
             return None
         worst = 0.0
-        for place, force in self._checks:
+        for model, place, force in self._checks:
             solved = model.solved_force(place)
             worst = max(worst, abs(force - solved) / abs(solved))
-        place, force = max(self._checks)
+        _, place, force = max(self._checks, key=lambda check: check[1])
         return ForceCheck(
             "the model's force at the hook's place w (the hand is force/coupling farther out) with "
             "the theory solved from rest at w; the device is given this force, bounded, and what "

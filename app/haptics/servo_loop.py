@@ -18,7 +18,7 @@ tore. A hook that the duct lies above begins where that is.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -236,6 +236,7 @@ class ServoLoop:
         self._to_mm = 1e3 * settings.scale
         self.ended = False
         self.holds = [settings.hold] * hands
+        self.leaving: Callable[[], None] = lambda: None  # called before another model is felt
         self.feel(model, twin)
 
     def feel(self, model: FeltModel, twin: FeltModel | None = None) -> None:
@@ -243,6 +244,7 @@ class ServoLoop:
 
         A `twin` of the model is for `rehearse`.
         """
+        self.leaving()
         hands, hooks, limits = self.hands, len(model.forces), self._limits
         self.model = model
         self.regulator = Regulator(

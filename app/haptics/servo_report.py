@@ -44,7 +44,7 @@ class TimeHistogram:
 
 
 class Energies(Struct, frozen=True):
-    """The energy balance of a run, N mm (mJ)."""
+    """The energy balance of a run, N mm (mJ): the sum of the ducts', at each one's end."""
 
     work_of_hands: float  # what they put in, less what they got
     stored: float  # in the duct and its couplings
@@ -54,9 +54,17 @@ class Energies(Struct, frozen=True):
     controller: float  # what the passivity controller took
     limits: float  # what the bounds of the force took
     assist: float  # what hooks without a device put in
-    residual_of_peak: float  # part of the hands' work, of its peak, that is none of these
+    # part of the hands' work, of its peak, that is none of these; of several ducts the largest
+    residual_of_peak: float
     least_margin: float  # least lead of the hands; below zero they got more than they gave
     allowed: float  # for the force's start under tension
+
+    def followed_by(self, after: "Energies") -> "Energies":
+        """Return the balance of this duct and of those that were felt after it."""
+        sums = {name: getattr(self, name) + getattr(after, name) for name in self.__struct_fields__}
+        sums["residual_of_peak"] = max(self.residual_of_peak, after.residual_of_peak)
+        sums["least_margin"] = min(self.least_margin, after.least_margin)
+        return Energies(**sums)
 
 
 class ForceCheck(Struct, frozen=True):
@@ -70,11 +78,12 @@ class ForceCheck(Struct, frozen=True):
 
 
 class ServoReport(Struct, frozen=True):
-    """The report of a servo's run."""
+    """The report of a servo's run, with all ducts that were felt in it."""
 
     device: str
-    theory: str
-    grasps_mm: tuple[float, ...]
+    theory: str  # of each duct, if they differ
+    ducts: int  # pulled one after the other; in a bed a new one begins when the device lets go
+    grasps_mm: tuple[float, ...]  # of the last
     coupling_N_per_mm: float  # noqa: N815
     scheduling: str  # whether other processes wait for it
     wanted_rate_Hz: int  # noqa: N815
@@ -85,7 +94,9 @@ class ServoReport(Struct, frozen=True):
     missed_part: float  # of all periods
     stale_periods: int  # without a state
     period_us: Percentiles  # from period to period
-    step_us: Percentiles  # of model, coupling and passivity
+    step_us: Percentiles  # of model, coupling and passivity, from a state to its force
+    # with what is then done for the next step already, whatever its state will be
+    whole_step_us: Percentiles
     exchange_us: Percentiles  # of the device's exchange
     state_to_force_us: Percentiles  # from a state's arrival to when its force has left
     # this and the next: of those given to the device
@@ -93,7 +104,7 @@ class ServoReport(Struct, frozen=True):
     largest_force_step_N: float  # noqa: N815
     energy_mJ: Energies  # noqa: N815
     force_check: ForceCheck | None
-    torn: bool
+    torn: bool  # whether any did
     ended_by: str
     device_failed: bool  # whether that was the device's doing
     troubles: dict[str, int]  # the device's errors, with counts
@@ -119,6 +130,7 @@ class ServoReport(Struct, frozen=True):
             ("missed periods", f"{self.missed_periods} ({100.0 * self.missed_part:.3f} %), "
              f"{self.stale_periods} without a state"),
             ("step", times(self.step_us)),
+            ("with work ahead", times(self.whole_step_us)),
             ("exchange", times(self.exchange_us)),
             ("state to force", times(self.state_to_force_us)),
             ("largest force", f"{self.largest_force_N:.3f} N, "
@@ -137,5 +149,7 @@ class ServoReport(Struct, frozen=True):
                           f"places up to {check.at_mm:.6g} mm, {check.at_N:.6g} N"))  # fmt: skip
             lines.append(("compared", check.compared))
         lines.append(("duct", "torn" if self.torn else "whole"))
+        if self.ducts > 1:
+            lines[-1] = "ducts", f"{self.ducts}, {'with' if self.torn else 'without'} a tear"
         lines += [("trouble", f"{what} ({count} times)") for what, count in self.troubles.items()]
         return lines

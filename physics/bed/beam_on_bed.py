@@ -232,6 +232,7 @@ class BeamOnBed:
             pull_middle=blank((rods, 3)),
             damage_before=blank(strands.count),
             side_before=blank((rods, strands.count), np.int64),
+            damage_ahead=blank(strands.count),
             sums=blank(kernels.SUM_ROWS),
         )
         self.state.sums[kernels.RETRACED] = retrace
@@ -385,6 +386,7 @@ class BeamOnBed:
         """Part the strands of a stretch beforehand, with no work; its beam is at rest."""
         at = self.strands.stations[self._order]
         self.state.damage[(at >= from_mm) & (at <= to_mm)] = 1.0
+        self.state.sums[kernels.AHEAD] = 0.0
 
     def rod_contact(self, rod: int) -> Floats:
         """(3,) the part of that force that presses the rod against the beam itself, N."""
@@ -588,6 +590,10 @@ class BeamOnBed:
         if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
+    def assemble_ahead(self, seconds: float) -> None:
+        """Do what the next `tick` of so many seconds does wherever hands lead; the same bits."""
+        _AHEAD(self.state, seconds / (DELAY + seconds))
+
     # What there is to read
 
     @property
@@ -732,7 +738,7 @@ class BeamOnBed:
         self._changed()
 
 
-_TICK = SameTypes(kernels.tick)
+_TICK, _AHEAD = SameTypes(kernels.tick), SameTypes(kernels.assemble_ahead)
 
 
 @njit(cache=True, nogil=True)

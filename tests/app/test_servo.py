@@ -590,6 +590,49 @@ def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed(
     assert report.troubles["a place that is no number or out of reach"] == 10
 
 
+def test_a_report_has_all_ducts_that_were_felt() -> None:
+    heights = {0.05: 0.0, 0.2: 30.0, 0.26: 10.0, 0.4: 18.0, 0.5: 24.0}
+    path = tuple(Waypoint(at, (0.0, 0.0, up)) for at, up in heights.items())
+    device = VirtualDevice(DeviceOptions("", 0.001, hand(path)))
+    ducts = [choice(theory, 20.0).felt(1.0) for theory in (Cubic(), Exact(), Exact())]
+    tearing, *others = ducts
+    loop = ServoLoop(tearing, LoopSettings(), device.limits)
+    servo = Servo([device], loop)
+    balances: list[tuple[float, float]] = []
+    periods = 0
+
+    def balance() -> None:
+        spent = loop.model.spent + loop.model.stored
+        balances.append((float(loop.regulator.books[WORK]), spent))
+
+    def changed() -> None:
+        nonlocal periods
+        periods += 1
+        if periods in (260, 400):
+            balance()
+            loop.feel(others.pop(0))
+        elif periods == 402:  # a duct that nobody has pulled counts for nothing
+            loop.feel(choice().felt(1.0))
+            loop.feel(ducts[-1])
+
+    report = servo.run(None, lambda: "enough" if periods == 500 else None, changed)
+    balance()
+    energy, check = report.energy_mJ, report.force_check
+    works, stored = np.array(balances).T
+    assert min(np.abs(works)) > 1e-3
+    assert energy.work_of_hands == pytest.approx(works.sum(), rel=1e-12)
+    assert energy.stored + energy.torn == pytest.approx(stored.sum(), rel=1e-12)
+    assert energy.residual_of_peak < 1e-6
+    assert [duct.torn for duct in ducts] == [True, False, False]
+    assert report.torn
+    assert report.ducts == 3
+    assert report.theory == "cubic, then exact"
+    assert ("ducts", "3, with a tear") in report.lines()
+    assert check is not None
+    assert check.largest_error < 1e-6
+    assert check.places >= 3
+
+
 def test_what_cannot_be_felt_is_refused() -> None:
     with pytest.raises(ValueError, match="take --theory exact"):
         choice(Cubic(), 20.0, 30.0).felt(1.0)

@@ -1,6 +1,7 @@
 """A beam on its bed: closed forms of peeling, books of energy, meshes, replays and bad input."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -316,6 +317,39 @@ def test_the_energy_balance_holds_in_real_time() -> None:
     live.withdraw_rod(0)
     live.advance()
     balanced_now()
+
+
+def test_a_tick_that_is_assembled_ahead_is_the_same_to_the_bit() -> None:
+    """Whatever hands, rods and tears do before it comes."""
+    plain, ahead = beams = in_bed(rods=1), in_bed(rods=1)
+    events: dict[int, Callable[[BeamOnBed], object]] = {
+        1: lambda beam: beam.take(31.0, stiffness=3.0),
+        200: lambda beam: beam.take(14.0),
+        300: lambda beam: beam.let_go(hook),
+        320: lambda beam: beam.take(22.3, stiffness=3.0),
+        400: lambda beam: beam.part_between(30.0, 34.0),
+        450: lambda beam: beam.set_rod(0, (8.0, 9.5, -6.0), (0, 1, 0), 1.0),
+        500: lambda beam: beam.withdraw_rod(0),
+        550: lambda beam: beam.tear(40.0),
+        600: lambda beam: beam.advance(),
+    }
+    hook, start = 0, np.zeros(3)
+    for step in range(700):
+        for beam in beams:
+            held = events.get(step, lambda _: None)(beam)
+            if isinstance(held, int) and step in (1, 320):
+                hook, start = held, beam.places[held].copy()
+            if beam.held[hook]:
+                beam.lead(hook, start + np.array([0.0, 0.01, 0.03]) * (step % 320))
+            beam.tick(2e-3 if step % 7 == 0 else 1e-3)
+        for name, one, other in zip(plain.state._fields, plain.state, ahead.state, strict=True):
+            if name not in ("damage_before", "damage_ahead"):
+                assert np.array_equal(one, other), (step, name)
+        damage = ahead.damage
+        ahead.assemble_ahead(1e-3)
+        assert np.array_equal(damage, ahead.damage)
+        assert (ahead.state.sums[kernels.AHEAD] > 0.0) == (not 450 <= step < 500)
+    assert 50 < plain.parted < plain.strands.count
 
 
 def test_a_torn_duct_hangs_on_in_two_pieces() -> None:

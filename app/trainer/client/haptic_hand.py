@@ -47,9 +47,7 @@ class HapticHand:
         self._servo = servo
         self._hands = min(servo.hands, HANDS)
         self._state: PullState | DissectState | None = None
-        # What the last setting followed from, and itself, which keeps that alive; None for none.
-        self._felt: object = None
-        self._setting: FeltSetting | None = None
+        self._felt: object = None  # what the last setting followed from; None for none
         self._generation = 0
         self._holds = [False] * self._hands
         self._torn, self._torn_ticks = False, 0
@@ -89,7 +87,7 @@ class HapticHand:
         # One duct at a time: the pipe has no room for two, and the clock is not to wait.
         taken = setting is None or self._servo.snapshot().generation == self._generation
         if felt != self._felt and taken:
-            self._felt, self._setting = felt, setting
+            self._felt = felt
             self._generation = self._servo.feel(setting)
 
     def _end_force(self) -> None:
@@ -118,7 +116,7 @@ class HapticHand:
             self._let_go(state)
         setting = None if watching else felt_in(session)
         self._feel(
-            setting and (id(setting.beam), setting.theory, setting.grasp, setting.threshold),
+            setting and (session.duct.dissection, setting.theory, setting.grasp, setting.threshold),
             setting,
         )
         snapshot = self._snapshot()

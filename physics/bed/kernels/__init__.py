@@ -8,12 +8,13 @@ Read in this order: `vectors`, `state`, `beam`, `rods`, `strands`, `assembly`, `
 `newton`, `balance`, `tick`.
 """
 
-from physics.bed.kernels.assembly import assemble
+from physics.bed.kernels.assembly import assemble, assemble_ahead
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
 from physics.bed.kernels.newton import equilibrium
 from physics.bed.kernels.rods import UNMET, strand_ends, way_round
 from physics.bed.kernels.state import (
+    AHEAD,
     ARM_X,
     ARM_Z,
     BEAM,
@@ -50,6 +51,7 @@ from physics.bed.kernels.strands import meet_rods, yielded
 from physics.bed.kernels.tick import tick
 
 __all__ = [
+    "AHEAD",
     "ARM_X",
     "ARM_Z",
     "BEAM",
@@ -84,6 +86,7 @@ __all__ = [
     "State",
     "account",
     "assemble",
+    "assemble_ahead",
     "equilibrium",
     "meet_rods",
     "set_rest",

@@ -2,7 +2,19 @@
 
 from kernel_cache import njit
 from physics.bed.kernels.beam import beam_pass
-from physics.bed.kernels.state import BEAM, BENT_NOW, CONTACT, LOADS, SLIPPED_NOW, STRANDS, State
+from physics.bed.kernels.rods import any_rod
+from physics.bed.kernels.state import (
+    AHEAD,
+    BEAM,
+    BENT_NOW,
+    CONTACT,
+    DELAYED,
+    LOADS,
+    RETRACED,
+    SLIPPED_NOW,
+    STRANDS,
+    State,
+)
 from physics.bed.kernels.strands import strand_pass
 from physics.bed.kernels.vectors import inner
 
@@ -30,9 +42,9 @@ def node_pass(s: State) -> None:
     s.sums[LOADS] = loads
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def assemble(s: State, kind: int, mix: float) -> float:
-    """Write all energies, the gradient and the tangent; return the energy to minimise."""
+@inner
+def shape_pass(s: State, kind: int, mix: float) -> None:
+    """Write all that follows from the shape alone, wherever forces and springs go."""
     s.g[:] = 0.0
     s.diagonal[:] = 0.0
     s.upper[:] = 0.0
@@ -43,5 +55,29 @@ def assemble(s: State, kind: int, mix: float) -> float:
     s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
     beam_pass(s)
     strand_pass(s, kind, mix)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def assemble(s: State, kind: int, mix: float) -> float:
+    """Write all energies, the gradient and the tangent; return the energy to minimise."""
+    if kind == DELAYED and mix > 0.0 and s.sums[AHEAD] == mix:
+        s.damage[:] = s.damage_ahead
+    else:
+        shape_pass(s, kind, mix)
+    s.sums[AHEAD] = 0.0
     node_pass(s)
     return s.sums[BEAM] + s.sums[STRANDS] + s.sums[CONTACT] + s.sums[LOADS]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def assemble_ahead(s: State, mix: float) -> None:
+    """Assemble the next real-time tick with this `mix` as far as its hands do not matter."""
+    # Damage stands until that tick, and any other assembly before it begins anew. Rods change what
+    # the strands do, and a tick that is retraced needs its damage of before.
+    if any_rod(s) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == mix:
+        return
+    s.damage_before[:] = s.damage
+    shape_pass(s, DELAYED, mix)
+    s.damage_ahead[:] = s.damage
+    s.damage[:] = s.damage_before
+    s.sums[AHEAD] = mix

@@ -16,17 +16,18 @@ STRAND_ROWS = 11
 # beginning: the energy balance of `Books`, mJ; and how many strands parted that lay on a
 # rod. Since the last assembly: the drag's share, and the
 # energy of strands that a rod's tip has come upon, or that have slipped off one, mJ; and the part
-# of `step` by which nodes have moved. Whether the balance follows the way of a tick that is open.
+# of `step` by which nodes have moved. Whether the balance follows the way of a tick that is open;
+# `mix` of the tick that is assembled ahead, or 0.
 BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
 
 
 WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_PARTED, DRAG_NOW = range(8, 17)
 
 
-BENT_NOW, SLIPPED_NOW, MOVED, RETRACED = range(17, 21)
+BENT_NOW, SLIPPED_NOW, MOVED, RETRACED, AHEAD = range(17, 22)
 
 
-SUM_ROWS = 21
+SUM_ROWS = 22
 
 
 # Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
@@ -98,4 +99,5 @@ class State(NamedTuple):
     pull_middle: Floats
     damage_before: Floats  # (S,)
     side_before: Ints  # (M, S)
+    damage_ahead: Floats  # (S,) of the tick that is assembled ahead
     sums: Floats
