@@ -52,6 +52,8 @@ def report_history(
     rows = history.rows(threshold)
     last = rows[-1]
     result: dict[str, object] = {"steps": rows, "open_share": history.open_share}
+    if history.notes:
+        result["notes"] = history.notes
     if threshold is not None:
         stress = history.stress
         assert stress is not None  # noqa: S101
@@ -82,6 +84,7 @@ def report_history(
             ("distance to break", f"{result['distance_to_break_percent']:.2f} %"),
             ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
         ]
+    lines += [("note", each) for each in history.notes]
     for name, value in lines:
         print(f"{name:<18} {value}")
 

@@ -50,6 +50,8 @@ TOLERANCE, OPEN = 1e-9, 1e-5
 # Factors of a substep whose energy does not balance, and of one after an eighth of that error.
 SHORTER, LONGER = 0.2, 3.0
 SHORTEST = 0.5**24
+# Rounding over E I / span^2, a force that bends the beam, from which on searches may fail.
+TOO_STIFF = 1e-4
 # s, by which damage in real time lags behind its law: pulls are 1.6 % too large at 5 mm/s in a firm
 # bed. Drag at each node, N s/mm: 0.03 % of the work at 20 mm/s, enough to turn a jump into a short
 # slide.
@@ -453,9 +455,16 @@ class BeamOnBed:
                     continue
                 self._set_goals(done)
                 kernels.assemble(s, kernels.STANDING, 0.0)
-                doubt = (
-                    ": does anything hold the beam against its force?" if s.load_to.any() else ""
-                )
+                doubt = ""
+                lost = self.rounding / (float(s.stiff[:, 4:].max()) / self.beam.span**2)
+                if lost > TOO_STIFF:
+                    enough = float(s.stiff[:, :3].max()) * TOO_STIFF / lost
+                    doubt = (
+                        f": the beam is so stiff that forces below {self.rounding:.1g} N are "
+                        f"rounding; {enough:.1g} N along it and in shear are as good as rigid"
+                    )
+                elif s.load_to.any():
+                    doubt = ": does anything hold the beam against its force?"
                 raise NoEquilibrium(
                     f"no equilibrium was found near the last one, however small the step{doubt}"
                 )

@@ -136,6 +136,7 @@ class History:
     shape: Floats  # (N, 3) the nodes after the last step, mm
     damage: Floats  # (S,) of the strands after the last step, 0 to 1
     rounding: float  # work that rounding may do along the way, mJ
+    notes: tuple[str, ...]  # on hands whose force moves nothing, in words
 
     @property
     def steps(self) -> int:
@@ -341,6 +342,12 @@ def pull(
         held.places.copy(),
         held.damage,
         held.rounding * far,
+        tuple(
+            f"the force at {hand.at:g} mm moves nothing: in this beam forces below "
+            f"{held.rounding:.1g} N are rounding"
+            for hand, way in zip(hands, ways, strict=True)
+            if hand.by == "force" and 0.0 < np.abs(way).max() <= held.rounding
+        ),
     )
 
 

@@ -234,6 +234,23 @@ def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
     assert "does anything hold the beam" in message
 
 
+def test_says_of_a_force_that_it_is_rounding(tmp_path: Path) -> None:
+    push = "[[hand]]\nat_mm = 60.0\npath_N = [[0.0, 0.0, FORCE]]\nsteps = 2\n"
+    stiff = re.sub(r"(axial|shear)_stiffness_N = .*", r"\1_stiffness_N = 1e12", BEAM)
+    stiff = stiff.replace("elements = 60", "elements = 12").replace("= 1.5", "= 1e6")
+    found = peeled(scene(tmp_path, stiff, push.replace("FORCE", "1e-4")))
+    (note,) = found["notes"]
+    assert "the force at 60 mm moves nothing" in note
+    assert found["steps"][-1]["hand_mm"] == [0.0, 0.0, 0.0]
+    assert note in run("peel", tmp_path / "scene.toml").stdout
+    assert "notes" not in peeled(scene(tmp_path, stiff, push.replace("FORCE", "1.0")))
+    bends = stiff.replace("= 1e6", "= 1.5")
+    message = refused(["peel", scene(tmp_path, bends, push.replace("FORCE", "1.0"))])
+    assert "the beam is so stiff" in message
+    (enough,) = re.findall(r"rounding; (\S+) N along it", message)
+    peeled(scene(tmp_path, bends.replace("1e12", enough), push.replace("FORCE", "1.0")))
+
+
 def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:
     table = tmp_path / "history.csv"
     path = "[[0,3,9]]"
