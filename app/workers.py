@@ -17,10 +17,12 @@ from importlib import import_module
 from itertools import islice
 from typing import Any, TypeVar
 
-__all__ = ["by_dask", "by_processes", "cores"]
+__all__ = ["Progress", "by_dask", "by_processes", "cores"]
 
 A = TypeVar("A")
 R = TypeVar("R")
+Progress = Callable[[int, int], None]
+"""Is told how many are done of how many."""
 
 # Arguments handed out for each worker.
 AHEAD = 3

@@ -1,114 +1,43 @@
 """`bluntdissect class`: a class with its teacher and trainees, and what is kept of it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.command_line.client_bounds import client_bounds, options_of
-from app.command_line.image_options import chosen
-from app.command_line.load import PRESET_HELP, organ_from
-from app.command_line.trainer import (
-    NET,
-    Certificate,
-    Key,
-    LogFormatName,
-    Look,
-    Metrics,
-    OrganFile,
-    Port,
-    TrustProxy,
-    draw_link,
-    ready_for_signals,
-    serve,
-    tls_context,
-)
+from app.command_line.serving import Serving, draw_link, serve, serving
+from app.command_line.shared_options import options_of
 
 if TYPE_CHECKING:
     from app.classroom.store import ClassStore
-    from app.trainer.server.log import LogFormat
     from app.trainer.server.trainer import Trainer
-    from app.trainer.stage.lighting import LookChoice
 
 __all__ = ["program"]
-
-LOOKS = ("auto", "full", "plain")
 
 program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
 
 Title = Annotated[str, typer.Argument(help="Title of the class, or its file.", metavar="CLASS")]
 
 
-def _check(host: str, port: int, look: str, **_: object) -> None:
-    if look not in LOOKS:
-        raise ValueError(f"--look must be auto, full or plain, not {look}")
-    if not 0 <= port <= 65535:
-        raise ValueError(f"--port must be from 0 to 65535, not {port}")
-    if not host:
-        raise ValueError("--host must be an address")
-
-
-@options_of(client_bounds)
-def _open(
-    store: "ClassStore",
-    *,
-    host: Annotated[
-        str, typer.Option(help="Address to serve; 0.0.0.0 lets other machines in by the links.")
-    ] = "127.0.0.1",
-    port: Port = 8080,
-    organ: OrganFile = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Material and beam of the duct: {PRESET_HELP}",
-            show_default="of the shipped duct the first, of any other organ assumed-duct",
-        ),
-    ] = None,
-    look: Look = "auto",
-    certificate: Certificate = None,
-    key: Key = None,
-    public_url: Annotated[
-        str | None,
-        typer.Option(help="Where a reverse proxy serves the class.", rich_help_panel=NET),
-    ] = None,
-    trust_proxy: TrustProxy = None,
-    metrics: Metrics = False,
-    log_format: LogFormatName = "text",
-    **bounds: Any,
-) -> None:
-    """Serve a class until it is told to stop."""
-    if trust_proxy is not None and public_url is None:
-        raise ValueError("--trust-proxy needs --public-url, the address that the proxy serves")
-    log: LogFormat = chosen("--log-format", log_format, ("text", "json"))
-    tls = tls_context(certificate, key)
-    ready_for_signals()
+def _serving(options: dict[str, Any]) -> Serving:
     # A class sits behind one router.
-    bounds["most_per_address"] = max(bounds["most_per_address"], bounds["most_clients"] + 2)
-    within = client_bounds(**bounds)
-    from app.simulation import chosen_preset
-    from app.trainer.connections.guard import is_loopback
+    least = options["most_clients"] + 2
+    return serving(**options | {"most_per_address": max(options["most_per_address"], least)})
 
-    tissue = organ_from(organ, within.builds.bounds.organ_mm)
-    material = None if preset is None else chosen_preset(preset)
-    chosen_look = cast("LookChoice", look)
+
+def _open(store: "ClassStore", served: Serving) -> None:
+    """Serve a class until it is told to stop."""
+    from app.trainer.connections.guard import is_loopback
 
     def start() -> "Trainer":
         from app.trainer.classroom.lesson import Lesson
-        from app.trainer.server.log import set_up_log
-        from app.trainer.server.trainer import Trainer
 
-        set_up_log(log, within.log_length)
-        return Trainer(
-            tissue, material, host=host, port=port, look=chosen_look, bounds=within.connections,
-            build_process=within.builds, export_vertices=within.export_vertices, metrics=metrics,
-            tls=tls, public_url=public_url, trusted_proxy=trust_proxy,
-            lesson=Lesson(store, tissue, material),
-        )  # fmt: skip
+        return served.start(lesson=Lesson(store, served.organ, served.preset))
 
     def say(running: "Trainer") -> None:
         print(f"Teacher: {running.teacher_link}", flush=True)
         print(f"Trainees: {running.link}", flush=True)
-        if not (running.link.startswith("https") or is_loopback(host)):
+        if not (running.link.startswith("https") or is_loopback(served.host)):
             print("Nothing is encrypted on its way.", flush=True)
         print("Keep the first link to yourself. The second as a code:", flush=True)
         draw_link(running.link)
@@ -118,7 +47,7 @@ def _open(
 
 
 @program.command("new")
-@options_of(_open, "store")
+@options_of(serving)
 def new(title: Title, **options: Any) -> None:
     """Make a class and open it; it prints a link for the teacher and one for the trainees.
 
@@ -126,17 +55,17 @@ def new(title: Title, **options: Any) -> None:
     """
     from app.classroom.store import ClassStore, class_path
 
-    _check(**options)
+    served = _serving(options)
     store = ClassStore.new(class_path(title), Path(title).stem if _is_file(title) else title)
     try:
-        _open(store, **options)
+        _open(store, served)
     except (ValueError, OSError):  # it has never been open
         store.delete()
         raise
 
 
 @program.command("open")
-@options_of(_open, "store")
+@options_of(serving)
 def open_class(
     title: Title,
     new_links: Annotated[
@@ -148,11 +77,11 @@ def open_class(
 
     Example: bluntdissect class open "Surgery 3A" --host 0.0.0.0
     """
-    _check(**options)
+    served = _serving(options)
     store = _store(title)
     if new_links:
         store.renew_links()
-    _open(store, **options)
+    _open(store, served)
 
 
 @program.command("list")

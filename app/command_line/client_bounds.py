@@ -1,7 +1,5 @@
 """Options of `trainer` and `class` that bound what clients may take, each a flag of its own."""
 
-import inspect
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
@@ -10,7 +8,7 @@ if TYPE_CHECKING:
     from app.compression.build_process import BuildProcess
     from app.trainer.connections.bounds import Bounds
 
-__all__ = ["ClientBounds", "client_bounds", "options_of"]
+__all__ = ["ClientBounds", "client_bounds"]
 
 MIB = 2**20
 LONGEST_MM = 10_000
@@ -87,24 +85,3 @@ def client_bounds(
     )
     builds = BuildProcess(build_seconds, build_memory, sent)
     return ClientBounds(connections, builds, export_vertices, log_length)
-
-
-def options_of(
-    shared: Callable[..., object], *without: str
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return what gives a command the options of a function in place of its `**options`."""
-    passed = [
-        each for name, each in inspect.signature(shared).parameters.items() if name not in without
-    ]
-
-    def give(command: Callable[..., None]) -> Callable[..., None]:
-        own = [
-            each
-            for each in inspect.signature(command).parameters.values()
-            if each.kind is not each.VAR_KEYWORD
-        ]
-        vars(command)["__signature__"] = inspect.Signature([*own, *passed])
-        command.__annotations__ = {each.name: each.annotation for each in (*own, *passed)}
-        return command
-
-    return give

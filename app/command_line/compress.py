@@ -1,13 +1,13 @@
 """`bluntdissect compress`: organs from cross-section images."""
 
 import json
-from collections.abc import Generator
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.command_line.answer import progress_bar
 from app.command_line.image_options import (
     chosen,
     pixel_pair,
@@ -17,14 +17,16 @@ from app.command_line.image_options import (
 )
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from app.compression.stack_job import StackJob
     from organ_geometry import Region, Seed
 
 __all__ = ["compress"]
 
-_IMAGES, _ORGAN, _PROMISE, _REPORT = "Images", "Organ", "Promise", "Report"
+# Options by the panel of the help that they stand in.
+_images = partial(typer.Option, rich_help_panel="Images")
+_organ = partial(typer.Option, rich_help_panel="Organ")
+_promise = partial(typer.Option, rich_help_panel="Promise")
+_report = partial(typer.Option, rich_help_panel="Report")
 
 
 def compress(
@@ -47,152 +49,117 @@ def compress(
     ],
     pixel_size: Annotated[
         str | None,
-        typer.Option(
-            help="Pixel's width, or width,height, mm, where the images do not tell.",
-            rich_help_panel=_IMAGES,
-        ),
+        _images(help="Pixel's width, or width,height, mm, where the images do not tell."),
     ] = None,
     slice_spacing: Annotated[
         float | None,
-        typer.Option(
-            help="Distance between sections, mm, where the images do not tell.",
-            rich_help_panel=_IMAGES,
-        ),
+        _images(help="Distance between sections, mm, where the images do not tell."),
     ] = None,
     axis: Annotated[
         str | None,
-        typer.Option(
-            help="Axis the images are across: x, y, z (LPS) or i, j, k.",
-            show_default="k",
-            rich_help_panel=_IMAGES,
-        ),
+        _images(help="Axis the images are across: x, y, z (LPS) or i, j, k.", show_default="k"),
     ] = None,
     label: Annotated[
         int | None,
-        typer.Option(
-            help="The organ's label, where the images hold labels.", rich_help_panel=_IMAGES
-        ),
+        _images(help="The organ's label, where the images hold labels."),
     ] = None,
     window: Annotated[
         str | None,
-        typer.Option(help="LOW,HIGH: the values to keep, of CT in HU.", rich_help_panel=_IMAGES),
+        _images(help="LOW,HIGH: the values to keep, of CT in HU."),
     ] = None,
     roi: Annotated[
         str | None,
-        typer.Option(
-            help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0.",
-            rich_help_panel=_IMAGES,
-        ),
+        _images(help="X0,Y0,X1,Y1[,FIRST,LAST]: columns, rows and images to keep, from 0."),
     ] = None,
     recut: Annotated[
         str,
-        typer.Option(
-            help="auto, always or never: cut again across a curved organ that slices do not suit.",
-            rich_help_panel=_ORGAN,
+        _organ(
+            help="auto, always or never: cut again across a curved organ that slices do not suit."
         ),
     ] = "auto",
     seed: Annotated[
         str | None,
-        typer.Option(
+        _organ(
             help="X,Y[,IMAGE]: a pixel of the organ where other things are in view, in the first "
             "image or the one of that number, from 0.",
             show_default="the largest thing in view",
-            rich_help_panel=_ORGAN,
         ),
     ] = None,
     polarity: Annotated[
         str,
-        typer.Option(
-            help="auto, bright or dark: the organ against its surroundings.",
-            rich_help_panel=_ORGAN,
-        ),
+        _organ(help="auto, bright or dark: the organ against its surroundings."),
     ] = "auto",
     threshold: Annotated[
         float | None,
-        typer.Option(
+        _organ(
             help="Grey value of the organ's edge.",
             show_default="halfway between organ and surroundings",
-            rich_help_panel=_ORGAN,
         ),
     ] = None,
     edges: Annotated[
         str,
-        typer.Option(
-            help="half-level, to a part of a pixel, or canny, as in the thesis.",
-            rich_help_panel=_ORGAN,
-        ),
+        _organ(help="half-level, to a part of a pixel, or canny, as in the thesis."),
     ] = "half-level",
     edge_shift_mm: Annotated[
         float,
-        typer.Option(
+        _organ(
             help="Move edges out by so many mm, or in if negative, for masks drawn too small or "
             "too large.",
             show_default="0",
-            rich_help_panel=_ORGAN,
         ),
     ] = 0.0,
     tolerance_mm: Annotated[
         float | None,
-        typer.Option(
+        _promise(
             help="RMS distance, mm, of every section's edge to the organ that is kept.",
             show_default="2 % of the mean radius, half a pixel or more",
-            rich_help_panel=_PROMISE,
         ),
     ] = None,
     tolerance_px: Annotated[
         float | None,
-        typer.Option(help="The same in pixels.", rich_help_panel=_PROMISE),
+        _promise(help="The same in pixels."),
     ] = None,
     overall_mm: Annotated[
         float | None,
-        typer.Option(
+        _promise(
             help="RMS distance, mm, of all edges together to the organ that is kept. Without a "
-            "tolerance, a section may be off by four times as much.",
-            rich_help_panel=_PROMISE,
+            "tolerance, a section may be off by four times as much."
         ),
     ] = None,
     overall_px: Annotated[
         float | None,
-        typer.Option(help="The same in pixels.", rich_help_panel=_PROMISE),
+        _promise(help="The same in pixels."),
     ] = None,
     select: Annotated[
         str,
-        typer.Option(
+        _promise(
             help="fewest sections that keep the promise, or the thesis's rule: a section is kept "
-            "that differs from the last one kept.",
-            rich_help_panel=_PROMISE,
+            "that differs from the last one kept."
         ),
     ] = "fewest",
     effort: Annotated[
         str,
-        typer.Option(
-            help="quick, or full: tries more ways for some bytes less, about four times as long.",
-            rich_help_panel=_PROMISE,
+        _promise(
+            help="quick, or full: tries more ways for some bytes less, about four times as long."
         ),
     ] = "quick",
-    sections: Annotated[
-        bool, typer.Option("--sections", help="List every section.", rich_help_panel=_REPORT)
-    ] = False,
+    sections: Annotated[bool, _report("--sections", help="List every section.")] = False,
     figure: Annotated[
         Path | None,
-        typer.Option(
+        _report(
             help="Draw all sections, kept sections, key and driving points; for several stacks, "
-            "a folder.",
-            rich_help_panel=_REPORT,
+            "a folder."
         ),
     ] = None,
     as_json: Annotated[
         bool,
-        typer.Option(
-            "--json", help="JSON on stdout: an object, or a list of them.", rich_help_panel=_REPORT
-        ),
+        _report("--json", help="JSON on stdout: an object, or a list of them."),
     ] = False,
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        _report(
             help="Address of a Dask scheduler, tcp://HOST:PORT, whose workers compress several "
-            "stacks; they must see the same files.",
-            rich_help_panel=_REPORT,
+            "stacks; they must see the same files."
         ),
     ] = None,
 ) -> None:
@@ -252,11 +219,8 @@ def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
     from app.compression.report import report_lines
     from app.compression.stack_job import compress_stack
 
-    with _progress("Finding edges") as bar:
-        task = bar.add_task("", total=None)
-        said = compress_stack(
-            job, lambda done, total: bar.update(task, completed=done, total=total)
-        )
+    with progress_bar("Finding edges") as progress:
+        said = compress_stack(job, progress)
     if as_json:
         print(json.dumps(said.as_json()))
     else:
@@ -284,11 +248,10 @@ def _compress_many(
                 place, f"several stacks need a folder to write into, and {place} cannot be one"
             )
     by_stack: dict[str, Facts | Failed] = {}
-    with _progress("Compressing") as bar:
-        task = bar.add_task("", total=len(jobs))
+    with progress_bar("Compressing") as progress:
         for outcome in compress_all(jobs, folder, scheduler):
             by_stack[outcome.stack] = outcome
-            bar.advance(task)
+            progress(len(by_stack), len(jobs))
     outcomes = [by_stack[str(job.stack)] for job in jobs]
     done = [outcome for outcome in outcomes if isinstance(outcome, Facts)]
     failed = [outcome for outcome in outcomes if isinstance(outcome, Failed)]
@@ -318,21 +281,3 @@ def _within(area: "Region | None", seed: "Seed | None") -> "Seed | None":
     if len(seed) == 2:
         return x, y
     return x, y, seed[2] - (area[4] if len(area) == 6 else 0)
-
-
-@contextmanager
-def _progress(what: str) -> "Generator[Progress]":
-    """Show a bar while somebody watches."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    console = Console(stderr=True)
-    with Progress(
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
-        yield bar

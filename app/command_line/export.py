@@ -2,29 +2,24 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.command_line.bed_options import (
-    Bed,
-    BedSeed,
-    Elements,
-    Hook,
-    HookPath,
-    Lift,
-    Steps,
-    StrandCount,
-    check_options,
-    hook_path,
-)
+from app.command_line.answer import AsJson
+from app.command_line.bed_options import BedOptions
 from app.command_line.load import (
     PRESET_HELP,
-    THEORY_HELP,
+    AxialCoupling,
+    Grasp,
+    Law,
+    Shear,
+    TheoryName,
     chosen_theory,
     organ_from,
     theory_options,
 )
+from app.command_line.shared_options import options_of
 
 if TYPE_CHECKING:
     from app.export.bed_export import BedExport
@@ -37,6 +32,7 @@ __all__ = ["export"]
 BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
 
 
+@options_of(BedOptions)
 def export(
     organ: Annotated[Path, typer.Argument(help="An .organ file, from `bluntdissect compress`.")],
     output: Annotated[
@@ -55,9 +51,7 @@ def export(
             "still meshes are at rest, the others go to the break."
         ),
     ] = None,
-    grasp: Annotated[
-        float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
-    ] = None,
+    grasp: Grasp = None,
     preset: Annotated[
         str | None,
         typer.Option(
@@ -65,16 +59,10 @@ def export(
             show_default="assumed-duct: the organ's own sections; of the shipped duct the first",
         ),
     ] = None,
-    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
-    q: Annotated[
-        str | None,
-        typer.Option(help="Cubic: axial coupling, a number or 'fitted'; 0.5 if not given."),
-    ] = None,
-    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
-    law: Annotated[
-        str | None,
-        typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
-    ] = None,
+    theory: TheoryName = "cubic",
+    q: AxialCoupling = None,
+    shear: Shear = False,
+    law: Law = None,
     torn: Annotated[
         bool, typer.Option("--torn", help="The two pieces after the duct has torn, still.")
     ] = False,
@@ -98,15 +86,8 @@ def export(
             show_default="0.5; of a page what keeps it small",
         ),
     ] = None,
-    bed: Bed = None,
-    seed: BedSeed = 1,
-    hook: Hook = None,
-    lift: Lift = None,
-    path: HookPath = None,
-    steps: Steps = 60,
-    elements: Elements = 80,
-    strands: StrandCount = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
+    **options: Any,
 ) -> None:
     """Write an organ under a pull, or freed from its bed, as a file for other tools.
 
@@ -128,30 +109,28 @@ def export(
         raise ValueError(f"--color must be stress, not {color}")
     if table not in ("curve", "axis"):
         raise ValueError(f"--table must be curve or axis, not {table}")
-    of_bed = {"--hook": hook, "--lift": lift, "--path": path, "--strands": strands}
-    of_bed |= {"--seed": seed != 1 or None, "--steps": steps != 60 or None}
-    of_bed |= {"--elements": elements != 80 or None}
+    in_bed = BedOptions(**options)
     of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--law": law, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None, "--torn": torn or None}
     of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
-    check_options(bed, of_bed, of_pull)
+    in_bed.check(of_bed={}, of_pull=of_pull)
     tissue = organ_from(organ)
     dissection = Dissection.of(tissue, chosen_preset(preset) if preset else default_preset(tissue))
     edges = 0.5 if edge_length is None else edge_length
     wanted: BedExport | PullExport
-    if bed is not None:
+    if in_bed.bed is not None:
         wanted = BedExport(
             dissection,
-            bed_named(bed),
-            0.5 * dissection.beam.span if hook is None else hook,
-            hook_path(lift, path),
+            bed_named(in_bed.bed),
+            0.5 * dissection.beam.span if in_bed.hook is None else in_bed.hook,
+            in_bed.way(),
             static=still,
             stress_colors=color is not None,
             edge_length=edges,
-            seed=seed,
-            steps=steps,
-            elements=elements,
-            strands=strands,
+            seed=in_bed.seed,
+            steps=in_bed.steps,
+            elements=in_bed.elements,
+            strands=in_bed.strands,
         )
     else:
         wanted = PullExport(
@@ -193,7 +172,7 @@ def export(
         facts |= {
             "section": dissection.section(BED_THEORY),
             "bed": wanted.bed.name,
-            "seed": seed,
+            "seed": in_bed.seed,
             "hook_mm": wanted.hook,
             "torn_at_mm": None if wanted.tear is None else wanted.tear.station,
             **{name: last[name] for name in BED_FACTS},
@@ -207,7 +186,7 @@ def export(
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
-    if output is not None or bed is not None:
+    if output is not None or in_bed.bed is not None:
         print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
         print(f"solved as {facts['section']}")
 

@@ -1,18 +1,24 @@
 """`bluntdissect fit`: material and bed from measured force-deflection curves."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
 
+from app.command_line.answer import AsJson, answer, print_lines
 from app.command_line.bed_options import BED_NAMES
 from app.command_line.load import (
     PRESET_HELP,
-    THEORY_HELP,
+    AxialCoupling,
+    Grasp,
+    Law,
+    Shear,
+    TheoryName,
     chosen_theory,
+    duct_of,
     theory_options,
+    theory_words,
 )
 from app.command_line.study import need
 
@@ -43,13 +49,11 @@ def fit(
     span: Annotated[float | None, typer.Option(help="mm between the clamps.")] = None,
     diameter: Annotated[float | None, typer.Option(help="Outer diameter, mm.")] = None,
     wall: Annotated[float | None, typer.Option(help="Wall of a tube, mm; full if none.")] = None,
-    grasp: Annotated[
-        float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
-    ] = None,
-    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "exact",
-    q: Annotated[str | None, typer.Option(help="Cubic: a number or 'fitted'.")] = None,
-    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
-    law: Annotated[str | None, typer.Option(help="Exact: linear or neo-hooke.")] = None,
+    grasp: Grasp = None,
+    theory: TheoryName = "exact",
+    q: AxialCoupling = None,
+    shear: Shear = False,
+    law: Law = None,
     poisson: Annotated[
         str | None, typer.Option(help="Poisson's ratio, or 'fit' to seek it, too.")
     ] = None,
@@ -70,20 +74,14 @@ def fit(
     figure: Annotated[
         Path | None, typer.Option(help="Draw curves, fit and residuals: .png, .svg or .pdf.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find modulus, strength or a bed from measured pulls, and say what they cannot tell.
 
     Examples: bluntdissect fit pull.csv --span 50.8 --diameter 8.9 -o mine.toml, or
     bluntdissect fit lift.csv --bed normal
     """
-    from app.simulation import (
-        ASSUMED_PRESET,
-        THESIS_PRESET,
-        OrganBeam,
-        RoundBeam,
-        chosen_preset,
-    )
+    from app.simulation import OrganBeam, RoundBeam
     from app.study.curves import read_curves
     from organ_geometry import check_target, read_organ
 
@@ -93,7 +91,7 @@ def fit(
             if target.suffix.lower() not in kinds:
                 raise ValueError(f"{target} must end in {' or '.join(kinds)}")
             check_target(target)
-    base = chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
+    base = duct_of(preset, organ)
     if organ is None and not isinstance(base.beam, RoundBeam):
         raise ValueError(
             f"preset {base.name} is of an organ's own sections: give --organ, or --span and "
@@ -156,14 +154,9 @@ def fit(
         from app.study.fit_figure import draw_fit
 
         draw_fit(found, residuals, title, figure)
-    if as_json:
-        print(json.dumps(result))
-        return
-    for key, value in lines:
-        print(f"{key:<18} {value}")
-    for path in (output, figure):
-        if path is not None:
-            print(f"{'written':<18} {path}")
+    answer(result, lines, as_json=as_json)
+    if not as_json:
+        print_lines(("written", path) for path in (output, figure) if path is not None)
 
 
 def _kind(
@@ -216,8 +209,7 @@ def _pull_result(
     sought = [fitted.modulus, fitted.poisson_ratio]
     if fitted.strength is not None:
         sought.append(fitted.strength)
-    options = theory_options(theory)
-    words = ", ".join([theory.name, *(f"{key} {value}" for key, value in options.items())])
+    words = theory_words(theory)
     if output is not None:
         from app.simulation import preset_toml
         from organ_geometry import write_atomic
@@ -226,7 +218,7 @@ def _pull_result(
         write_atomic(output, preset_toml(made))
     result: dict[str, Any] = {
         "theory": theory.name,
-        **options,
+        **theory_options(theory),
         "regions": "95 %, profile likelihood",
         "parameters": {each.name: _as_json(each) for each in sought},
         "noise_N": fitted.noise,

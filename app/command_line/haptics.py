@@ -1,7 +1,6 @@
 """`bluntdissect haptics`: force feedback, a simulated device to try it with, runs made again."""
 
 import contextlib
-import json
 import math
 import signal
 import sys
@@ -13,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from app.command_line.answer import AsJson, answer, print_lines
 from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from
 
 __all__ = ["haptics"]
@@ -79,7 +79,7 @@ def haptics(
     report: Annotated[Path | None, typer.Option(help="JSON file for the report.")] = None,
     record: Annotated[Path | None, typer.Option(help="File for the run, to be made again.")] = None,
     replay: Annotated[Path | None, typer.Option(help="Make a recorded run again.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Feel the duct with a haptic device; Enter ends it, and then there is no force.
 
@@ -156,8 +156,7 @@ def haptics(
     if as_json:
         print(msgspec.json.encode(made).decode())
     else:
-        for name, value in made.lines():
-            print(f"{name:<18} {value}")
+        print_lines(made.lines())
     if made.device_failed:
         raise DeviceError(made.ended_by)
 
@@ -212,11 +211,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         "as_recorded": same,
         "bytes": len(content),
     }
-    if as_json:
-        print(json.dumps(facts))
-        return
-    for name, value in facts.items():
-        print(f"{name:<18} {value}")
+    answer(facts, facts.items(), as_json=as_json)
 
 
 @contextlib.contextmanager

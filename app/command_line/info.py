@@ -1,10 +1,11 @@
 """`bluntdissect info`: what is in an organ file, and which beds there are."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from app.command_line.answer import AsJson, answer
 
 if TYPE_CHECKING:
     from organ_geometry import Organ
@@ -17,7 +18,7 @@ def info(
     beds: Annotated[
         bool, typer.Option("--beds", help="The beds of a duct, their sources and confidence.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what is in an organ file, or which beds a duct can be laid in.
 
@@ -51,9 +52,6 @@ def info(
         "section_places": code.candidates + 1,
         "key_stations_mm": [round(float(station), 4) for station in read.key_stations],
     }
-    if as_json:
-        print(json.dumps(facts))
-        return
     wall = "hollow" if read.hollow else "solid"
     boundaries = "an outer boundary and a lumen" if read.hollow else "an outer boundary"
     lines = (
@@ -80,8 +78,7 @@ def info(
         ),
         ("at", ", ".join(f"{station:.1f}" for station in read.key_stations) + " mm"),
     )
-    for name, value in lines:
-        print(f"{name:<10} {value}")
+    answer(facts, lines, as_json=as_json, width=10)
 
 
 def _list_beds(*, as_json: bool) -> None:
@@ -91,19 +88,19 @@ def _list_beds(*, as_json: bool) -> None:
 
     from app.simulation.bed import bed_presets
 
-    if as_json:
-        print(json.dumps(msgspec.to_builtins(list(bed_presets().values()))))
-        return
-    for bed in bed_presets().values():
-        print(f"{bed.name:<10} {bed.title}: {bed.toughness_J_m2:g} J/m2 to part it")
-        for name, words in (
-            ("", bed.description),
-            ("source", bed.source),
-            ("confidence", f"{bed.confidence}. {bed.confidence_note}"),
-        ):
-            print(
-                textwrap.fill(words, 100, initial_indent=f"{name:<10} ", subsequent_indent=" " * 11)
-            )
+    def wrapped(words: str) -> str:
+        return textwrap.fill(words, 89).replace("\n", "\n" + " " * 11)
+
+    beds = list(bed_presets().values())
+    lines: list[tuple[str, str]] = []
+    for bed in beds:
+        lines += [
+            (bed.name, f"{bed.title}: {bed.toughness_J_m2:g} J/m2 to part it"),
+            ("", wrapped(bed.description)),
+            ("source", wrapped(bed.source)),
+            ("confidence", wrapped(f"{bed.confidence}. {bed.confidence_note}")),
+        ]
+    answer(msgspec.to_builtins(beds), lines, as_json=as_json, width=10)
 
 
 def _point(organ: "Organ", place: int) -> list[float]:

@@ -2,9 +2,12 @@
 
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
 
 if TYPE_CHECKING:
+    from app.simulation import Preset
     from organ_geometry import Organ
     from physics import Beam, Equilibrium, Theory
 
@@ -16,17 +19,36 @@ PRESET_NAMES = (
 
 PRESET_HELP = f"{PRESET_NAMES}; or a preset file, .toml."
 
-THEORY_HELP = "cubic, string, exact, fem or mass-spring."
+# Options that commands share.
+Grasp = Annotated[
+    float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
+]
+TheoryName = Annotated[str, typer.Option(help="cubic, string, exact, fem or mass-spring.")]
+AxialCoupling = Annotated[
+    str | None,
+    typer.Option(help="Cubic: axial coupling, a number or 'fitted'; 0.5 if not given."),
+]
+Shear = Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")]
+Law = Annotated[
+    str | None,
+    typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
+]
 
 __all__ = [
     "PRESET_HELP",
     "PRESET_NAMES",
-    "THEORY_HELP",
+    "AxialCoupling",
+    "Grasp",
+    "Law",
+    "Shear",
+    "TheoryName",
     "chosen_theory",
+    "duct_of",
     "equilibrium",
     "organ_from",
     "shipped_organ",
     "theory_options",
+    "theory_words",
 ]
 
 
@@ -49,6 +71,13 @@ def shipped_organ() -> "Organ":
     from organ_geometry import read_organ
 
     return read_organ(BILE_DUCT)
+
+
+def duct_of(preset: str | None, organ: Path | None) -> "Preset":
+    """Return a preset, or the one of what is given: an organ's assumed material, a round duct."""
+    from app.simulation import ASSUMED_PRESET, THESIS_PRESET, chosen_preset
+
+    return chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
 
 
 def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":
@@ -74,6 +103,11 @@ def theory_options(theory: "Theory") -> dict[str, object]:
     if isinstance(theory, Exact):
         return {"shear": theory.law.shear, "law": theory.law.name}
     return {}
+
+
+def theory_words(theory: "Theory") -> str:
+    """Return a theory's name with its options."""
+    return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory_options(theory).items())])
 
 
 def equilibrium(

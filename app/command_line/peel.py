@@ -1,10 +1,11 @@
 """`bluntdissect peel`: a scene of a beam on a bed, without an organ."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from app.command_line.answer import AsJson, answer
 
 if TYPE_CHECKING:
     from physics.bed import History
@@ -19,7 +20,7 @@ def peel(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write the history as CSV here.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Pull a beam off a bed of strands as a scene says, and account for the energy of each step.
 
@@ -59,9 +60,6 @@ def report_history(
         assert stress is not None  # noqa: S101
         result["distance_to_break_percent"] = last["distance_to_break_percent"]
         result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress.max()) / threshold)
-    if as_json:
-        print(json.dumps(result))
-        return
     lines: list[tuple[str, str]] = [("steps", str(history.steps))]
     if history.hands.shape[1]:
         size = np.sqrt((history.forces[:, 0] ** 2).sum(axis=1))
@@ -85,8 +83,7 @@ def report_history(
             ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
         ]
     lines += [("note", each) for each in history.notes]
-    for name, value in lines:
-        print(f"{name:<18} {value}")
+    answer(result, lines, as_json=as_json)
 
 
 def _words(row: object) -> str:

@@ -1,11 +1,11 @@
 """`bluntdissect replay`: a run that was downloaded, made again: its measures, or a file of it."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.command_line.answer import AsJson, answer
 from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def replay(
             show_default="0.5; of a page what keeps it small",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a run again from its inputs, of a pull or of a dissection, and print its measures.
 
@@ -61,57 +61,56 @@ def replay(
     from app.simulation import MOST_BYTES, Replay, series_csv
     from app.simulation.bed import DissectionFile, DissectionReplay, dissection_csv, read_any_run
     from app.versions import versions
+    from organ_geometry import check_target, write_atomic
 
     if output is not None:
         _check_output(output)
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
     original = read_any_run(read_bounded(run, MOST_BYTES, "run"))
-    if csv is not None and not csv.parent.is_dir():
-        raise ValueError(f"no folder {csv.parent} to write {csv.name} into")
+    if csv is not None:
+        check_target(csv)
     shape = organ_from(organ)
-    played: dict[str, object] = {}
+    again: DissectionReplay | Replay
+    facts: dict[str, object] = {}
     if isinstance(original, DissectionFile):
-        free = DissectionReplay(original.log, shape, vertices=300)
-        found = free.run_file()
+        again = DissectionReplay(original.log, shape, vertices=300)
+        found = again.run_file()
         same = original.agrees_with(found)
-        if output is not None:
-            played = _write_played(free, output, frames, edge_length)
-        rows = None if csv is None else dissection_csv(free.series())
+        rows = "" if csv is None else dissection_csv(again.series())
         lines = _dissection_lines(found.measures)
-        facts: dict[str, object] = {}
     else:
         again = Replay(original.log, shape, vertices=300)
         found = again.run_file()
         same = original.agrees_with(found)
-        if output is not None:
-            played = _write_played(again, output, frames, edge_length)
-        rows = None if csv is None else series_csv(again.series())
+        rows = "" if csv is None else series_csv(again.series())
         lines = _lines(found.measures)
-        exercise_inputs = found.log.exercise_inputs
-        facts = {} if found.log.exercise is None else {"exercise_inputs": exercise_inputs}
-    others = {name: made for name, made in original.log.versions.items() if name in versions()}
-    others = {name: made for name, made in others.items() if versions()[name] != made}
-    if csv is not None and rows is not None:
-        csv.write_text(rows)
-    if as_json:
-        outcome = None if found.outcome is None else msgspec.to_builtins(found.outcome)
-        measures = msgspec.to_builtins(found.measures)
-        result = {"measures": measures, "outcome": outcome, "as_recorded": same}
-        print(json.dumps(result | played | facts))
-        return
-    for name, value in lines:
-        print(f"{name:<28} {value}")
-    if found.outcome is not None:
-        print(f"{'exercise':<28} {'passed' if found.outcome.passed else 'not passed'}: ", end="")
-        print(found.outcome.reason)
-    if "exercise_inputs" in facts:
+        if found.log.exercise is not None:
+            facts = {"exercise_inputs": found.log.exercise_inputs}
+    played = {} if output is None else _write_played(again, output, frames, edge_length)
+    if csv is not None:
+        write_atomic(csv, rows.encode())
+    outcome = found.outcome
+    result = {
+        "measures": msgspec.to_builtins(found.measures),
+        "outcome": None if outcome is None else msgspec.to_builtins(outcome),
+        "as_recorded": same,
+    }
+    if outcome is not None:
+        passed = "passed" if outcome.passed else "not passed"
+        lines.append(("exercise", f"{passed}: {outcome.reason}"))
+    if facts:
         by_hand = facts["exercise_inputs"] == "hand"
-        print(f"{'done with':<28} {'the hand alone' if by_hand else 'sliders and keys allowed'}")
-    made = ", ".join(f"{name} {version}" for name, version in others.items())
-    note = f"; it was made with {made}" if others else ""
-    print(f"{'as recorded':<28} {'yes, to the digit' if same else f'no{note}'}")
-    if played:
+        lines.append(("done with", "the hand alone" if by_hand else "sliders and keys allowed"))
+    made = ", ".join(
+        f"{name} {version}"
+        for name, version in original.log.versions.items()
+        if versions().get(name, version) != version
+    )
+    note = f"; it was made with {made}" if made else ""
+    lines.append(("as recorded", "yes, to the digit" if same else f"no{note}"))
+    answer(result | played | facts, lines, as_json=as_json, width=28)
+    if played and not as_json:
         print(f"{output}: the run in {played['keys']:,} keys, {played['bytes']:,} bytes")
 
 

@@ -1,32 +1,28 @@
 """`bluntdissect solve`: one beam under one pull, in numbers."""
 
-import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from app.command_line.bed_options import (
-    Bed,
-    BedSeed,
-    Elements,
-    Hook,
-    HookPath,
-    Lift,
-    Steps,
-    StrandCount,
-    check_options,
-    hook_path,
-)
+from app.command_line.answer import AsJson, answer
+from app.command_line.bed_options import BedOptions
 from app.command_line.load import (
     PRESET_HELP,
-    THEORY_HELP,
+    AxialCoupling,
+    Grasp,
+    Law,
+    Shear,
+    TheoryName,
     chosen_theory,
+    duct_of,
     equilibrium,
     organ_from,
     theory_options,
+    theory_words,
 )
+from app.command_line.shared_options import options_of
 
 __all__ = ["solve"]
 
@@ -34,6 +30,7 @@ __all__ = ["solve"]
 MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
 
 
+@options_of(BedOptions)
 def solve(
     preset: Annotated[str | None, typer.Option(help=f"A duct: {PRESET_HELP}")] = None,
     organ: Annotated[
@@ -49,40 +46,25 @@ def solve(
     poisson: Annotated[
         float | None, typer.Option(help="Round beam: Poisson's ratio; 0.3 if not given.")
     ] = None,
-    grasp: Annotated[
-        float | None, typer.Option(help="mm from the first clamp; the middle if not given.")
-    ] = None,
+    grasp: Grasp = None,
     force: Annotated[
         float | None,
         typer.Option(help="The grasper's whole force, N; below zero it pulls the other way."),
     ] = None,
     deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
-    theory: Annotated[str, typer.Option(help=THEORY_HELP)] = "cubic",
-    q: Annotated[
-        str | None,
-        typer.Option(help="Cubic: axial coupling, a number or 'fitted'; 0.5 if not given."),
-    ] = None,
-    shear: Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")] = False,
-    law: Annotated[
-        str | None,
-        typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
-    ] = None,
+    theory: TheoryName = "cubic",
+    q: AxialCoupling = None,
+    shear: Shear = False,
+    law: Law = None,
     threshold: Annotated[
         float | None,
         typer.Option(help="Stress at which it breaks, MPa; the preset's own if not given."),
     ] = None,
-    bed: Bed = None,
-    seed: BedSeed = 1,
-    hook: Hook = None,
-    lift: Lift = None,
-    path: HookPath = None,
-    steps: Steps = 60,
-    elements: Elements = 80,
-    strands: StrandCount = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Bed: write the history as CSV here.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
+    **options: Any,
 ) -> None:
     """Solve a beam under a pull: deflection, force, stresses and distance to break.
 
@@ -90,29 +72,14 @@ def solve(
     bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json, or
     bluntdissect solve --bed firm --hook 31 --lift 6
     """
-    of_bed = {"--hook": hook, "--lift": lift, "--path": path, "--strands": strands, "-o": output}
-    of_bed |= {"--seed": seed != 1 or None, "--steps": steps != 60 or None}
-    of_bed |= {"--elements": elements != 80 or None}
+    in_bed = BedOptions(**options)
     of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
     of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
     of_pull |= {"--poisson": poisson, "--law": law, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None}
-    check_options(bed, of_bed, of_pull)
-    if bed is not None:
-        in_bed(
-            bed,
-            preset=preset,
-            organ=organ,
-            seed=seed,
-            hook=hook,
-            way=hook_path(lift, path),
-            steps=steps,
-            elements=elements,
-            strands=strands,
-            threshold=threshold,
-            output=output,
-            as_json=as_json,
-        )
+    in_bed.check(of_bed={"-o": output}, of_pull=of_pull)
+    if in_bed.bed is not None:
+        _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, as_json=as_json)
         return
     from app.simulation import ASSUMED_PRESET, Dissection, RoundBeam, chosen_preset
     from physics import Beam, break_of, check_rupture
@@ -128,7 +95,6 @@ def solve(
         if value is not None and most < abs(value) < math.inf:
             raise ValueError(f"{name} can be at most {most:g} {unit}, got {value:g} {unit}")
     chosen = chosen_theory(theory, q=q, shear=shear, law=law)
-    options = theory_options(chosen)
     round_beam = {
         "--span": span,
         "--diameter": diameter,
@@ -188,14 +154,11 @@ def solve(
         "threshold_MPa": limit,
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
-        **options,
+        **theory_options(chosen),
     }
-    if as_json:
-        print(json.dumps(result))
-        return
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
-        ("theory", ", ".join([chosen.name, *(f"{key} {value}" for key, value in options.items())])),
+        ("theory", theory_words(chosen)),
         *([] if preset is None else [("preset", preset)]),
         ("section", section),
         (
@@ -226,58 +189,47 @@ def solve(
                 "no force it can be pulled with" if event is None else f"{event.force:.6g} N",
             ),
         ]
-    for name, value in lines:
-        print(f"{name:<18} {value}")
+    answer(result, lines, as_json=as_json)
 
 
-def in_bed(
+def _solve_in_bed(
     name: str,
-    *,
+    options: BedOptions,
     preset: str | None,
     organ: Path | None,
-    seed: int,
-    hook: float | None,
-    way: tuple[tuple[float, float, float], ...],
-    steps: int,
-    elements: int,
-    strands: int | None,
     threshold: float | None,
     output: Path | None,
+    *,
     as_json: bool,
 ) -> None:
-    """Pull a duct off its bed and report the history; the options are those of `solve`."""
+    """Pull a duct off its bed and report the history."""
     from app.command_line.peel import report_history
-    from app.simulation import (
-        ASSUMED_PRESET,
-        THESIS_PRESET,
-        Dissection,
-        RoundBeam,
-        chosen_preset,
-    )
+    from app.simulation import Dissection, RoundBeam
     from app.simulation.bed import beam_in_space, bed_named
     from organ_geometry import check_target
     from physics import Exact, Linear
     from physics.bed import Hand, SpaceBeam, pull
     from physics.quantity import positive
 
+    way = options.way()
     if output is not None:
         check_target(output)
     layer = bed_named(name)
-    duct = chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
+    duct = duct_of(preset, organ)
     theory = Exact(Linear(shear=True))
     if isinstance(duct.beam, RoundBeam):
         if organ is not None:
             raise ValueError(f"preset {duct.name} brings its own beam; leave out --organ")
-        bar = duct.round_beam()
-        at = 0.5 * bar.span if hook is None else hook
-        beam = SpaceBeam.of(bar, elements=elements, nodes_at=[at])
-        limit = duct.threshold(theory, bar) if threshold is None else threshold
+        flat = duct.round_beam()
+        at = 0.5 * flat.span if options.hook is None else options.hook
+        beam = SpaceBeam.of(flat, elements=options.elements, nodes_at=[at])
     else:
         dissection = Dissection.of(organ_from(organ), duct)
-        at = 0.5 * dissection.beam.span if hook is None else hook
-        beam = beam_in_space(dissection, elements=elements, nodes_at=[at])
-        limit = duct.threshold(theory, dissection.beam) if threshold is None else threshold
+        flat = dissection.beam
+        at = 0.5 * flat.span if options.hook is None else options.hook
+        beam = beam_in_space(dissection, elements=options.elements, nodes_at=[at])
+    limit = duct.threshold(theory, flat) if threshold is None else threshold
     positive(limit, "threshold", "MPa")
-    hand = Hand(at=at, path=way, steps=steps)
-    history = pull(beam, layer.bed(beam, seed=seed, strands=strands), [hand])
-    report_history(history, limit, output, as_json=as_json)
+    hand = Hand(at=at, path=way, steps=options.steps)
+    bed = layer.bed(beam, seed=options.seed, strands=options.strands)
+    report_history(pull(beam, bed, [hand]), limit, output, as_json=as_json)

@@ -1,18 +1,14 @@
 """`bluntdissect study`: many ducts whose inputs are not known well, and what comes of it."""
 
 import json
-import sys
 import time
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-if TYPE_CHECKING:
-    from app.study.ensemble import Progress
+from app.command_line.answer import AsJson, answer, progress_bar
 
 __all__ = ["need", "study"]
 
@@ -59,7 +55,7 @@ def run(
         typer.Option(help="A Dask scheduler whose workers do it instead: tcp://HOST:PORT."),
     ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Write the results as CSV, too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Solve the ducts of a plan; `study PLAN` is the same as `study run PLAN`.
 
@@ -73,7 +69,7 @@ def run(
     need("pyarrow", "scipy")
     chosen = read_plan(plan)
     started = time.perf_counter()
-    with _progress() as progress:
+    with progress_bar("ducts", time_left=True) as progress:
         done = run_study(
             chosen,
             output,
@@ -90,9 +86,6 @@ def run(
         "seconds": seconds,
         "results": str(output / "results.parquet"),
     }
-    if as_json:
-        print(json.dumps(result))
-        return
     kept = done.rows - done.solved
     rate = f", {done.solved / max(seconds, 1e-9):,.0f} ducts a second"
     lines = [
@@ -101,8 +94,7 @@ def run(
         ("time", f"{seconds:.1f} s" + rate if done.solved else "none was left to solve"),
         ("results", result["results"]),
     ]
-    for name, value in lines:
-        print(f"{name:<10} {value}")
+    answer(result, lines, as_json=as_json, width=10)
 
 
 @study.command("report")
@@ -147,24 +139,3 @@ def need(*packages: str) -> None:
     missing = [name for name in packages if find_spec(name) is None]
     if missing:
         raise ValueError(f"this needs {', '.join(missing)}: pip install 'bluntdissect[study]'")
-
-
-@contextmanager
-def _progress() -> "Generator[Progress]":
-    """Show the rows done and the time left on stderr."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    console = Console(file=sys.stderr)
-    with Progress(
-        "ducts",
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        "left",
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as shown:
-        task = shown.add_task("ducts", total=None)
-        yield lambda done, total: shown.update(task, completed=done, total=total)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from app.command_line.answer import AsJson
+
 __all__ = ["validate"]
 
 
@@ -18,7 +20,7 @@ def validate(
             help="Folder for validation.md and its figures (needs the extra 'report').",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Print the thesis's tables with our theories beside them, and write the validation page.
 

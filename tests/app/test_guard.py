@@ -19,7 +19,7 @@ from program import LONGEST, refused, started
 from prometheus_client.parser import text_string_to_metric_families
 from simulated import phantom
 
-from app.command_line.trainer import draw_link
+from app.command_line.serving import draw_link
 from app.trainer.connections import guard
 from app.trainer.connections.guard import TOKEN_VARIABLE, Guard, is_loopback
 from app.trainer.server import trainer as server

@@ -19,7 +19,7 @@ from test_guard import TOKEN, UPGRADE, Answer
 from websockets import Subprotocol
 from websockets.sync.client import connect
 
-from app.command_line.trainer import tls_context
+from app.command_line.serving import tls_context
 from app.trainer.connections.bounds import Bounds, Connections, socket_options
 from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
