@@ -102,13 +102,13 @@ class SwingingChain:
 
     def __init__(self, beam: Beam, grasp: float) -> None:
         light = MassSpringChain(beam, grasp, nodes=NODES, density=TISSUE_DENSITY)
-        slower = light.lowest_frequency / (2.0 * math.pi * SWINGS_PER_SECOND)
-        self._slowed = slower
+        # How many times slower it swings than tissue of its size.
+        self.slowed = light.lowest_frequency / (2.0 * math.pi * SWINGS_PER_SECOND)
         self._chain = MassSpringChain(
             beam,
             grasp,
             nodes=NODES,
-            density=TISSUE_DENSITY * slower**2,
+            density=TISSUE_DENSITY * self.slowed**2,
             damping_ratio=DAMPING_RATIO,
         )
         self._load: Load | None = None
@@ -120,11 +120,6 @@ class SwingingChain:
     def grasp(self) -> float:
         """Distance of the grasp from the first clamp, mm."""
         return self._chain.grasp
-
-    @property
-    def slowed(self) -> float:
-        """How many times slower it swings than tissue of its size."""
-        return self._slowed
 
     @property
     def places(self) -> NDArray[np.float64]:
