@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from program import LONGEST, blocks, command, commands, run
 
+from assets import BILE_DUCT
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text()
@@ -54,6 +56,7 @@ def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.Mon
         assert done.returncode == 0, (words, done.stderr)
         said += done.stdout
     assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}
+    assert (tmp_path / "duct.organ").read_bytes() == BILE_DUCT.read_bytes()
     for line in "".join(blocks(README, "text")).splitlines():
         assert line in said
 

@@ -19,7 +19,7 @@ from app.command_line.load import PRESET_NAMES
 from app.simulation import presets
 from app.simulation.bed import bed_presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
-from assets import BILE_DUCT_PHANTOM
+from assets import BILE_DUCT, BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ
 
 KEYS = {
@@ -135,6 +135,7 @@ def test_compress_says_what_it_found_and_kept(compressed: tuple[Path, dict[str, 
         assert fit_mm == pytest.approx((sum(squares) / points) ** 0.5)
     assert found["fit_normal_rms_mm"] < found["fit_algebraic_rms_mm"]
     assert found["warnings"] == []
+    assert path.read_bytes() == BILE_DUCT.read_bytes()
     organ = read_organ(path)
     assert len(organ.keys) == found["sections_kept"]
 

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ import pytest
 from own_organ import phantom_start
 from program import command, refused, run
 
+from app.compression import stack_batch
 from app.compression.report import report_lines
 from app.compression.stack_job import StackJob, compress_stack, jobs_into
 from app.workers import by_processes
@@ -169,11 +171,9 @@ def test_a_promise_that_cannot_be_kept_is_answered_with_the_smallest(tmp_path: P
 
 
 def test_the_thesis_s_rule_can_be_asked_for(tmp_path: Path) -> None:
-    sizes = {}
+    sizes, images = {}, phantom_start(tmp_path / "images", 16)
     for rule in ("fewest", "thesis"):
-        done = run(
-            "compress", BILE_DUCT_PHANTOM, "-o", tmp_path / "duct.organ", "--select", rule, "--json"
-        )
+        done = run("compress", images, "-o", tmp_path / "duct.organ", "--select", rule, "--json")
         assert done.returncode == 0, done.stderr
         sizes[rule] = json.loads(done.stdout)["bytes_out"]
     assert sizes["fewest"] < sizes["thesis"]
@@ -343,7 +343,15 @@ def test_info_refuses_what_is_no_organ_file(tmp_path: Path) -> None:
     assert "not an organ file" in refused(("info", path))
 
 
-def test_a_batch_goes_on_from_where_it_was_ended(tmp_path: Path, stacks: list[Path]) -> None:
+def test_a_batch_goes_on_from_where_it_was_ended(
+    tmp_path: Path, stacks: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def here(
+        function: Callable[[StackJob], object], jobs: list[StackJob], *_: object, **__: object
+    ) -> Iterator[tuple[StackJob, object]]:
+        return ((job, function(job)) for job in jobs)
+
+    monkeypatch.setattr(stack_batch, "by_processes", here)
     organs = tmp_path / "organs"
     first = json.loads(run("compress", *stacks[:2], "-o", organs, "--json").stdout)
     lines = (organs / "summary.jsonl").read_bytes()
