@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from browser import PATIENCE, running_browser
+from browser import new_context, running_browser
 from playwright.sync_api import Page, Route
 
 HERE = Path(__file__).parent
@@ -58,7 +58,7 @@ def validated(*files: Path) -> list[dict[str, dict[str, object]]]:
 
 
 class Viewer:
-    """A page in which three.js shows one GLB."""
+    """A page in which three.js plays one GLB."""
 
     def __init__(self, page: Page) -> None:
         self.page = page
@@ -77,15 +77,10 @@ class Viewer:
             for name, parts in found.items()
         }
 
-    def picture(self, path: Path) -> None:
-        """Draw the scene as it is, and keep it."""
-        self.page.evaluate("() => viewer.render()")
-        self.page.screenshot(path=path)
-
 
 @contextmanager
-def three_viewer(glb: bytes, *, width: int = 900, height: int = 500) -> Iterator[Viewer]:
-    """A viewer with a GLB in it; fails on any error in the page."""
+def three_viewer(glb: bytes) -> Iterator[Viewer]:
+    """A viewer with a GLB in it, which draws nothing; fails on any error in the page."""
     three = package("three")
     errors: list[str] = []
 
@@ -100,9 +95,8 @@ def three_viewer(glb: bytes, *, width: int = 900, height: int = 500) -> Iterator
         else:
             route.fulfill(status=404 if path != "/favicon.ico" else 204)
 
-    with running_browser(drawing=True) as browser:
-        page = browser.new_page(viewport={"width": width, "height": height})
-        page.set_default_timeout(PATIENCE)
+    with running_browser(drawing=False) as browser:
+        page = new_context(browser).new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on(
             "console",
