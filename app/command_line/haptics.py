@@ -163,7 +163,8 @@ def haptics(
 
 def _serve(address: str, hand: Path | None) -> None:
     from app.haptics.hand import HandScript, read_hand
-    from app.haptics.haply_server import HaplyServer, websocket_address
+    from app.haptics.haply_messages import websocket_address
+    from app.haptics.haply_server import HaplyServer
     from app.haptics.servo import real_time
 
     host, port = websocket_address(address)

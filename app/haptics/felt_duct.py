@@ -27,12 +27,12 @@ from physics import (
 from physics.cubic_kernels import cubic_deflection
 from physics.quantity import positive
 
-__all__ = ["UP", "FeltDuct", "FeltModel"]
+__all__ = ["STRESS_STEPS", "UP", "FeltDuct", "FeltModel"]
 
 UP = 2
 """Axis of the pull among right, forward and up."""
 STRESS_STEPS = 10
-"""Steps between two checks of the stresses of a duct with two hooks."""
+"""Steps between two checks of the stresses of a duct with two hooks, or in a bed."""
 
 
 class FeltModel(Protocol):

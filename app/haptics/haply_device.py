@@ -28,8 +28,8 @@ from app.haptics.haply_messages import (
     Vector,
     Version,
     read_service_message,
+    websocket_address,
 )
-from app.haptics.haply_server import websocket_address
 
 __all__ = ["HaplyDevice", "open_haply"]
 

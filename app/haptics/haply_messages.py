@@ -10,6 +10,7 @@ right, y forward and z up.
 
 import math
 from typing import Literal
+from urllib.parse import urlsplit
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
@@ -34,6 +35,7 @@ __all__ = [
     "Version",
     "read_client_message",
     "read_service_message",
+    "websocket_address",
 ]
 
 Version = Literal["3.1", "3.5"]
@@ -41,6 +43,18 @@ Version = Literal["3.1", "3.5"]
 
 class ProtocolError(ValueError):
     """A message that the published protocol does not have."""
+
+
+def websocket_address(address: str) -> tuple[str, int]:
+    """Return host and port of an address like ws://127.0.0.1:10001."""
+    parts = urlsplit(address)
+    try:
+        port = parts.port
+    except ValueError:
+        port = None
+    if parts.scheme != "ws" or not parts.hostname or port is None:
+        raise ValueError(f"--address must be like ws://127.0.0.1:10001, not {address}")
+    return parts.hostname, port
 
 
 class Vector(Struct):

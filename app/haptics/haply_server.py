@@ -37,7 +37,7 @@ from app.haptics.haply_messages import (
 )
 from app.haptics.simulated_device import STEP, SimulatedDevice
 
-__all__ = ["HaplyServer", "VirtualService", "websocket_address"]
+__all__ = ["HaplyServer", "VirtualService"]
 
 # Longest time, s, simulated between two messages: the rest of a longer pause is skipped.
 MOST_SECONDS = 0.25
@@ -49,18 +49,6 @@ CLOSE_SECONDS = 0.5
 """Time, s, in which a client must answer that the service closes."""
 VERSION = b'{"project_name":"bluntdissect virtual device","project_version":"3.5.0.0"}'
 SILENT = logging.Logger("bluntdissect.haptics", logging.CRITICAL + 1)
-
-
-def websocket_address(address: str) -> tuple[str, int]:
-    """Return host and port of an address like ws://127.0.0.1:10001."""
-    parts = urlsplit(address)
-    try:
-        port = parts.port
-    except ValueError:
-        port = None
-    if parts.scheme != "ws" or not parts.hostname or port is None:
-        raise ValueError(f"--address must be like ws://127.0.0.1:10001, not {address}")
-    return parts.hostname, port
 
 
 class VirtualService:

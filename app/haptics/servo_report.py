@@ -140,8 +140,8 @@ class ServoReport(Struct, frozen=True):
              f"released {energy.released:.6g} mJ"),
             ("sampling", f"{energy.sampling:.6g} mJ; controller {energy.controller:.6g}, "
              f"limits {energy.limits:.6g} mJ"),
-            ("books", f"close to {energy.residual_of_peak:.1e} of the peak; least margin "
-             f"{energy.least_margin:.6g} mJ"),
+            ("books", f"close to {energy.residual_of_peak:.1e} of the peak; the hands got at most "
+             f"{0.0 - energy.least_margin:.6g} mJ more than they had given"),
         ]  # fmt: skip
         check = self.force_check
         if check is not None:

@@ -21,8 +21,9 @@ from app.haptics.haply_messages import (
     Vector,
     read_client_message,
     read_service_message,
+    websocket_address,
 )
-from app.haptics.haply_server import HaplyServer, VirtualService, websocket_address
+from app.haptics.haply_server import HaplyServer, VirtualService
 from app.haptics.simulated_device import STEP, SimulatedDevice
 
 START = (0.0, -0.12, 0.15)
