@@ -24,7 +24,7 @@ from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
 from benchmarks.exact_beam import exact_engines
-from benchmarks.geometry import measure_geometry
+from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
 from benchmarks.peers import peer_engines
 from benchmarks.session_step import step_figures
@@ -52,13 +52,7 @@ def machine() -> dict[str, str | int]:
 def physics_table(engines: list[Engine]) -> Table:
     """Return times, errors and ratios as a table."""
     times = {engine.key: engine.time for engine in engines}
-    table = Table(
-        title=f"A duct of {DUCT.span:g} mm under {FORCE:.3f} N; warm: 1 % load steps",
-        title_justify="left",
-        title_style="",
-        box=None,
-        pad_edge=False,
-    )
+    table = plain_table(f"A duct of {DUCT.span:g} mm under {FORCE:.3f} N; warm: 1 % load steps")
     table.add_column("")
     for heading in ("us a solve", "off by %", "/ first", "/ call"):
         table.add_column(heading, justify="right", no_wrap=True)

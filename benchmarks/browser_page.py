@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from shutil import which
 from typing import Any
 
@@ -19,7 +20,15 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.trainer_clients import machine_speed
 
-__all__ = ["LOOKS", "PATIENCE_MS", "PICTURES", "PRESENT", "SWITCHES", "chromium", "page_figures"]
+__all__ = [
+    "LOOKS",
+    "PATIENCE_MS",
+    "PICTURES",
+    "browser_page",
+    "page_figures",
+    "served",
+    "until_drawn",
+]
 
 LOOKS = ("full", "plain")
 SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -66,18 +75,34 @@ def chromium() -> str:
 
 
 @contextmanager
-def _trainer(look: str) -> Iterator[str]:
-    """Run a trainer of the shipped duct in a process of its own, and yield its address."""
-    code = "from app.command_line import main; main()"
-    command = [sys.executable, "-c", code, "trainer", "--port", "0"]
-    command += ["--mode", "pull", "--look", look]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+def browser_page() -> Iterator[Page]:
+    """Open an empty page in headless Chromium."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
+        try:
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.set_default_timeout(PATIENCE_MS)
+            yield page
+        finally:
+            browser.close()
+
+
+@contextmanager
+def served(*command: str | Path, **options: Any) -> Iterator[tuple[str, int]]:
+    """Run a trainer's program until it is left; give its address and the process's number."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **options) as process:
         try:
             assert process.stdout is not None
             line = next(line for line in process.stdout if "http://" in line)
-            yield line[line.index("http://") :].split()[0]
+            yield line[line.index("http://") :].split()[0], process.pid
         finally:
             process.terminate()
+
+
+def until_drawn(page: Page, timeout: float = PATIENCE_MS) -> None:
+    """Wait until a page has drawn its duct."""
+    page.wait_for_function(PRESENT, timeout=timeout)
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => done()))")
 
 
 def _counted(page: Page, address: str) -> dict[str, float]:
@@ -96,8 +121,7 @@ def _counted(page: Page, address: str) -> dict[str, float]:
     )
     start = time.perf_counter()
     page.goto(f"{address}/?fixedDpr=1")
-    page.wait_for_function(PRESENT, timeout=PATIENCE_MS)
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => done()))")
+    until_drawn(page)
     return {
         "first_picture_s": time.perf_counter() - start,
         "page_kb": sizes["http"] / 1e3,
@@ -107,10 +131,11 @@ def _counted(page: Page, address: str) -> dict[str, float]:
 
 def page_figures(look: str) -> dict[str, float]:
     """Return the figures of one page in a look."""
-    with _trainer(look) as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.set_default_timeout(PATIENCE_MS)
+    program = [sys.executable, "-c", "from app.command_line import main; main()", "trainer"]
+    with (
+        served(*program, "--port", "0", "--mode", "pull", "--look", look) as (address, _),
+        browser_page() as page,
+    ):
         figures = _counted(page, address)
         page.get_by_role("dialog").get_by_role("button", name="Start").click()
         answers: list[Any] = []
@@ -130,7 +155,6 @@ def page_figures(look: str) -> dict[str, float]:
                 for _ in range(5):
                     page.keyboard.press(key)
         figures["pictures_per_second"] = float(page.evaluate("() => window.bdPictures"))
-        browser.close()
         return figures
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.organ_sets import SETS, OrganSet, missing_sets
 from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
+from benchmarks.stopwatch import microseconds
 
 __all__ = ["DracoMesh", "DracoSearch", "least_count"]
 
@@ -64,20 +65,9 @@ class DracoMesh:
     def times(self, draco: Any, runs: int) -> tuple[float, float]:
         """Return the times to compress the mesh again and to decompress it."""
         mesh = draco.decode(self.packed)
-        pack, unpack = math.inf, math.inf
-        for _ in range(runs):
-            start = time.perf_counter()
-            draco.encode(
-                mesh.points,
-                mesh.faces,
-                quantization_bits=self.bits,
-                compression_level=COMPRESSION_LEVEL,
-            )
-            packed = time.perf_counter()
-            draco.decode(self.packed)
-            pack = min(pack, packed - start)
-            unpack = min(unpack, time.perf_counter() - packed)
-        return pack, unpack
+        bits = {"quantization_bits": self.bits, "compression_level": COMPRESSION_LEVEL}
+        pack = microseconds(lambda: draco.encode(mesh.points, mesh.faces, **bits), 1, runs)
+        return 1e-6 * pack, 1e-6 * microseconds(lambda: draco.decode(self.packed), 1, runs)
 
     def __str__(self) -> str:
         return (

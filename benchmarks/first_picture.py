@@ -13,13 +13,12 @@ import tempfile
 import time
 import venv
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import psutil
-from playwright.sync_api import sync_playwright
 
-from benchmarks.browser_page import PRESENT, SWITCHES, chromium
+from benchmarks.browser_page import browser_page, served, until_drawn
 
 ROOT = Path(__file__).parents[1]
 PATIENCE_MS = 900_000
@@ -40,27 +39,17 @@ def _pip(*words: str | Path) -> None:
 
 def _opened(program: Path, cache: Path, figures: dict[str, float], which_start: str) -> None:
     """Start the trainer and open its page, until its duct is drawn."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    with browser_page() as page, ExitStack() as running:
         with _timed(figures, f"{which_start}_address"):
-            trainer = subprocess.Popen(
-                [program, "trainer", "--port", "0"], stdout=subprocess.PIPE, text=True,
-                cwd=cache, env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
-            )  # fmt: skip
-            assert trainer.stdout is not None
-            line = next(line for line in trainer.stdout if "http://" in line)
-        try:
-            with _timed(figures, f"{which_start}_page"):
-                page.goto(line[line.index("http://") :].split()[0])
-                page.wait_for_function(PRESENT, timeout=PATIENCE_MS)
-                page.evaluate("() => new Promise((done) => requestAnimationFrame(() => done()))")
-            times = psutil.Process(trainer.pid).cpu_times()
-            figures[f"{which_start}_trainer_processor_s"] = times.user + times.system
-        finally:
-            trainer.terminate()
-            trainer.wait()
-        browser.close()
+            address, number = running.enter_context(
+                served(program, "trainer", "--port", "0", cwd=cache, env=environment)
+            )
+        with _timed(figures, f"{which_start}_page"):
+            page.goto(address)
+            until_drawn(page, PATIENCE_MS)
+        times = psutil.Process(number).cpu_times()
+        figures[f"{which_start}_trainer_processor_s"] = times.user + times.system
 
 
 def main() -> None:

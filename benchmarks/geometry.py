@@ -20,7 +20,7 @@ from benchmarks.organ_sets import DATA, SETS, OrganSet, missing_sets
 from benchmarks.surface_distance import spread_points
 from organ_geometry import build_organ
 
-__all__ = ["levels_of_both", "measure_geometry", "set_figures"]
+__all__ = ["levels_of_both", "measure_geometry", "plain_table", "set_figures"]
 
 WISHED = (1.0, 2.0)
 LEVELS = (1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
@@ -186,7 +186,7 @@ def measure_geometry(console: Console) -> dict[str, Any]:
 
 def rates_table(rates: BuilderRates) -> Table:
     """Return images a second as a table."""
-    table = _table("Images of 512 x 512 a second, from PNG files, and ours over the peer's")
+    table = plain_table("Images of 512 x 512 a second, from PNG files, and ours over the peer's")
     for heading in ("", "images/s", "ratio"):
         table.add_column(heading, justify="right" if heading else "left")
     peer = rates.peer
@@ -205,7 +205,7 @@ def rates_table(rates: BuilderRates) -> Table:
 
 def bytes_table(sets: dict[str, dict[str, Any]]) -> Table:
     """Return bytes at equal errors as a table."""
-    table = _table("Bytes at the same RMS distance to the true surface, % of the mean radius")
+    table = plain_table("Bytes at the same RMS distance to the true surface, % of the mean radius")
     for heading in ("", "%", "organ", "Draco", "ratio", "Draco's mesh"):
         table.add_column(heading, justify="left" if heading in {"", "Draco's mesh"} else "right")
     for name, figures in sets.items():
@@ -224,7 +224,7 @@ def bytes_table(sets: dict[str, dict[str, Any]]) -> Table:
 
 def surface_table(sets: dict[str, dict[str, Any]]) -> Table:
     """Return distances to the reference meshes, and times of the files, as a table."""
-    table = _table("Mean distance to the reference mesh, px; time, ms, of the last file above")
+    table = plain_table("Mean distance to the reference mesh, px; time, ms, of the last file above")
     for heading in ("", "edges", "organ", "write", "read", "+ mesh", "Draco enc.", "dec."):
         table.add_column(heading, justify="right" if heading else "left")
     keys = ("write_ms", "read_ms", "read_and_mesh_ms", "draco_encode_ms", "draco_decode_ms")
@@ -238,5 +238,6 @@ def surface_table(sets: dict[str, dict[str, Any]]) -> Table:
     return table
 
 
-def _table(title: str) -> Table:
+def plain_table(title: str) -> Table:
+    """Return a table without lines."""
     return Table(title=title, title_justify="left", title_style="", box=None, pad_edge=False)

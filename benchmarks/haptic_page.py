@@ -18,7 +18,6 @@ from typing import Any, Literal, cast
 
 import msgspec
 import numpy as np
-from playwright.sync_api import sync_playwright
 from rich.console import Console
 
 from app.command_line.load import shipped_organ
@@ -34,7 +33,7 @@ from app.haptics.servo_process import (
 from app.haptics.servo_report import ServoReport
 from app.simulation.bed import Touch
 from app.trainer.server.trainer import Trainer
-from benchmarks.browser_page import PATIENCE_MS, PICTURES, SWITCHES, chromium
+from benchmarks.browser_page import PICTURES, browser_page
 from benchmarks.haptic_servo import virtual_service
 
 __all__ = ["figures_beside_page"]
@@ -139,7 +138,7 @@ def beside_page(
     with (
         subprocess.Popen([*command, *([address] if address else [])], text=True,
                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as trainer,
-        sync_playwright() as playwright,
+        browser_page() as page,
     ):  # fmt: skip
         assert trainer.stdin is not None
         assert trainer.stdout is not None
@@ -149,10 +148,7 @@ def beside_page(
             return time.monotonic(), msgspec.json.decode(told.readline())
 
         told = trainer.stdout
-        browser = playwright.chromium.launch(executable_path=chromium(), args=SWITCHES)
         try:
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.set_default_timeout(PATIENCE_MS)
             page.goto(f"{told.readline().strip()}/?fixedDpr=1")
             page.get_by_role("dialog").get_by_role("button", name="Start").click()
             asked = [ask()]
@@ -169,7 +165,6 @@ def beside_page(
             trainer.stdin.close()
             report = msgspec.json.decode(told.readline(), type=ServoReport | None)
         finally:
-            browser.close()
             trainer.terminate()
     times = np.array([when for when, _ in asked])
     ticks, drawn = np.array([[told["ticks"], told["drawn"]] for _, told in asked]).T

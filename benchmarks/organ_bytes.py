@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import Mesh, tube_faces
+from benchmarks.stopwatch import microseconds
 from organ_geometry import (
     BuiltOrgan,
     Organ,
@@ -128,17 +129,9 @@ def file_times(organ: Organ, vertices: int, runs: int = 9) -> dict[str, float]:
     """Return the times to write and read an organ's file, the fastest of some runs."""
     stations = max(2, round(math.sqrt(2.0 * vertices)))
     angles = max(8, round(vertices / stations))
-    times: list[tuple[float, float, float]] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.organ"
-        for _ in range(runs):
-            start = time.perf_counter()
-            write_organ(organ, path)
-            written = time.perf_counter()
-            read = read_organ(path)
-            finished = time.perf_counter()
-            organ_mesh(read, stations, angles)
-            meshed = time.perf_counter()
-            times.append((written - start, finished - written, meshed - written))
-    write, reading, mesh = np.min(times, axis=0).tolist()
-    return {"write_ms": 1e3 * write, "read_ms": 1e3 * reading, "read_and_mesh_ms": 1e3 * mesh}
+        write = 1e-3 * microseconds(lambda: write_organ(organ, path), 1, runs)
+        read = 1e-3 * microseconds(lambda: read_organ(path), 1, runs)
+        whole = 1e-3 * microseconds(lambda: organ_mesh(read_organ(path), stations, angles), 1, runs)
+    return {"write_ms": write, "read_ms": read, "read_and_mesh_ms": whole}

@@ -40,15 +40,10 @@ def step_figures() -> dict[str, float]:
     bound = surface.skin.bound_to(dissection.driving)
     transforms = dissection.rest_transforms()
     out = np.empty_like(surface.vertices)
-    skins: list[float] = []
-    for _ in range(SKINS):
-        start = time.perf_counter()
-        bound.deform(transforms, out)
-        skins.append(time.perf_counter() - start)
     return {
         "vertices": float(len(out)),
         "step_us": 1e6 * float(np.median(steps)),
-        "skin_us": 1e6 * float(np.median(skins)),
+        "skin_us": _median_us(lambda _: bound.deform(transforms, out)),
     } | _beside_figures()
 
 
