@@ -11,7 +11,9 @@ Surfaces of an organ are in `organ_geometry.mesh`. Each name is imported when it
 so that a command which only reads an organ loads no image library.
 """
 
+import ast
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -64,65 +66,19 @@ if TYPE_CHECKING:
     from organ_geometry.reslice.resliced_stack import reslice_where_needed as reslice_where_needed
     from organ_geometry.section_report import SectionReport as SectionReport
 else:
-    # The same again, by module; a test holds the two lists to each other.
-    _NAMES = {
-        "atomic_file": (
-            "WorkFolder",
-            "check_target",
-            "make_folder",
-            "remove_left_behind",
-            "write_atomic",
-        ),
-        "organ_file": (
-            "FILE_VERSION",
-            "code_from_bytes",
-            "organ_from_bytes",
-            "read_organ",
-            "write_organ",
-        ),
-        "encoder.encode": ("ToleranceTooSmall",),
-        "contours.trace_options": ("Seed", "TraceOptions"),
-        "contours.organ_tracing": ("trace_organ",),
-        "contours.traced_organ": ("TracedOrgan", "TracedSection"),
-        "curves.fitted_organ": ("FittedOrgan", "fit_organ"),
-        "driving_points": ("DrivingPoints",),
-        "images.grey_image": ("GreyImage", "ImageStackError", "list_text"),
-        "images.image_files": ("IMAGE_SUFFIXES",),
-        "images.image_region": ("Region",),
-        "images.image_stack": ("ImageStack",),
-        "images.medical_file": (
-            "DICOM_SUFFIXES",
-            "VOLUME_SUFFIXES",
-            "is_dicom_file",
-            "is_volume_file",
-            "read_header",
-        ),
-        "images.spacing_file": ("SPACING_FILE",),
-        "images.stack_reader": ("ReadOptions", "read_image_stack", "stack_labels"),
-        "organ": ("Organ", "SectionProperties", "Wall"),
-        "organ_builder": (
-            "BuiltOrgan",
-            "Promise",
-            "build_fitted",
-            "build_organ",
-            "encode_organ",
-            "report_organ",
-        ),
-        "reslice.resliced_stack": (
-            "ReslicedSlices",
-            "When",
-            "reslice_stack",
-            "reslice_where_needed",
-        ),
-        "section_report": ("SectionReport",),
+    # The names above by their modules, declared once: read from the lines that type checkers read.
+    _MODULE_OF = {
+        name.name: line.module
+        for line in ast.walk(ast.parse(Path(__file__).read_text(encoding="utf-8")))
+        if isinstance(line, ast.ImportFrom) and line.module.startswith(f"{__name__}.")
+        for name in line.names
     }
-    _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
     def __getattr__(name: str) -> object:
         """Import a name of the face from the module that holds it (PEP 562)."""
         if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+        found = getattr(import_module(_MODULE_OF[name]), name)
         globals()[name] = found
         return found
 

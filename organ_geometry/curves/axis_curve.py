@@ -19,12 +19,8 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return (N, K) weights of K even keys in the natural cubic spline, at places 0 to 1."""
-    bends = _bends(count)
-    scaled = np.asarray(places, dtype=np.float64) * (count - 1)
-    before = np.clip(scaled.astype(np.intp), 0, count - 2)
-    right = (scaled - before)[:, np.newaxis]
-    left = 1.0 - right
-    unit = np.eye(count)
+    bends, unit = _bends(count), np.eye(count)
+    before, left, right = _pieces(places, count)
     return (
         left * unit[before]
         + right * unit[before + 1]
@@ -35,18 +31,24 @@ def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64
 
 def natural_cubic_slopes(places: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return (N, K) weights of K even keys in the natural cubic spline's slopes, at 0 to 1."""
-    bends = _bends(count)
-    scaled = np.asarray(places, dtype=np.float64) * (count - 1)
-    before = np.clip(scaled.astype(np.intp), 0, count - 2)
-    right = (scaled - before)[:, np.newaxis]
-    left = 1.0 - right
-    unit = np.eye(count)
+    bends, unit = _bends(count), np.eye(count)
+    before, left, right = _pieces(places, count)
     return (count - 1) * (
         unit[before + 1]
         - unit[before]
         - (3.0 * left**2 - 1.0) / 6.0 * bends[before]
         + (3.0 * right**2 - 1.0) / 6.0 * bends[before + 1]
     )
+
+
+def _pieces(
+    places: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the key before each place, and the (N, 1) shares `left` and `right` between keys."""
+    scaled = np.asarray(places, dtype=np.float64) * (count - 1)
+    before = np.clip(scaled.astype(np.intp), 0, count - 2)
+    right = (scaled - before)[:, np.newaxis]
+    return before, 1.0 - right, right
 
 
 @lru_cache(maxsize=16)
