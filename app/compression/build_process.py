@@ -17,10 +17,10 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 from app.compression.image_upload import UploadBounds
+from app.workers import Progress
 
-__all__ = ["Abandoned", "BuildProcess", "Progress"]
+__all__ = ["Abandoned", "BuildProcess"]
 
-Progress = Callable[[int, int], None]
 Made = TypeVar("Made")
 # How often whoever waits looks whether they still want it.
 POLL_SECONDS = 0.1

@@ -10,9 +10,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from app.compression.build_process import Abandoned, BuildProcess, Progress
+from app.compression.build_process import Abandoned, BuildProcess
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
+from app.workers import Progress
 from organ_geometry import (
     BuiltOrgan,
     ImageStack,

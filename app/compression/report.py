@@ -1,10 +1,10 @@
 """Report of a compressed stack: facts as JSON, lines and tables as text."""
 
-import dataclasses
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from organ_geometry import BuiltOrgan, ImageStack, SectionReport
 
@@ -68,20 +68,7 @@ class Facts:
 
     def as_json(self) -> dict[str, object]:
         """Return the facts as values for JSON."""
-        return {
-            **{
-                one.name: getattr(self, one.name)
-                for one in dataclasses.fields(self)
-                if one.name != "sections"
-            },
-            "sections": [
-                {
-                    key: None if isinstance(value, float) and math.isnan(value) else value
-                    for key, value in dataclasses.asdict(section).items()
-                }
-                for section in self.sections
-            ],
-        }
+        return msgspec.json.decode(msgspec.json.encode(self))  # nan becomes null
 
 
 def facts(

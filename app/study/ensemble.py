@@ -8,7 +8,6 @@ order meanwhile; blocks that are written are not solved again.
 """
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ from app.study.inputs import INPUTS
 from app.study.plan import Plan, Value
 from app.study.results import ResultsFolder, packed, study_versions
 from app.study.sampling import drawn_columns, draws
-from app.workers import by_dask, by_processes, cores
+from app.workers import Progress, by_dask, by_processes, cores
 
 __all__ = ["Done", "Ensemble", "run_study"]
 
@@ -34,8 +33,6 @@ ROWS_OF_ORGANS = 256
 BLOCKS_OF_WORKER = 16
 SHORT_BLOCKS, LONGEST = 32, 4
 """A study of more blocks than this has longer ones, so many times as long at most."""
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -95,22 +92,24 @@ class Ensemble:
         mix = (np.arange(rows) // cells % plan.mixes).astype(np.int16)
         numbers: dict[str, Any] = {}
         words: dict[str, Any] = {}
-        for name, value in plan.fixed.items():
+
+        def discrete(name: str, values: tuple[Value, ...], at: Any) -> None:
             if INPUTS[name].is_number:
-                numbers[name] = np.full(rows, value)
+                numbers[name] = np.array([float(each) for each in values])[at]
             else:
-                words[name] = ((str(value),), np.zeros(rows, dtype=np.int64))
+                words[name] = (tuple(str(each) for each in values), at)
+
+        for name, value in plan.fixed.items():
+            discrete(name, (value,), np.zeros(rows, dtype=np.int64))
         for name, kind in plan.drawn.items():
-            column = drawn[name]
             if isinstance(kind, Choices):
-                self._discrete(name, plan.values_of(name), column, numbers, words)
+                discrete(name, plan.values_of(name), drawn[name])
             else:
-                numbers[name] = column
+                numbers[name] = drawn[name]
         stride = cells
         for name, values in plan.grid.items():
             stride //= len(values)
-            at = np.arange(rows) % cells // stride % len(values)
-            self._discrete(name, values, at, numbers, words)
+            discrete(name, values, np.arange(rows) % cells // stride % len(values))
         block_of = Block(rows, numbers, words)
         if plan.has_bed:
             from app.study.beds import solve_beds
@@ -120,19 +119,6 @@ class Ensemble:
             outputs, faults = solve_pulls(plan, block_of)
         inputs = {name: words[name] if name in words else numbers[name] for name in plan.varied}
         return packed(draw, mix, inputs, outputs, faults)
-
-    @staticmethod
-    def _discrete(
-        name: str,
-        values: tuple[Value, ...],
-        at: Any,
-        numbers: dict[str, Any],
-        words: dict[str, Any],
-    ) -> None:
-        if INPUTS[name].is_number:
-            numbers[name] = np.array([float(each) for each in values])[at]
-        else:
-            words[name] = (tuple(str(each) for each in values), at)
 
 
 @dataclass(frozen=True, slots=True)

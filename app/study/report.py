@@ -27,7 +27,7 @@ from organ_geometry import write_atomic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["TearCurve", "tear_curve", "wilson", "write_report"]
+__all__ = ["TearCurve", "wilson", "write_report"]
 
 Row = NDArray[np.float64]
 
@@ -52,6 +52,7 @@ WORDS = {
 class TearCurve:
     """(M,) growing loads and the probability of a tear up to each, with its 95 % band.
 
+    Breaks are the loads at break, nan for ducts that do not.
     `count` ducts were solved, those that do not break among them; `broke` of them do.
     """
 
@@ -78,11 +79,6 @@ class TearCurve:
             for place in places
         ]
         return values[0], values[1], values[2]
-
-
-def tear_curve(breaks: Row) -> TearCurve:
-    """Return the probability of a tear from the loads at break, nan for ducts that do not."""
-    return TearCurve(breaks)
 
 
 def wilson(hits: NDArray[np.int64], count: int) -> tuple[Row, Row]:

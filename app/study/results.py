@@ -30,21 +30,8 @@ from organ_geometry import make_folder, write_atomic
 
 __all__ = ["ResultsFolder", "packed", "study_versions", "unit_of"]
 
-OUTPUT_UNITS = {
-    "threshold_MPa": "MPa",
-    "break_force_N": "N",
-    "break_deflection_mm": "mm",
-    "break_station_mm": "mm",
-    "deflection_mm": "mm",
-    "force_N": "N",
-    "normal_stress_MPa": "MPa",
-    "bending_stress_MPa": "MPa",
-    "distance_to_break": "1",
-    "largest_force_N": "N",
-    "freed_mm": "mm",
-    "work_mJ": "mJ",
-    "least_distance_to_break": "1",
-}
+UNITS = ("MPa", "N", "mm", "mJ")
+"""Of outputs, whose names end in them."""
 KEY = b"bluntdissect"
 """Of the metadata of a results file: JSON with `plan`, `versions` and `seed`."""
 
@@ -53,7 +40,9 @@ def unit_of(name: str) -> str:
     """Return the unit of a column, '' for words."""
     if name in INPUTS:
         return INPUTS[name].unit or ("1" if INPUTS[name].is_number else "")
-    return OUTPUT_UNITS.get(name, "")
+    if name.endswith("distance_to_break"):
+        return "1"
+    return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
 
 
 study_versions = partial(versions, "scipy", "pyarrow")

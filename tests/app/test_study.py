@@ -18,7 +18,7 @@ from app.simulation import Spread, preset_named, read_preset
 from app.study.distribution import Choices, distribution_of
 from app.study.ensemble import run_study
 from app.study.plan import read_plan
-from app.study.report import tear_curve
+from app.study.report import TearCurve
 from app.study.sampling import drawn_columns, draws
 from app.study.sensitivity import sobol_indices
 from physics import Beam, Cubic, Exact, ExactPull, break_of
@@ -169,7 +169,7 @@ def test_the_band_of_a_probability_holds_it_as_often_as_it_says() -> None:
     generator = np.random.default_rng(5)
     held = total = 0
     for _ in range(200):
-        curve = tear_curve(generator.random(60))
+        curve = TearCurve(generator.random(60))
         at = int(np.searchsorted(curve.loads, 0.3)) - 1
         low, high = curve.low[at], curve.high[at]
         held += int(low <= 0.3 <= high)
