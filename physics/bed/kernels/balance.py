@@ -162,7 +162,11 @@ def retrace(s: State) -> None:
             size *= 2.0
         else:
             size *= 0.5
-    s.x[:], s.q[:], s.goal[:], s.load[:], s.rods[:] = x, q, goal, load, rods
+    copy_rows(s.x, x)
+    copy_rows(s.q, q)
+    copy_rows(s.goal, goal)
+    copy_rows(s.load, load)
+    copy_rows(s.rods, rods)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -174,14 +178,16 @@ def account(s: State, kind: int, mix: float) -> None:
         account_part(s, 1.0, 0.5, 0.0, True)
         return
     dissipated, parted = sums[ROD_DISSIPATED], sums[ROD_PARTED]
-    s.damage_before[:] = s.damage
-    s.side_before[:] = s.side
+    for i in range(s.damage.size):
+        s.damage_before[i] = s.damage[i]
+    copy_rows(s.side_before, s.side)
     assemble(s, kind, mix)
     if account_part(s, 1.0, 0.5, 0.0, False):
         return
     sums[ROD_DISSIPATED], sums[ROD_PARTED] = dissipated, parted
-    s.damage[:] = s.damage_before
-    s.side[:] = s.side_before
+    for i in range(s.damage.size):
+        s.damage[i] = s.damage_before[i]
+    copy_rows(s.side, s.side_before)
     retrace(s)
     assemble(s, kind, mix)
     account_part(s, 0.0, 0.5, 0.0, True)

@@ -3,7 +3,7 @@
 import math
 
 from physics.bed.kernels.state import State
-from physics.bed.kernels.vectors import Floats, inner
+from physics.bed.kernels.vectors import Floats, Ints, inner
 
 TURN_LIMIT = 0.5
 """Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
@@ -11,7 +11,7 @@ is far off, and Gibbs vectors grow without bound as neighbours come to be half a
 
 
 @inner
-def copy_rows(to: Floats, of: Floats) -> None:
+def copy_rows(to: Floats | Ints, of: Floats | Ints) -> None:
     """Copy a table. Numba compiles loops far sooner than an assignment of arrays."""
     for n in range(of.shape[0]):
         for r in range(of.shape[1]):
