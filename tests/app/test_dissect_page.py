@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from browser import TrainerPage, newest, newest_dissection, trainer_page
 from playwright.sync_api import Browser, expect
+from projection import picture_points
 from simulated import phantom
 
 from app.simulation import Feedback
@@ -36,7 +37,7 @@ def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float
     camera = view.client.camera
     seen = Viewpoint(camera.position, camera.look_at, camera.up_direction, camera.fov)
     aspect = canvas["width"] / canvas["height"]
-    right, up = seen.picture_points(place[None], aspect)[0]
+    right, up = picture_points(seen, place[None], aspect)[0]
     return (
         canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
         canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],

@@ -11,6 +11,7 @@ from browser import PATIENCE, TrainerPage, newest, trainer_page
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser, FloatRect
+from projection import picture_points
 from simulated import phantom
 
 from app.trainer.server.trainer import Trainer
@@ -133,7 +134,7 @@ def _wait_for_color(tab: TrainerPage, wanted: np.ndarray) -> None:
     aspect = canvas["width"] / canvas["height"]
     view = viewpoint(50.8, 4.4453, aspect)
     point = np.array([[16.0, 0.0, 0.0]]) + 4.4453 * TOWARDS_VIEWER
-    right, up = view.picture_points(point, aspect)[0]
+    right, up = picture_points(view, point, aspect)[0]
     column = round(canvas["x"] + 0.5 * (1.0 + right) * canvas["width"])
     row = round(canvas["y"] + 0.5 * (1.0 - up) * canvas["height"])
     around: FloatRect = {"x": column - 1, "y": row - 1, "width": 3, "height": 3}

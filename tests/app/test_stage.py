@@ -12,10 +12,13 @@ import trimesh
 import viser
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from projection import picture_points
 
+from app.simulation import THESIS_PRESET, preset_named
+from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.camera import OVERVIEW, viewpoint
 from app.trainer.stage.clamps import JAW_LENGTH, clamp_glb
-from app.trainer.stage.hook import hook_glb, hook_wxyz
+from app.trainer.stage.hook import hook_glb
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.textures import smooth_noise
@@ -23,6 +26,7 @@ from app.trainer.stage.tissue_bed import tissue_bed_glb
 
 RADII = (4.45, 2.7)
 TISSUE = (205, 140, 92)
+BILE_DUCT = appearance_of(preset_named(THESIS_PRESET))
 CLIENT_BYTES = 1_000_000  # what a browser downloads for the full look
 TOUCH = 0.5  # mm between the hook and the duct's underside
 PICTURE_MARGIN = 0.97  # of the picture's half width or height
@@ -119,48 +123,23 @@ def test_plain_bed_is_light() -> None:
 
 
 @pytest.mark.parametrize("radius", RADII)
-@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.0, -0.6, 0.8), (0.0, 1.0, 0.0)])
-def test_hook_lies_against_the_underside(
-    scene: viser.SceneApi, radius: float, direction: tuple[float, float, float]
-) -> None:
-    stage = Stage(scene, span=50.8, radius=radius, look="plain")
+def test_hook_lies_against_the_underside(scene: viser.SceneApi, radius: float) -> None:
+    stage = Stage(scene, span=50.8, radius=radius, appearance=BILE_DUCT, look="plain")
     point = np.array([21.0, 0.5, 4.0])
-    stage.place_hook(point, direction)
+    stage.place_hook(point)
     frame = scene.get_handle_by_name("/stage/hook")
     assert isinstance(frame, viser.FrameHandle)
     wire = next(iter(loaded(hook_glb(radius, detail=0.5)).geometry.values()))
     assert isinstance(wire, trimesh.Trimesh)
     turn = np.asarray(trimesh.transformations.quaternion_matrix(frame.wxyz))[:3, :3]
     placed = trimesh.Trimesh(wire.vertices @ turn.T + frame.position, wire.faces, process=False)
-    underside = point - radius * np.array(direction)
+    underside = point - [0.0, 0.0, radius]
     samples = trimesh.sample.sample_surface(placed, 20_000, seed=1)[0]
     assert np.linalg.norm(np.asarray(samples) - underside, axis=1).min() < TOUCH
     # Nothing of the bend cuts deep into the duct, and the tip shows on the viewer's side.
     clearance = np.linalg.norm((wire.vertices)[:, 1:], axis=1).min()
     assert clearance > radius - TOUCH
     assert wire.vertices[:, 1].min() < -radius
-
-
-def test_hook_follows_a_local_radius(scene: viser.SceneApi) -> None:
-    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
-    stage.place_hook((20.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius=5.45)
-    frame = scene.get_handle_by_name("/stage/hook")
-    assert isinstance(frame, viser.FrameHandle)
-    np.testing.assert_allclose(frame.position, (20.0, 0.0, -1.0))
-
-
-@given(angle=st.floats(-math.pi, math.pi))
-@settings(deadline=None)
-def test_hook_turns_from_up_to_the_pull(angle: float) -> None:
-    direction = np.array([0.0, -math.sin(angle), math.cos(angle)])
-    turn = np.asarray(trimesh.transformations.quaternion_matrix(hook_wxyz(direction)))[:3, :3]
-    np.testing.assert_allclose(turn @ (0.0, 0.0, 1.0), direction, atol=1e-12)
-
-
-@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, math.nan, 1.0), (0.0, 1.0)])
-def test_hook_refuses_a_pull_without_a_direction(direction: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match="direction must be"):
-        hook_wxyz(direction)
 
 
 @given(
@@ -182,13 +161,13 @@ def test_camera_shows_both_clamps_and_the_lifted_duct(
         ]
         + [[0.5 * span, 0.0, 0.28 * span]]
     )
-    seen = view.picture_points(wanted, aspect)
+    seen = picture_points(view, wanted, aspect)
     assert np.abs(seen).max() < PICTURE_MARGIN
     # As large as it can be: something reaches almost to an edge.
     assert np.abs(seen[:, 0]).max() > 0.75 or np.abs(seen[:, 1]).max() > 0.6
     if aspect < 0.8:  # over a phone's panel, also what a dissector does below the duct
         below = np.array([[0.5 * span, -13.0, -1.7 * radius]])
-        assert view.picture_points(below, aspect)[0, 1] > (0.26 if aspect < 0.5 else 0.1)
+        assert picture_points(view, below, aspect)[0, 1] > (0.26 if aspect < 0.5 else 0.1)
 
 
 @pytest.mark.parametrize("numbers", [(0.0, 4.45, 1.3), (50.8, -1.0, 1.3), (50.8, 4.45, math.nan)])
@@ -202,7 +181,13 @@ def test_stage_adds_and_removes_its_nodes(scene: viser.SceneApi, look: str) -> N
     assert look in ("full", "plain")
     names = ("tissue_bed", "neighbours", "clamps/first", "clamps/second", "hook/instrument")
     for _ in range(2):  # a second stage can be built where the first was
-        stage = Stage(scene, span=50.8, radius=4.45, look="full" if look == "full" else "plain")
+        stage = Stage(
+            scene,
+            span=50.8,
+            radius=4.45,
+            appearance=BILE_DUCT,
+            look="full" if look == "full" else "plain",
+        )
         assert all(scene.get_handle_by_name(f"/stage/{name}") is not None for name in names)
         stage.remove()
         stage.remove()
@@ -211,10 +196,10 @@ def test_stage_adds_and_removes_its_nodes(scene: viser.SceneApi, look: str) -> N
 
 def test_stage_refuses_impossible_numbers(scene: viser.SceneApi) -> None:
     with pytest.raises(ValueError, match="span and radius"):
-        Stage(scene, span=0.0, radius=4.45)
-    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
+        Stage(scene, span=0.0, radius=4.45, appearance=BILE_DUCT)
+    stage = Stage(scene, span=50.8, radius=4.45, appearance=BILE_DUCT, look="plain")
     with pytest.raises(ValueError, match="point must be"):
-        stage.place_hook((0.0, math.inf, 0.0), (0.0, 0.0, 1.0))
+        stage.place_hook((0.0, math.inf, 0.0))
 
 
 class PretendedCamera:
@@ -234,7 +219,7 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     monkeypatch.setattr("app.trainer.stage.stage.keep_in_sight", lambda *_, **__: None)
     camera = PretendedCamera(1.6)
     client: Any = SimpleNamespace(camera=camera, atomic=nullcontext)
-    stage = Stage(scene, span=50.8, radius=4.45, look="plain")
+    stage = Stage(scene, span=50.8, radius=4.45, appearance=BILE_DUCT, look="plain")
     stage.frame_camera(client)
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 1.6).position)
     now[0] += 30.0  # a slow page

@@ -16,16 +16,14 @@ from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
 from app.simulation.bed import BED_THEORY
-from app.trainer.scene.duct_on_stage import TORN_ENDS
 from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR
-from app.trainer.stage.appearance import appearance_of, drawn_lumen, drawn_radius
+from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.contact import Contact, HookPlace, sink
 from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs
-from app.trainer.stage.tissue import Tissue, lumen_share, send_finish
-from app.trainer.stage.wall_texture import mean_color
+from app.trainer.stage.tissue import Tissue, send_finish
 from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
@@ -175,9 +173,7 @@ def _recorded(
         scene,
         span=float(np.linalg.norm(last - first)),
         radius=drawn_radius(dissection),
-        tissue=mean_color(look),
-        bite=look.bite,
-        surroundings=look.surroundings,
+        appearance=look,
         # A page would unpack the environment map again at each loop of the motion.
         look="plain",
     )
@@ -193,16 +189,18 @@ def _recorded(
     send_finish(scene, look, stage.radius)
     divided = motion.bed is not None and motion.bed.divided
     stage.show_second_clamp(not divided)
-    whole = _body(scene, dissection, "organ", bound, None, divided=divided)
+
+    def add(name: str, bound: BoundSkin, piece: TornPiece | None = None) -> _Body:
+        """Add a surface; a piece is added as it is before the tear opens."""
+        contact = Contact.of(dissection, bound.skin, divided=divided)
+        tissue = Tissue.of(scene, name, contact, dissection, divided=divided)
+        body = _Body(bound, piece, contact, tissue, bound.skin.vertices.copy())
+        body.show(dissection.rest_transforms(), 0.0)
+        return body
+
+    whole = add("organ", bound)
     torn = [
-        _body(
-            scene,
-            dissection,
-            name,
-            piece.skin.bound_to(dissection.driving),
-            piece,
-            divided=divided,
-        )
+        add(name, piece.skin.bound_to(dissection.driving), piece)
         for name, piece in zip(PIECES, pieces or (), strict=False)
     ]
     strands = None if motion.bed is None else _PageStrands(scene, stage, motion, dissection)
@@ -225,7 +223,7 @@ def _recorded(
                 place = HookPlace(middle, dissection.frame, stage.radius)
         elif motion.fronts[key] >= 1.0:
             center = np.add(center, (0.0, 0.0, LIFT_AFTER_TEAR * stage.radius))
-        stage.place_hook(center, (0.0, 0.0, 1.0))
+        stage.place_hook(center)
         # Sent ahead while hidden: a page takes a moment to read a surface.
         shown, hidden = ([whole], torn) if is_whole else (torn, [whole])
         if key in turns:
@@ -260,42 +258,6 @@ def _recorded(
     html = record.as_html(dark_mode=True)
     label = dissection.preset.label
     return recording_page(html, label, notes, distance=view.distance, aspect=ASPECT)
-
-
-def _body(
-    scene: viser.SceneApi,
-    dissection: Dissection,
-    name: str,
-    bound: BoundSkin,
-    piece: TornPiece | None,
-    *,
-    divided: bool,
-) -> _Body:
-    """Add a surface; a piece is added as it is before the tear opens."""
-    organ, skin = dissection.organ, bound.skin
-    look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
-    first, last = dissection.clamps
-    contact = Contact(
-        skin,
-        organ.axis_at(skin.stations),
-        dissection.frame,
-        (first, math.inf if divided else last),
-        radius,
-        thickness=radius / organ.mean_radius,
-        bite=look.bite,
-    )
-    tissue = Tissue(
-        scene,
-        f"/organ/{name}",
-        contact,
-        look=look,
-        radius=radius,
-        lumen=drawn_lumen(dissection) or (lumen_share(skin) if divided else None),
-        torn_end=TORN_ENDS.get(name) or ("last" if divided else None),
-    )
-    body = _Body(bound, piece, contact, tissue, skin.vertices.copy())
-    body.show(dissection.rest_transforms(), 0.0, None)
-    return body
 
 
 class _PageStrands:

@@ -13,13 +13,11 @@ from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.goal_band import GoalStretch
-from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import HookPlace, sink
 from app.trainer.stage.instruments import DrawnInstrument
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import StrandsInBed
-from app.trainer.stage.tissue import TornEnd
 from physics.bed import Strands
 
 __all__ = ["BedScene", "Colours"]
@@ -50,7 +48,6 @@ class BedScene(DuctOnStage[BedSession]):
         self._instruments: list[DrawnInstrument | None] = [None] * HANDS
         self._shares: list[NDArray[np.float32]] = []
         self._arrows: list[ForceArrow] = []
-        self._divided = False
         self._goal: GoalStretch | None = None
         self._goal_of: BedExercise | None = None
         self.draw(session.reading())
@@ -71,28 +68,19 @@ class BedScene(DuctOnStage[BedSession]):
             if reading.torn_at is None:
                 stage.wipe()
             else:
-                look = appearance_of(self._session.duct.dissection.preset)
-                stage.spill(look, reading.torn_at)
+                stage.spill(reading.torn_at)
             depth = sink(reading.stress_share, stage.radius)
             self._show_goal(stage)
             self._show_forces(reading, stage, figures=figures)
             hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
             # Light and shadow are those of one hook.
             shading = [hand.place for hand in self._session.duct.hands if hand.instrument == "hook"]
-            stage.place_hook(shading[0] if shading else AWAY, (0.0, 0.0, 1.0))
+            stage.place_hook(shading[0] if shading else AWAY)
             rods = self._session.duct.beam.state.rods
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, *hooks)
                 drawn.contact.press_rods(rods, self._first)
             self._show(None if colours == "tissue" else self._values(colours))
-
-    @property
-    def _held(self) -> tuple[float, float]:
-        first, last = super()._held
-        return first, math.inf if self._divided else last
-
-    def _cut_end(self, surface: str) -> TornEnd | None:
-        return super()._cut_end(surface) or ("last" if self._divided else None)
 
     def let_drag(
         self,

@@ -6,7 +6,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.stage.drawn import Drawn
+from app.trainer.stage.drawn import Drawn, add_mesh
 from organ_geometry.mesh import Skin
 
 __all__ = ["ChainLines", "GhostMesh"]
@@ -22,15 +22,14 @@ class GhostMesh(Drawn):
 
     def __init__(self, scene: viser.SceneApi, skin: Skin) -> None:
         self._outer, faces = skin.part("outer")
-        self._mesh = scene.add_mesh_simple(
+        self._mesh = add_mesh(
+            scene,
             "/organ/ghost",
             skin.vertices[self._outer],
-            faces.astype(np.uint32),
+            faces,
             color=GHOST_COLOR,
             opacity=0.5,
             side="back",  # its front would flicker where it is inside the duct or at its wall
-            cast_shadow=False,
-            receive_shadow=False,
             visible=False,
         )
         super().__init__(self._mesh)

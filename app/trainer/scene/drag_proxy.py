@@ -14,6 +14,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.solids import Solid, grid_faces
 from app.trainer.stage.strands import differ
 from app.trainer.viser_bridge import stream
@@ -55,8 +56,8 @@ class _Tube:
         self._ring_vertices = rings[:, None] * skin.sides + np.arange(skin.sides)
         self._drawn = self._ring_vertices[:, np.arange(SIDES) * skin.sides // SIDES].ravel()
         self.stations = skin.grid(skin.stations)[rings].mean(axis=1)
-        faces = grid_faces(len(rings), SIDES, closed=True).astype(np.uint32)
-        self.mesh = scene.add_mesh_simple(name, self._places(skin.vertices), faces, **_UNSEEN)
+        faces = grid_faces(len(rings), SIDES, closed=True)
+        self.mesh = add_mesh(scene, name, self._places(skin.vertices), faces, **_UNSEEN)
 
     def follow(self, vertices: NDArray[np.float32]) -> None:
         self._vertices = vertices  # which each frame overwrites
@@ -128,12 +129,8 @@ class DragProxy:
 
     def set_instrument(self, hand: int, node: str, solid: Solid) -> None:
         """Let a hand's instrument, a scene node, be dragged by a solid in the node's frame."""
-        mesh = self._client.scene.add_mesh_simple(
-            f"{node}/grip",
-            solid.vertices.astype(np.float32),
-            solid.faces.astype(np.uint32),
-            **_UNSEEN,
-        )
+        scene = self._client.scene
+        mesh = add_mesh(scene, f"{node}/grip", solid.vertices, solid.faces, **_UNSEEN)
         self._instruments[node] = hand, mesh
         self._listen(mesh, lambda grip, place: Hold(None, grip, place, hand))
 
@@ -265,10 +262,4 @@ class DragProxy:
 
 
 _LEAST_FACING = 0.15  # sine of the line of sight to the plane; below it, the hand would jump
-_UNSEEN: dict[str, Any] = {
-    "color": (255, 255, 255),
-    "opacity": 0.0,
-    "side": "double",
-    "cast_shadow": False,
-    "receive_shadow": False,
-}
+_UNSEEN: dict[str, Any] = {"color": (255, 255, 255), "opacity": 0.0, "side": "double"}

@@ -14,22 +14,21 @@ from viser import transforms
 from app.simulation import Preset, Session
 from app.simulation.bed import BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
-from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
+from app.trainer.stage.appearance import Appearance, appearance_of, drawn_radius
 from app.trainer.stage.camera import ELEVATION
 from app.trainer.stage.contact import Contact
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.plain_tissue import PlainTissue
 from app.trainer.stage.stage import Stage
-from app.trainer.stage.tissue import Tissue, TornEnd, lumen_share, send_finish
+from app.trainer.stage.tissue import Tissue, cut_end, send_finish
 from app.trainer.stage.wall_texture import mean_color
 from organ_geometry import Organ
 from organ_geometry.mesh import Surface
 
-__all__ = ["TORN_ENDS", "DrawnSurface", "DuctOnStage"]
+__all__ = ["DrawnSurface", "DuctOnStage"]
 
 # Relative change of span and radius too small to be seen: a megabyte need not be sent for it.
 SAME_STAGE = 0.01
-TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 AnySession = TypeVar("AnySession", Session, BedSession)
 
@@ -56,6 +55,7 @@ class DuctOnStage(Generic[AnySession]):
         self._stage: Stage | None = None
         self._drawn: list[DrawnSurface] = []
         self._shape = -1
+        self._divided = False  # whether no clamp holds the duct's far end
         self._clamps: tuple[float, float] | None = None
         self._organ: Organ | None = None
         self._preset: Preset | None = None
@@ -140,15 +140,6 @@ class DuctOnStage(Generic[AnySession]):
         self._set_stage().frame_camera(self._client)
 
     @property
-    def _held(self) -> tuple[float, float]:
-        """Where along the organ the clamps hold it, mm."""
-        return self._session.duct.dissection.clamps
-
-    def _cut_end(self, surface: str) -> TornEnd | None:
-        """Return the end of a surface that is open, torn or divided."""
-        return TORN_ENDS.get(surface)
-
-    @property
     def _radius(self) -> float:
         """Radius of the duct as it is drawn, mm."""
         return drawn_radius(self._session.duct.dissection)
@@ -192,10 +183,8 @@ class DuctOnStage(Generic[AnySession]):
                 self._client.scene,
                 span=span,
                 radius=radius,
+                appearance=appearance,
                 look=self._look,
-                bite=appearance.bite,
-                tissue=mean_color(appearance),
-                surroundings=appearance.surroundings,
                 elevation=self.elevation,
                 hook=self.stage_hook,
             )
@@ -219,38 +208,25 @@ class DuctOnStage(Generic[AnySession]):
         for drawn in self._drawn:
             drawn.tissue.remove()
         dissection, scene = self._session.duct.dissection, self._client.scene
-        organ, radius = dissection.organ, self._radius
+        radius = self._radius
         look = appearance_of(dissection.preset)
         if self._look == "full" and self._finish != (look, radius):
             self._finish = look, radius
             send_finish(scene, look, radius)
         self._drawn = []
         for surface in self._session.drawn.surfaces:
-            skin, node = surface.skin, f"/organ/{surface.name}"
-            torn_end = self._cut_end(surface.name)
-            contact = Contact(
-                skin,
-                organ.axis_at(skin.stations),
-                dissection.frame,
-                self._held,
-                radius,
-                thickness=radius / organ.mean_radius,
-                bite=look.bite,
-            )
+            name, divided = surface.name, self._divided
+            contact = Contact.of(dissection, surface.skin, divided=divided)
             if self._look == "full":
-                tissue = Tissue(
-                    scene,
-                    node,
-                    contact,
-                    look=look,
-                    radius=radius,
-                    lumen=drawn_lumen(dissection)
-                    or (lumen_share(skin) if math.isinf(self._held[1]) else None),
-                    torn_end=torn_end,
-                )
+                tissue = Tissue.of(scene, name, contact, dissection, divided=divided)
             else:
                 tissue = PlainTissue(
-                    scene, node, contact, radius=radius, color=mean_color(look), torn_end=torn_end
+                    scene,
+                    f"/organ/{name}",
+                    contact,
+                    radius=radius,
+                    color=mean_color(look),
+                    torn_end=cut_end(name, divided=divided),
                 )
             self._drawn.append(DrawnSurface(surface, contact, tissue))
         self._offer_hand()

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from app.simulation import Phase, Reading, Session
 from app.trainer.scene.drag_proxy import DragProxy
 from app.trainer.scene.duct_on_stage import DuctOnStage
-from app.trainer.stage.appearance import appearance_of
 from app.trainer.stage.contact import HookPlace, sink
 from app.trainer.stage.hook import grip_solid
 from app.trainer.stage.lighting import Look
@@ -35,9 +34,7 @@ class DuctScene(DuctOnStage[Session]):
             stage.set_lift(self._lift(stage, reading), self._client)
             self._set_surfaces()
             if reading.phase is Phase.TORN:
-                stage.spill(
-                    appearance_of(self._session.duct.dissection.preset), reading.check.station
-                )
+                stage.spill(reading.check.station)
             else:
                 stage.wipe()
             hook = self._place_hook(stage, reading)
@@ -52,12 +49,12 @@ class DuctScene(DuctOnStage[Session]):
         """Put the hook where it pulls, sunk into the wall, and return where that is."""
         if reading.phase is Phase.TORN:
             up = LIFT_AFTER_TEAR * stage.radius
-            stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)), (0.0, 0.0, 1.0))
+            stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)))
             return None
         dissection = self._session.duct.dissection
         share = 1.0 - reading.check.distance_to_break
         center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
-        stage.place_hook(center, (0.0, 0.0, 1.0))
+        stage.place_hook(center)
         place = self._first + dissection.frame @ center
         return HookPlace(place, dissection.frame, stage.radius)
 

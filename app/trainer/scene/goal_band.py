@@ -4,7 +4,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.stage.drawn import Drawn
+from app.trainer.stage.drawn import Drawn, add_mesh
 
 __all__ = ["GOAL_COLOR", "GoalBand", "GoalStretch"]
 
@@ -17,21 +17,20 @@ LABEL_ASIDE = 0.15
 LINE_WIDTH = 2.5
 
 
-class GoalBand:
+class GoalBand(Drawn):
     """A band into which the duct's upper edge is to be brought at the hook."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         corners = np.zeros((4, 3), np.float32)
-        self._area = scene.add_mesh_simple(
+        self._area = add_mesh(
+            scene,
             "/organ/goal/area",
             corners,
-            np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+            np.array([[0, 1, 2], [0, 2, 3]]),
             color=GOAL_COLOR,
             opacity=0.3,
             material="standard",
             side="double",
-            cast_shadow=False,
-            receive_shadow=False,
         )
         self._edges = scene.add_line_segments(
             "/organ/goal/edges",
@@ -41,6 +40,7 @@ class GoalBand:
             thickness_units="screen",
         )
         self._label = scene.add_label("/organ/goal/label", "Goal", anchor="bottom-right")
+        super().__init__(self._area, self._edges, self._label)
         self._place: tuple[bytes, bytes] | None = None
 
     def show(
@@ -63,11 +63,6 @@ class GoalBand:
         """Write beside the band what to do now."""
         if text != self._label.text:
             self._label.text = text
-
-    def remove(self) -> None:
-        """Remove it from the scene."""
-        for part in (self._area, self._edges, self._label):
-            part.remove()
 
 
 class GoalStretch(Drawn):

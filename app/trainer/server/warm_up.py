@@ -26,7 +26,7 @@ from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import stage_files
 from app.trainer.stage.strands import differ, write_strands
-from app.trainer.stage.wall_texture import mean_color, wall_texture
+from app.trainer.stage.wall_texture import wall_texture
 from app.trainer.viser_bridge import read_icons
 from organ_geometry import Organ
 from physics import Cubic, break_of
@@ -146,13 +146,7 @@ class WarmUp:
         """Make the meshes and textures of the stage, and read the panel's icons."""
         dissection = Dissection.of(self._organ, self._preset or default_preset(self._organ))
         look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
-        stage_files(
-            radius=radius,
-            look=self._look,
-            bite=look.bite,
-            tissue=mean_color(look),
-            surroundings=look.surroundings,
-        )
+        stage_files(radius=radius, look=self._look, appearance=look)
         if self._look == "full":
             wall_texture(look, radius)
         read_icons(ICONS)
@@ -177,10 +171,9 @@ def _write_stress(session: Session | BedSession) -> None:
 
 def _warm_drawing(session: Session | BedSession) -> Contact:
     dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
-    organ, radius = dissection.organ, dissection.organ.mean_radius
-    axis = organ.axis_at(skin.stations)
-    contact = Contact(skin, axis, dissection.frame, dissection.clamps, radius)
+    contact = Contact.of(dissection, skin)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
-    contact.mark(session.drawn.surfaces[0].vertices, HookPlace(middle, dissection.frame, radius))
+    place = HookPlace(middle, dissection.frame, drawn_radius(dissection))
+    contact.mark(session.drawn.surfaces[0].vertices, place)
     differ(contact.vertices[0], contact.vertices[0], 1.0)
     return contact

@@ -34,16 +34,6 @@ class Viewpoint:
         """Distance from the camera to the point that it looks at, mm."""
         return float(np.linalg.norm(self.look_at - self.position))
 
-    def picture_points(self, points: NDArray[np.float64], aspect: float) -> NDArray[np.float64]:
-        """Return (N, 2) places in the picture, right and up, -1 to 1 from edge to edge."""
-        forward = (self.look_at - self.position) / self.distance
-        right = np.cross(forward, self.up)
-        right /= np.linalg.norm(right)
-        above = np.cross(right, forward)
-        relative = points - self.position
-        scale = np.tan(self.fov / 2.0) * (relative @ forward)
-        return np.stack([relative @ right / (scale * aspect), relative @ above / scale], axis=-1)
-
 
 def viewpoint(
     span: float,

@@ -6,12 +6,15 @@ wall raised a little on both sides. Both darken the skin beside them. The displa
 functions, chosen by eye, of the place in the frame of the clamps or of the hook.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation import Dissection
+from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.hook import TIP_ANGLE, bend_radius, wire_radius
 from kernel_cache import njit
@@ -112,6 +115,21 @@ class Contact:
         self.stubs = (
             self._stub(0, 1, clamps[0] - float(stations[0].mean())),
             self._stub(-1, -2, float(stations[-1].mean()) - clamps[1])[::-1],
+        )
+
+    @classmethod
+    def of(cls, dissection: Dissection, skin: Skin, *, divided: bool = False) -> "Contact":
+        """Return a dissection's skin as it is drawn; no clamp holds the end of a divided one."""
+        first, last = dissection.clamps
+        radius = drawn_radius(dissection)
+        return cls(
+            skin,
+            dissection.organ.axis_at(skin.stations),
+            dissection.frame,
+            (first, math.inf if divided else last),
+            radius,
+            thickness=radius / dissection.organ.mean_radius,
+            bite=appearance_of(dissection.preset).bite,
         )
 
     def _stub(self, end: int, inner: int, beyond: float) -> NDArray[np.float32]:

@@ -1,8 +1,32 @@
-"""Scene nodes that are shown, hidden and removed together."""
+"""Scene nodes: how they are added without viser's shadows, and handled several as one."""
 
 from typing import Any
 
-__all__ = ["Drawn"]
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+__all__ = ["Drawn", "add_mesh", "add_model"]
+
+# viser's shadow camera is made for metres: in mm its bias darkens what it lights.
+_UNSHADED: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
+
+
+def add_mesh(
+    scene: viser.SceneApi,
+    name: str,
+    vertices: NDArray[np.floating],
+    faces: NDArray[np.integer],
+    **look: Any,
+) -> viser.MeshHandle:
+    """Add a mesh; `look` as in viser's `add_mesh_simple`."""
+    points, corners = vertices.astype(np.float32), faces.astype(np.uint32)
+    return scene.add_mesh_simple(name, points, corners, **_UNSHADED, **look)
+
+
+def add_model(scene: viser.SceneApi, name: str, file: bytes, **place: Any) -> viser.GlbHandle:
+    """Add a GLB file; `place` as in viser's `add_glb`."""
+    return scene.add_glb(name, file, **(_UNSHADED | place))
 
 
 class Drawn:

@@ -7,25 +7,24 @@ reaches it, 16 bytes a point. Instead of light it can be the stress at each poin
 gives the colours of `tone.light_table`, drawn as they are whatever the lamps.
 """
 
-import base64
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
 from app.trainer.stage.solids import Part, Solid, solids_glb
 from app.trainer.stage.tone import light_for, light_table
-from app.trainer.viser_bridge import run_in_page, stream
+from app.trainer.viser_bridge import float32_text, run_function, run_module, stream
 from organ_geometry.mesh import Finish
 
 __all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]
 
+SCRIPT = Path(__file__).with_suffix(".js")
 FAR = 100.0
 """Value of `behind` without a torn rim, radii."""
 NO_STRESS = -9.0
@@ -48,16 +47,11 @@ class Patch:
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
-@cache
-def _script() -> str:
-    return Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
-
-
 def keep_finish(scene: viser.SceneApi, name: str, finish: Finish) -> None:
     """Send a material for surfaces to be drawn in, on a triangle too small to be seen."""
     normals = np.tile((0.0, 0.0, 1.0), (3, 1))
     solid = Solid(1e-3 * np.eye(3), np.array([[0, 1, 2]]), normals, np.eye(3)[:, :2].copy())
-    scene.add_glb(name, solids_glb([Part(solid, finish)]), cast_shadow=False, receive_shadow=False)
+    add_model(scene, name, solids_glb([Part(solid, finish)]))
 
 
 def light_surfaces(
@@ -76,10 +70,10 @@ def light_surfaces(
         "bend": bend_radius(radius),
         "wire": wire_radius(radius),
         "tip": TIP_ANGLE,
-        "shaft": (LEAN / np.linalg.norm(LEAN)).tolist(),
+        "shaft": LEAN.tolist(),
         "lampWay": way.tolist(),
     }
-    run_in_page(scene, f"{_script()}\nbluntdissectSurfaces.stage({json.dumps(light)});")
+    run_module(scene, SCRIPT, "bluntdissectSurfaces.stage", light)
 
 
 class DressedSurface:
@@ -128,26 +122,19 @@ class DressedSurface:
         # 0 or more, or `NO_STRESS`
         self.shades = self._sent[count:].reshape(-1)[:count].reshape(rings, sides)
         self.shades[:] = 1.0
-        self._mesh = scene.add_mesh_simple(
-            name,
-            self._sent,
-            np.concatenate([_triangles(patch, sides) for patch in patches]).astype(np.uint32),
-            color=color,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        faces = np.concatenate([_triangles(patch, sides) for patch in patches])
+        self._mesh = add_mesh(scene, name, self._sent, faces, color=color, side="double")
         # What the page's script needs to know once; big arrays as base64 of little-endian float32.
         wear = {
             "finish": finish,
             "sides": sides,
             "count": count,
-            "along": _text(along),
-            "behind": _text(behind),
+            "along": float32_text(along),
+            "behind": float32_text(behind),
             "raw": [round(float(part), 4) for part in raw],
             "blood": None if blood is None else [round(float(part), 4) for part in blood],
             "stress": {
-                "table": _text(light_table()),
+                "table": float32_text(light_table()),
                 "unknown": light_for(_UNKNOWN).tolist(),
                 "darkest": DARKEST,
                 "towards": (towards_viewer / np.linalg.norm(towards_viewer)).tolist(),
@@ -162,10 +149,7 @@ class DressedSurface:
                 for patch in patches
             ],
         }
-        run_in_page(
-            scene,
-            f"{_script()}\nbluntdissectSurfaces.dress({json.dumps(name)}, {json.dumps(wear)});",
-        )
+        run_module(scene, SCRIPT, "bluntdissectSurfaces.dress", name, wear)
 
     @property
     def visible(self) -> bool:
@@ -184,7 +168,7 @@ class DressedSurface:
     def remove(self) -> None:
         """Remove it from the scene."""
         self._mesh.remove()
-        run_in_page(self._scene, f"bluntdissectSurfaces.undress({json.dumps(self._name)});")
+        run_function(self._scene, "bluntdissectSurfaces.undress", self._name)
 
 
 def _triangles(patch: Patch, sides: int) -> NDArray[np.int64]:
@@ -194,7 +178,3 @@ def _triangles(patch: Patch, sides: int) -> NDArray[np.int64]:
     corners = [[here, right, beyond], [here, beyond, after]]
     faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in corners])
     return faces if patch.outwards else faces[:, ::-1]
-
-
-def _text(numbers: NDArray[np.floating]) -> str:
-    return base64.b64encode(numbers.astype("<f4").tobytes()).decode()

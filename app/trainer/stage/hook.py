@@ -3,15 +3,15 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.solids import Part, Solid, solids_glb, swept_solid
 
 TIP_ANGLE = -0.45
 """Angle of the wire's end on the viewer's side, rad; half pi is straight below the duct."""
-LEAN = np.array([0.40, 0.14, 0.90])
-"""Direction of the shaft, not of unit length."""
+LEAN = np.array([0.40, 0.14, 0.90]) / np.linalg.norm([0.40, 0.14, 0.90])
+"""Direction of the shaft."""
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15
@@ -35,15 +35,14 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     corners = max(8, round(20 * detail))
     wire, count = wire_radius(radius), max(14, round(30 * detail))
     path = _wire_path(radius, count)
-    lean = LEAN / np.linalg.norm(LEAN)
     radii = np.interp(np.arange(len(path)), [0, 5], [0.82 * wire, wire])
 
     root = path[-1]
     taper = np.linspace(0.0, 1.0, 14)
     swelling = taper * taper * (3.0 - 2.0 * taper)
-    ferrule = root + (7.0 * taper[:, None] - 1.0) * lean
+    ferrule = root + (7.0 * taper[:, None] - 1.0) * LEAN
     steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, _SHAFT_LENGTH, 6)])
-    shaft = root + steps[:, None] * lean
+    shaft = root + steps[:, None] * LEAN
     return solids_glb(
         [
             Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), steel(detail)),
@@ -62,8 +61,7 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
 def grip_solid(radius: float) -> Solid:
     """Return a coarse bar around the hook's neck and shaft, for a mouse to pick."""
     wire, path = wire_radius(radius), _wire_path(radius, 14)
-    lean = LEAN / np.linalg.norm(LEAN)
-    above = path[-1] + np.array([[4.0], [40.0]]) * lean
+    above = path[-1] + np.array([[4.0], [40.0]]) * LEAN
     return swept_solid(np.concatenate([path, above]), 1.5 * wire, corners=6, cap_rings=1)
 
 
@@ -72,36 +70,8 @@ def _wire_path(radius: float, count: int) -> NDArray[np.float64]:
     bend = bend_radius(radius)
     angles = np.linspace(TIP_ANGLE, np.pi, count, dtype=np.float64)
     arc = np.stack([0.0 * angles, -bend * np.cos(angles), -bend * np.sin(angles)], axis=-1)
-    lean = LEAN / np.linalg.norm(LEAN)
     turns = np.linspace(0.0, 1.0, 16)[1:, None]
-    directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * lean
+    directions = (1.0 - turns) * np.array([0.0, 0.0, 1.0]) + turns * LEAN
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     neck = arc[-1] + np.cumsum(directions, axis=0) * (_NECK * radius / len(turns))
     return np.concatenate([arc, neck])
-
-
-def hook_wxyz(direction: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation about the duct's axis that takes +z to the (3,) direction of the pull.
-
-    What of the pull is along the axis, x, is ignored: the hook stays across the duct.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        (4,) unit quaternion, w first.
-
-    Raises
-    ------
-    ValueError
-        If the pull is not finite or has no component across the axis.
-
-    Examples
-    --------
-    >>> hook_wxyz([0.0, 0.0, 2.0]).tolist()
-    [1.0, 0.0, 0.0, 0.0]
-    """
-    pull = np.asarray(direction, np.float64)
-    if pull.shape != (3,) or not np.isfinite(pull).all() or np.hypot(pull[1], pull[2]) == 0.0:
-        raise ValueError(f"direction must be 3 finite numbers not all along x, got {direction}")
-    half = 0.5 * np.arctan2(-pull[1], pull[2])
-    return np.array([np.cos(half), np.sin(half) + 0.0, 0.0, 0.0])

@@ -6,7 +6,6 @@ meets tissue has the place, direction and radius of the rods that are solved; wh
 out of the picture, to the right for the first hand and to the left for the second.
 """
 
-import json
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from app.simulation.bed import JAW_RADIUS, SWAB_RADIUS, TOWARDS_HAND, Hand, Instrument
 from app.trainer.stage.clamps import INSULATION, steel
+from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import grip_solid, hook_glb
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.solids import (
@@ -25,7 +25,7 @@ from app.trainer.stage.solids import (
     solids_glb,
     swept_solid,
 )
-from app.trainer.viser_bridge import place_node, run_in_page
+from app.trainer.viser_bridge import place_node, run_function
 from organ_geometry.mesh import Finish
 
 __all__ = ["DrawnInstrument"]
@@ -73,32 +73,23 @@ class DrawnInstrument:
         self._holds: bool | None = None
         detail = 1.0 if look == "full" else 0.5
 
-        def add(node: str, file: bytes, height: float = 0.0) -> None:
-            scene.add_glb(
-                f"{name}/{node}",
-                file,
-                position=(0.0, 0.0, height),
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-
         if instrument == "hook":
-            add("wire", hook_glb(duct_radius, detail=detail))
+            add_model(scene, f"{name}/wire", hook_glb(duct_radius, detail=detail))
             self.grip = grip_solid(duct_radius)
         elif instrument == "grasper":
             hinge = HINGE * duct_radius
-            add("hinge", grasper_shaft_glb(duct_radius, mirrored, detail=detail), hinge)
+            shaft = grasper_shaft_glb(duct_radius, mirrored, detail=detail)
+            add_model(scene, f"{name}/hinge", shaft, position=(0.0, 0.0, hinge))
             for side, turn in (("near", 0.0), ("far", np.pi)):
                 half = scene.add_frame(
                     f"{name}/{side}", show_axes=False, position=(0.0, 0.0, hinge)
                 )
                 self._halves.append(half)
-                scene.add_glb(
+                add_model(
+                    scene,
                     f"{name}/{side}/jaw",
                     grasper_jaw_glb(duct_radius, detail=detail),
                     wxyz=(np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)),
-                    cast_shadow=False,
-                    receive_shadow=False,
                 )
             back = np.array([0.0, 0.0, hinge]) + 25.0 * _leaning(GRASPER_LEAN, mirrored)
             self.grip = _grip([np.zeros(3), np.array([0.0, 0.0, hinge]), back], duct_radius)
@@ -108,7 +99,8 @@ class DrawnInstrument:
             back = joint + 25.0 * _leaning(DISSECTOR_LEAN, mirrored)
             self.grip = _grip([np.zeros(3), joint, back], 2.5 * JAW_RADIUS)
         else:
-            add("ball", swab_glb(TOWARDS_HAND["swab"], SWAB_RADIUS, mirrored, detail=detail))
+            swab = swab_glb(TOWARDS_HAND["swab"], SWAB_RADIUS, mirrored, detail=detail)
+            add_model(scene, f"{name}/ball", swab)
             ball = BALL * SWAB_RADIUS * np.array(TOWARDS_HAND["swab"])
             back = ball + 25.0 * _leaning(SWAB_LEAN, mirrored)
             self.grip = _grip([np.zeros(3), ball, back], SWAB_RADIUS)
@@ -216,32 +208,17 @@ class Jaws:
         self._corners = max(8, round(14 * detail))
         self._opening = -1.0
         self._meshes: list[viser.MeshHandle] = []
-        for side in ("left", "right"):
-            solid = self._solid(0.0, -1.0 if side == "left" else 1.0)
-            self._meshes.append(
-                scene.add_mesh_simple(
-                    f"{name}/{side}",
-                    solid.vertices.astype(np.float32),
-                    solid.faces.astype(np.uint32),
-                    color=steel(detail).color,
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
-            )
-            finish = steel(detail)
-            gloss = {"roughness": finish.roughness, "metalness": finish.metallic}
-            run_in_page(
-                scene,
-                f"bluntdissectStrands.polish({json.dumps(f'{name}/{side}')}, {json.dumps(gloss)});",
-            )
+        finish = steel(detail)
+        gloss = {"roughness": finish.roughness, "metalness": finish.metallic}
+        for node, side in ((f"{name}/left", -1.0), (f"{name}/right", 1.0)):
+            solid = self._solid(0.0, side)
+            mesh = add_mesh(scene, node, solid.vertices, solid.faces, color=finish.color)
+            self._meshes.append(mesh)
+            run_function(scene, "bluntdissectStrands.polish", node, gloss)
         way = _leaning(DISSECTOR_LEAN, mirrored)
         joint = self._middle(0.0, 0.0)[-1]
-        scene.add_glb(
-            f"{name}/shaft",
-            solids_glb(_shaft(joint - 1.5 * way, way, 1.5, detail)),
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        shaft = solids_glb(_shaft(joint - 1.5 * way, way, 1.5, detail))
+        add_model(scene, f"{name}/shaft", shaft)
 
     def open(self, apart: float) -> None:
         """Draw the jaws with their axes `apart`, mm."""

@@ -5,6 +5,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.contact import Contact
+from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.tissue import Tissue, TornEnd
 from app.trainer.viser_bridge import stream
 from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
@@ -40,16 +41,8 @@ class PlainTissue:
             (skin.part("outer"), name, color),
             (skin.part("inside"), f"{name}_inside", INSIDE),
         ):
-            mesh = scene.add_mesh_simple(
-                node,
-                skin.vertices[numbers],
-                faces.astype(np.uint32),
-                color=shown,
-                side="double",
-                # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
-                cast_shadow=False,
-                receive_shadow=False,
-            )
+            vertices = skin.vertices[numbers]
+            mesh = add_mesh(scene, node, vertices, faces, color=shown, side="double")
             self._parts.append((mesh, numbers))
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:

@@ -8,16 +8,18 @@ import numpy as np
 import viser
 from numpy.typing import ArrayLike
 
-from app.trainer.stage.appearance import Appearance, Surroundings
+from app.trainer.stage.appearance import Appearance
 from app.trainer.stage.bench import bench_glb
 from app.trainer.stage.camera import ELEVATION, OVERVIEW, Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
+from app.trainer.stage.drawn import add_model
 from app.trainer.stage.dressed_surface import light_surfaces
-from app.trainer.stage.hook import hook_glb, hook_wxyz
+from app.trainer.stage.hook import hook_glb
 from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_position, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN, tissue_bed_glb
+from app.trainer.stage.wall_texture import mean_color
 from app.trainer.viser_bridge import keep_in_sight, place_node
 
 _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
@@ -32,17 +34,11 @@ _SIGHT = 0.1
 _NEAREST, _LOWEST = 6.0, 2.0
 
 
-def stage_files(
-    *,
-    radius: float,
-    look: Look,
-    bite: float,
-    tissue: tuple[int, int, int],
-    surroundings: Surroundings = "liver",
-) -> dict[str, bytes]:
+def stage_files(*, radius: float, look: Look, appearance: Appearance) -> dict[str, bytes]:
     """Return the static GLB files by their name on the stage; made once for all clients."""
     full = look == "full"
     detail = 1.0 if full else 0.5
+    bite, tissue, surroundings = appearance.bite, mean_color(appearance), appearance.surroundings
 
     def clamp(end: Literal["first", "second"]) -> bytes:
         return clamp_glb(end, radius=radius, bite=bite, tissue=tissue, detail=detail)
@@ -50,13 +46,8 @@ def stage_files(
     if surroundings == "bench":
         around = {"tissue_bed": bench_glb()}
     else:
-        around = {
-            "tissue_bed": (
-                tissue_bed_glb()
-                if full
-                else tissue_bed_glb(rows=28, columns=PLAIN_COLUMNS, pixels=384)
-            )
-        }
+        plain = {"rows": 28, "columns": PLAIN_COLUMNS, "pixels": 384}
+        around = {"tissue_bed": tissue_bed_glb(**({} if full else plain))}
     if surroundings == "liver":
         around["neighbours"] = neighbours_glb() if full else neighbours_glb(corners=16, pixels=96)
     return {
@@ -77,11 +68,8 @@ class Stage:
         (span, 0, 0).
     look
         "plain" for slow machines: no environment map or normal map, fewer triangles.
-    bite
-        Distance from the axis to each jaw, in radii: 0.8 for a duct with round ends, less for one
-        whose ends are drawn flattened to this part of their height.
-    tissue, surroundings
-        sRGB colour of the tissue pinched in the clamps, 0 to 255; what the duct lies in.
+    appearance
+        Of the duct: what is pinched in the clamps and how flat, what it lies in, what it spills.
     elevation
         Of the camera when it is framed, rad.
     hook
@@ -99,17 +87,15 @@ class Stage:
         *,
         span: float,
         radius: float,
+        appearance: Appearance,
         look: Look = "full",
-        bite: float = 0.8,
-        tissue: tuple[int, int, int] = (205, 140, 92),
-        surroundings: Surroundings = "liver",
         elevation: float = ELEVATION,
         hook: bool = True,
     ) -> None:
         if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
         self.span, self.radius, self.look = float(span), float(radius), look
-        self.surroundings: Surroundings = surroundings
+        self._appearance = appearance
         self._scene, self._elevation = scene, elevation
         self._removed = False
         self._framed_aspect = 0.0
@@ -119,30 +105,27 @@ class Stage:
         self._settling_time = _SETTLING_TIME
         self._looked_around = False
         full = look == "full"
-        files = stage_files(
-            radius=self.radius, look=look, bite=bite, tissue=tissue, surroundings=surroundings
-        )
+        files = stage_files(radius=self.radius, look=look, appearance=appearance)
         self.scale = scale = self.span / REFERENCE_SPAN  # of what is below and around the duct
         self._spilt = False
         floor = (0.5 * self.span, 0.0, -self.radius - _LIFT_ROOM * max(scale, 1.0))
         self.floor = floor  # where that is, mm
         # Points in a row of the bed; a bench does not give way.
         soft = COLUMNS if full else PLAIN_COLUMNS
-        self.bed_columns = 0 if surroundings == "bench" else soft
+        self.bed_columns = 0 if appearance.surroundings == "bench" else soft
 
         light_stage(scene, span=self.span, look=look)
         for name in files.keys() & {"tissue_bed", "neighbours"}:
-            scene.add_glb(
-                f"/stage/{name}", files[name], scale=scale, position=floor, cast_shadow=False
+            add_model(
+                scene,
+                f"/stage/{name}",
+                files[name],
+                scale=scale,
+                position=floor,
+                receive_shadow=True,
             )
         self._clamps = [
-            scene.add_glb(
-                f"/stage/clamps/{end}",
-                files[f"clamps/{end}"],
-                position=(x, 0.0, 0.0),
-                cast_shadow=False,
-                receive_shadow=False,
-            )
+            add_model(scene, f"/stage/clamps/{end}", files[f"clamps/{end}"], position=(x, 0.0, 0.0))
             for end, x in (("first", 0.0), ("second", self.span))
         ]
         if full:
@@ -155,48 +138,24 @@ class Stage:
             )
         self._hook = scene.add_frame("/stage/hook", show_axes=False)
         if hook:
-            scene.add_glb(
-                "/stage/hook/instrument",
-                files["hook"],
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-        self._hook_direction = np.array((0.0, 0.0, 1.0))  # as the instrument is made
-        self.place_hook((0.5 * self.span, 0.0, 0.0), (0.0, 0.0, 1.0))
+            add_model(scene, "/stage/hook/instrument", files["hook"])
+        self.place_hook((0.5 * self.span, 0.0, 0.0))
 
-    def place_hook(
-        self, point: ArrayLike, direction: ArrayLike, *, radius: float | None = None
-    ) -> None:
-        """Put the hook around the duct."""
-        turn = None
-        way = np.asarray(direction, np.float64)
-        if way.tolist() != self._hook_direction.tolist():
-            turn = hook_wxyz(direction)
+    def place_hook(self, point: ArrayLike) -> None:
+        """Put the hook around the duct, whose axis it meets at a point, (3,) mm."""
         place = np.array(point, np.float64)
-        if radius is not None:
-            place -= (radius - self.radius) * way
         if place.shape != (3,) or not all(map(math.isfinite, place.tolist())):
             raise ValueError(f"point must be 3 finite numbers, mm, got {point}")
         place_node(self._hook, *place.tolist())
-        if turn is not None:
-            self._hook.wxyz = turn
-            self._hook_direction = way.copy()
 
-    def spill(self, look: Appearance, x: float) -> None:
+    def spill(self, x: float) -> None:
         """Show what has run out of a torn duct; nothing in the plain look."""
         if self.look == "plain" or self._spilt:
             return
         scale = self.scale
-        file = spill_glb(look, round(self.radius / scale, 2), round(x / scale - 25.4, 1))
-        if file:
-            self._scene.add_glb(
-                "/stage/spill",
-                file,
-                scale=scale,
-                position=self.floor,
-                cast_shadow=False,
-                receive_shadow=False,
-            )
+        radius, place = round(self.radius / scale, 2), round(x / scale - 25.4, 1)
+        if file := spill_glb(self._appearance, radius, place):
+            add_model(self._scene, "/stage/spill", file, scale=scale, position=self.floor)
             self._spilt = True
 
     def wipe(self) -> None:
@@ -284,10 +243,10 @@ class Stage:
         high = np.maximum(target, (self.span + beside, beside, 0.5 * self.span))
         keep_in_sight(
             client,
-            place=tuple(view.position.tolist()),
-            target=tuple(target.tolist()),
-            low=tuple(low.tolist()),
-            high=tuple(high.tolist()),
+            place=view.position,
+            target=target,
+            low=low,
+            high=high,
             nearest=_NEAREST * self.radius,
             lowest=_LOWEST * self.radius,
         )

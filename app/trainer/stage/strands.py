@@ -5,9 +5,6 @@ rod it lies against; and the rods. The page draws the rest from them (`strands.j
 stubs of parted strands, and the bed, which the strands' feet lie in, drawn up and pressed in.
 """
 
-import base64
-import json
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +12,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.viser_bridge import hand_over, run_in_page
+from app.trainer.stage.drawn import add_mesh
+from app.trainer.viser_bridge import float32_text, hand_over, run_function, run_module
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 
@@ -29,6 +27,7 @@ __all__ = [
     "write_strands",
 ]
 
+SCRIPT = Path(__file__).with_suffix(".js")
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
 NUMBERS = 5
@@ -41,11 +40,6 @@ WIDTH = 0.05
 FILM_ANGLES = (0.30, 0.65, 0.95, 1.25)
 # Largest distance of two neighbours that a film joins, mm.
 FILM_WIDTH = 1.6
-
-
-@cache
-def _script() -> str:
-    return Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
 
 
 class DrawnStrands:
@@ -76,30 +70,22 @@ class DrawnStrands:
         self._scene, self._name, self._header = scene, name, header
         self._sent = np.zeros((-(-numbers.size // 3), 3), np.float32)
         self._sent.reshape(-1)[: numbers.size] = numbers
-        self._mesh = scene.add_mesh_simple(
-            name,
-            self._sent,
-            np.zeros((1, 3), np.uint32),  # nothing to be seen without the script
-            color=(255, 255, 255),
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        nothing = np.zeros((1, 3), np.uint32)  # to be seen without the script
+        self._mesh = add_mesh(scene, name, self._sent, nothing, color=(255, 255, 255))
         widths = WIDTH * np.clip((toughness / np.median(toughness)) ** 0.6, 0.45, 2.2)
         wear = {
             "count": len(feet),
             "rods": rods,
             "header": header,
             "fibres": fibres,
-            "feet": _text(feet),
-            "widths": _text(widths),
-            "pairs": _text(pairs),
+            "feet": float32_text(feet),
+            "widths": float32_text(widths),
+            "pairs": float32_text(pairs),
             "floor": list(floor),
             "scale": scale,
             "columns": bed_columns,
         }
-        run_in_page(
-            scene, f"{_script()}\nbluntdissectStrands.show({json.dumps(name)}, {json.dumps(wear)});"
-        )
+        run_module(scene, SCRIPT, "bluntdissectStrands.show", name, wear)
 
     @property
     def whole(self) -> int:
@@ -116,7 +102,7 @@ class DrawnStrands:
     def remove(self) -> None:
         """Remove them from the scene."""
         self._mesh.remove()
-        run_in_page(self._scene, f"bluntdissectStrands.remove({json.dumps(self._name)});")
+        run_function(self._scene, "bluntdissectStrands.remove", self._name)
 
 
 class StrandsInBed(DrawnStrands):
@@ -230,7 +216,3 @@ def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32
 
 
 _WRITE = SameTypes(_write)
-
-
-def _text(numbers: NDArray[np.generic]) -> str:
-    return base64.b64encode(numbers.astype("<f4").tobytes()).decode()

@@ -13,7 +13,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.trainer.stage.appearance import Appearance
+from app.simulation import Dissection
+from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen, drawn_radius
 from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.contact import Contact
@@ -27,16 +28,22 @@ from app.trainer.stage.dressed_surface import (
 from app.trainer.stage.wall_texture import PERIOD, mean_color, wall_texture
 from organ_geometry.mesh import INSIDE, Finish, Skin, linear_light
 
-__all__ = ["Tissue", "TornEnd", "lumen_share", "send_finish"]
+__all__ = ["Tissue", "TornEnd", "cut_end", "send_finish"]
 
 TornEnd = Literal["first", "last"]
 """The torn end of a piece, along the organ's axis."""
+TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}
 
 # The scene node of the material of a client's duct.
 FINISH = "/finish/wall"
 # Distances of the fringe's rings beyond a torn rim, in radii.
 FRINGE = (0.2, 0.42)
 _DROOP = 0.35  # part of a fringe's length that it hangs down
+
+
+def cut_end(surface: str, *, divided: bool) -> TornEnd | None:
+    """Return which end of a dissection's surface is open, torn or divided."""
+    return TORN_ENDS.get(surface) or ("last" if divided else None)
 
 
 def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
@@ -149,6 +156,28 @@ class Tissue:
         self._stub_shade = contact.stub_shade
         places = self._surface.places
         places[:before], places[before + rings : after] = first, last
+
+    @classmethod
+    def of(
+        cls,
+        scene: viser.SceneApi,
+        surface: str,
+        contact: Contact,
+        dissection: Dissection,
+        *,
+        divided: bool,
+    ) -> "Tissue":
+        """Return a surface of a dissection, whole or a piece, under `/organ`."""
+        share = lumen_share(contact.skin) if divided else None
+        return cls(
+            scene,
+            f"/organ/{surface}",
+            contact,
+            look=appearance_of(dissection.preset),
+            radius=drawn_radius(dissection),
+            lumen=drawn_lumen(dissection) or share,
+            torn_end=cut_end(surface, divided=divided),
+        )
 
     @property
     def visible(self) -> bool:

@@ -1,34 +1,18 @@
 """The style and the script of the trainer's page, and functions that use them."""
 
+import base64
 import json
 import secrets
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from app.trainer.viser_bridge.private_api import page_number, queue_script
-
-__all__ = [
-    "announce",
-    "asked_by_address",
-    "closer_html",
-    "command_number",
-    "keep_in_sight",
-    "kept_by_tab",
-    "letter_keys_on",
-    "offer_home",
-    "open_tab",
-    "pairs_html",
-    "prepare_page",
-    "run_in_page",
-    "set_arrow_step",
-    "set_letter_keys",
-    "tab_keeps",
-    "take_arrows",
-    "watch_pace",
-]
 
 # s that a browser may take to answer: one that draws in software is busy at first.
 ANSWER_SECONDS = 4.0
@@ -39,14 +23,15 @@ _LETTER_KEYS = "letter-keys"
 
 
 @cache
-def _file(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+def file_text(path: Path) -> str:
+    """Return a text file, read once."""
+    return path.read_text(encoding="utf-8")
 
 
 def prepare_page(client: viser.ClientHandle) -> None:
     """Give a page its style, and the script that the other functions here need; call it first."""
-    given = ", ".join(json.dumps(each) for each in (_file("page.css"), _CLOSER, _LETTER_KEYS))
-    queue_script(client.gui, f"({_file('page.js')})({given})")
+    script, style = (file_text(Path(__file__).with_name(name)) for name in ("page.js", "page.css"))
+    queue_script(client.gui, _called(f"({script})", (style, _CLOSER, _LETTER_KEYS)))
 
 
 def announce(client: viser.ClientHandle, words: str) -> None:
@@ -86,17 +71,18 @@ def set_arrow_step(
 def keep_in_sight(
     client: viser.ClientHandle,
     *,
-    place: tuple[float, float, float],
-    target: tuple[float, float, float],
-    low: tuple[float, float, float],
-    high: tuple[float, float, float],
+    place: NDArray[np.float64],
+    target: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
     nearest: float,
     lowest: float,
 ) -> None:
-    """Place a client's camera, and limit where the user can move it; lengths in mm."""
+    """Place a client's camera, and limit where the user can move it; (3,) mm, and mm."""
     # viser sets the camera's place and its target one after the other, and each would be clamped to
     # the limits with the other's old value. The target stays in the box from `low` to `high`.
-    _call(client, "keepInSight", place, target, low, high, nearest, lowest)
+    points = [each.tolist() for each in (place, target, low, high)]
+    _call(client, "keepInSight", *points, nearest, lowest)
 
 
 def kept_by_tab(client: viser.ClientHandle) -> str | None:
@@ -155,6 +141,21 @@ def run_in_page(scene: viser.SceneApi, source: str) -> None:
     queue_script(scene, f"(viewer => {{{source}\n}})({_VIEWER})")
 
 
+def run_function(scene: viser.SceneApi, name: str, *arguments: Any) -> None:
+    """Call a function that a module has defined in each page of a scene."""
+    run_in_page(scene, _called(name, arguments))
+
+
+def run_module(scene: viser.SceneApi, module: Path, name: str, *arguments: Any) -> None:
+    """Define what is in a file in each page of a scene, and call a function of it."""
+    run_in_page(scene, f"{file_text(module)}\n{_called(name, arguments)}")
+
+
+def float32_text(numbers: NDArray[np.generic]) -> str:
+    """Return a large array for a page: base64 of little-endian float32."""
+    return base64.b64encode(numbers.astype("<f4").tobytes()).decode()
+
+
 _VIEWER = (
     "{scene: () => window.__viserMutable?.scene, "
     "node: name => window.__viserMutable.nodeRefFromName[name], "
@@ -163,8 +164,12 @@ _VIEWER = (
 
 
 def _call(client: viser.ClientHandle, name: str, *arguments: Any) -> None:
-    given = ", ".join(json.dumps(each) for each in arguments)
-    queue_script(client.gui, f"window.bluntdissect?.{name}({given})")
+    queue_script(client.gui, _called(f"window.bluntdissect?.{name}", arguments))
+
+
+def _called(name: str, arguments: Iterable[Any]) -> str:
+    """Return a call of a function of the page."""
+    return f"{name}({', '.join(map(json.dumps, arguments))})"
 
 
 def _answer(client: viser.ClientHandle, name: str, *arguments: Any) -> str | None:

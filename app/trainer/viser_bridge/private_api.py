@@ -36,23 +36,6 @@ from websockets.exceptions import WebSocketException
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-__all__ = [
-    "PAGE_MESSAGES",
-    "close_page",
-    "connection_of",
-    "hand_over",
-    "page_number",
-    "page_of",
-    "place_node",
-    "queue_script",
-    "read_icons",
-    "set_plot",
-    "start_server",
-    "stop_server",
-    "stream",
-    "wakes_once",
-]
-
 PAGE_MESSAGES = (
     _messages.ViewerCameraMessage,
     _messages.GuiUpdateMessage,

@@ -3,19 +3,13 @@
 import html
 import json
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 
 import viser
 
-from app.trainer.viser_bridge.page import run_in_page
+from app.trainer.viser_bridge.page import file_text, run_in_page
 
-__all__ = ["recording_page", "write_caption"]
-
-
-@cache
-def _file(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+_HERE = Path(__file__).parent
 
 
 def write_caption(server: viser.ViserServer, words: str) -> None:
@@ -36,7 +30,7 @@ def recording_page(
     # The camera's distance, mm, shows the whole in a window of this width by height.
     shown = html.escape(title)
     lines = "\n".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
-    overlay = _file("recording.html").replace("@distance", f"{distance:.6g}")
+    overlay = file_text(_HERE / "recording.html").replace("@distance", f"{distance:.6g}")
     overlay = overlay.replace("@aspect", f"{aspect:.6g}")
     overlay = overlay.replace("@title", shown).replace("@notes", lines)
     # The page's script contains such tags as text; the head's is the first, the body's the last.
@@ -44,5 +38,5 @@ def recording_page(
     rest = after.split("</title>", 1)[1]
     head, rest = rest.split("</head>", 1)
     body, end = rest.rsplit("</body>", 1)
-    script = f"<script>{_file('recording.js')}</script>"
+    script = f"<script>{file_text(_HERE / 'recording.js')}</script>"
     return f"{before}<title>{shown}</title>{head}{script}</head>{body}{overlay}</body>{end}"
