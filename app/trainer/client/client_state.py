@@ -16,7 +16,16 @@ from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
 
-__all__ = ["FEW", "FORCE_KEY", "MODES", "ClientState", "Mode", "Workers", "explained"]
+__all__ = [
+    "EXERCISE_GOES_ON",
+    "FEW",
+    "FORCE_KEY",
+    "MODES",
+    "ClientState",
+    "Mode",
+    "Workers",
+    "explained",
+]
 
 Mode = Literal["dissect", "pull"]
 """A duct freed from its bed, or one pulled without a bed."""
@@ -28,7 +37,7 @@ FEW = 300
 """Vertices of the skin of a duct that is replayed for its numbers only."""
 PATIENCE = 0.4
 """s of waiting after which the client is told what is being done."""
-
+EXERCISE_GOES_ON = "An exercise goes on until it is over. Stop it first."
 
 EXPORT_VERTICES = 20_000
 """Of a surface that is downloaded, about: edges of half a millimetre on the shipped duct."""
@@ -60,8 +69,12 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     """What the parts of one client's page share. Its methods may be called by any thread.
 
     `plain` is the client's choice of the simple picture; `last_run` the last run that ended or was
-    given up, to be judged and replayed. `kept` is called when there is one.
+    given up, to be judged and replayed. `kept` is called when there is one. `first_input` starts a
+    run's time, in a word, and `counted` says what counts in exercises, in a sentence.
     """
+
+    first_input: str
+    counted: str
 
     def __init__(self, client: viser.ClientHandle, session: SessionT, workers: Workers) -> None:
         self.client, self.session, self.workers = client, session, workers
@@ -174,16 +187,6 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def reset(self) -> None:
         """Make the duct whole and bring the view home; the next input starts a run."""
 
-    @property
-    @abstractmethod
-    def first_input(self) -> str:
-        """What starts a run's time, in a word."""
-
-    @property
-    @abstractmethod
-    def counted(self) -> str:
-        """What counts in exercises, in a sentence."""
-
     @abstractmethod
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""
@@ -280,7 +283,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def set_paused(self, paused: bool) -> None:
         """Stop or continue the session's time; an exercise cannot be paused."""
         if paused and self.in_exercise:
-            self.refuse("An exercise goes on until it is over. Stop it first.")
+            self.refuse(EXERCISE_GOES_ON)
             return
         self._paused = paused
         self._changed = True
@@ -302,16 +305,19 @@ class ClientState(ABC, Generic[SessionT, FileT]):
             "Not possible", reason, color="yellow", auto_close_seconds=8.0
         )
 
-    @contextmanager
-    def preparing(self, what: str) -> Generator[None]:
-        """Tell the client what is being done, if it takes longer than `PATIENCE`."""
-        with explained(self.client, what):
-            yield
+    def require_no_exercise(self) -> None:
+        """Raise a `ValueError` while an exercise goes on."""
+        if self.in_exercise:
+            raise ValueError(EXERCISE_GOES_ON)
+
+    def send_file(self, name: str, content: bytes) -> None:
+        """Have the browser save a file."""
+        self.client.send_file_download(name, content, save_immediately=True)
 
     def attempt(self, what: str, action: Callable[[], object]) -> bool:
         """Do what the client has asked for; on an error tell it why and return False."""
         try:
-            with self.preparing(what):
+            with explained(self.client, what):
                 action()
         except ValueError as error:
             self.refuse(str(error))

@@ -43,6 +43,9 @@ class DissectState(ClientState[BedSession, DissectionFile]):
     `colours` the client's choice of what colours the duct; `into_picture` whether drags go there.
     """
 
+    first_input = "touch"
+    counted = "both hands, by mouse, touch or keys."
+
     def __init__(self, client: viser.ClientHandle, session: BedSession, workers: Workers) -> None:
         super().__init__(client, session, workers)
         self.hand = 0
@@ -109,16 +112,6 @@ class DissectState(ClientState[BedSession, DissectionFile]):
     def run_csv(self, run: DissectionFile) -> bytes:
         """Return a run tick by tick, as comma-separated values."""
         return dissection_csv(self.replay_of(run, vertices=FEW).series()).encode()
-
-    @property
-    def first_input(self) -> str:
-        """What starts a run's time, in a word."""
-        return "touch"
-
-    @property
-    def counted(self) -> str:
-        """What counts in exercises, in a sentence."""
-        return "both hands, by mouse, touch or keys."
 
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""

@@ -10,6 +10,7 @@ from app.simulation import (
     ExerciseInputs,
     Feedback,
     Phase,
+    Preset,
     Replay,
     RunFile,
     Session,
@@ -38,6 +39,8 @@ class PullState(ClientState[Session, RunFile]):
     `exercise_inputs` says which inputs count in exercises.
     """
 
+    first_input = "pull"
+
     def __init__(
         self,
         client: viser.ClientHandle,
@@ -47,6 +50,7 @@ class PullState(ClientState[Session, RunFile]):
     ) -> None:
         super().__init__(client, session, workers)
         self.exercise_inputs: ExerciseInputs = exercise_inputs
+        self.counted = COUNTED[exercise_inputs]
         self.heat = self.overlay = False
         self.pulls = 0  # number of changes of the pull that no slider has made
         self._held_from: float | None = None
@@ -94,9 +98,15 @@ class PullState(ClientState[Session, RunFile]):
 
     def practise_on(self, organ: Organ) -> None:
         """Ask for another organ; the next `take_organ` starts anew on it."""
-        if self.in_exercise:
-            raise ValueError("An exercise goes on until it is over. Stop it first.")
+        self.require_no_exercise()
         self._other_organ = self.session.prepare_organ(organ)
+
+    def choose_preset(self, preset: Preset) -> None:
+        """Start anew with another duct."""
+        self.require_no_exercise()
+        self.keep_run()
+        self.session.choose_preset(preset)
+        self.pulls += 1
 
     def take_organ(self) -> None:
         """Start anew on the organ asked for, if there is one; called by the thread that draws."""
@@ -110,16 +120,6 @@ class PullState(ClientState[Session, RunFile]):
         self.pulls += 1
         self._paused = False
         self._changed = True
-
-    @property
-    def first_input(self) -> str:
-        """What starts a run's time, in a word."""
-        return "pull"
-
-    @property
-    def counted(self) -> str:
-        """What counts in exercises, in a sentence."""
-        return COUNTED[self.exercise_inputs]
 
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""

@@ -1,7 +1,8 @@
 """Downloads: what is on the screen as a file, by the code that `bluntdissect export` runs."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from app.export.pull_export import PullExport
 from app.simulation import Phase, Session
@@ -28,8 +29,7 @@ SUFFIXES = {
 """Suffixes and what the panel calls the files."""
 
 
-@dataclass(frozen=True, slots=True)
-class Download:
+class Download(NamedTuple):
     """A file for the browser: its name and bytes."""
 
     name: str

@@ -12,10 +12,9 @@ from app.trainer.panel.readout import (
     cells_html,
     distance_html,
     distance_zone,
-    hidden_html,
 )
 
-__all__ = ["HANDS", "bed_html", "bed_readout_html", "bed_zone", "hidden_bed_readout_html"]
+__all__ = ["HANDS", "bed_html", "bed_phase", "bed_readout_html", "bed_zone"]
 
 HANDS = ("Left hand", "Right hand")
 FREED = "Length of duct about which all strands but a few have parted"
@@ -84,11 +83,6 @@ def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None
         f"<div data-testid='worst' style='font-size:12px;opacity:.85'>{place}.</div>"
         f"{cells_html(cells)}</div>"
     )
-
-
-def hidden_bed_readout_html(reading: BedReading) -> str:
-    """Return the HTML in the read-out's place while its figures are hidden."""
-    return hidden_html(bed_phase(reading))
 
 
 def bed_html(session: BedSession) -> str:

@@ -1,13 +1,18 @@
 """Bed: what holds the duct, which duct it is, and where their figures come from."""
 
-import html
-
 import viser
 
 from app.simulation import fits, presets
 from app.simulation.bed import bed_presets
 from app.trainer.client.dissect_state import DissectState
-from app.trainer.panel.controls import heading, number, on_input, on_work, set_if_changed
+from app.trainer.panel.controls import (
+    heading,
+    number,
+    on_input,
+    on_work,
+    paragraphs_html,
+    set_if_changed,
+)
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.spread_box import SpreadBox
 
@@ -96,7 +101,7 @@ class BedTab:
     def _about_html(self) -> str:
         duct = self._state.session.duct
         bed, preset = duct.bed, duct.dissection.preset
-        paragraphs = (
+        return heading("Where these figures come from") + paragraphs_html(
             (bed.title, bed.description),
             (
                 "Energy to part it",
@@ -108,9 +113,4 @@ class BedTab:
             ("Strength as given", preset.strength),
             ("Source", preset.source),
             (f"Confidence: {preset.confidence}", preset.confidence_note),
-        )
-        return heading("Where these figures come from") + "".join(
-            f"<div style='padding:6px 12px;font-size:13px'><b>{html.escape(title)}</b>"
-            f"<div style='opacity:.85;margin-top:2px'>{html.escape(text)}</div></div>"
-            for title, text in paragraphs
         )

@@ -210,9 +210,8 @@ class BuildTab:
                 return
             except ValueError as error:
                 said = f"<b>Not possible:</b> {html.escape(str(error))}."
-                self._state.refuse(
-                    f"{error}."
-                )  # beside viser's own notice that the file has arrived
+                # Beside viser's own notice that the file has arrived.
+                self._state.refuse(f"{error}.")
             except Exception:
                 log.exception("an organ could not be built")
                 said = "<b>Not possible:</b> a fault of the program."
@@ -394,9 +393,7 @@ class BuildTab:
     def _send_organ(self) -> None:
         built, opened = self._bench.built, self._bench.opened
         if built is not None and opened is not None:
-            self._state.client.send_file_download(
-                f"{opened.source.stem}.organ", built.organ.encoded, save_immediately=True
-            )
+            self._state.send_file(f"{opened.source.stem}.organ", built.organ.encoded)
 
 
 def _between(what: str, text: str, count: int) -> tuple[int, int]:

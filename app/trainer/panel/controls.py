@@ -19,6 +19,7 @@ __all__ = [
     "on_click",
     "on_input",
     "on_work",
+    "paragraphs_html",
     "set_if_changed",
     "term",
 ]
@@ -96,6 +97,15 @@ def note(text: str, name: str = "") -> str:
     return (
         f"<div{found} style='padding:2px 12px 8px;font-size:13px;line-height:1.4;opacity:.9'>"
         f"{text}</div>"
+    )
+
+
+def paragraphs_html(*paragraphs: tuple[str, str]) -> str:
+    """Return paragraphs of plain text inside a tab, each with its title, as HTML."""
+    return "".join(
+        f"<div style='padding:6px 12px;font-size:13px'><b>{html.escape(title)}</b>"
+        f"<div style='opacity:.85;margin-top:2px'>{html.escape(text)}</div></div>"
+        for title, text in paragraphs
     )
 
 

@@ -10,17 +10,16 @@ from app.trainer.pages.dissection_files import RUN_SUFFIXES, run_download
 from app.trainer.pages.downloads import Download
 from app.trainer.panel.bed_readout import (
     bed_html,
+    bed_phase,
     bed_readout_html,
     bed_zone,
-    hidden_bed_readout_html,
 )
 from app.trainer.panel.bed_tab import BedTab
 from app.trainer.panel.export_box import ExportBox
 from app.trainer.panel.hands_tab import HandsTab
 from app.trainer.panel.help import DISSECT_KEYS
 from app.trainer.panel.mode_panel import ModePanel
-from app.trainer.panel.readout import TORN
-from app.trainer.panel.replay_tab import result_actions
+from app.trainer.panel.readout import TORN, hidden_html
 from app.trainer.panel.result_page import show_dissection_result
 from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
 
@@ -31,7 +30,7 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
     """The panel of a duct in its bed."""
 
     def __init__(self, state: DissectState) -> None:
-        super().__init__(state, "dissect")
+        super().__init__(state, "dissect", show_dissection_result)
         with self._tabs.add_tab("Dissect"):
             self._hands = HandsTab(self._gui, state)
         self._add_exercises()
@@ -79,7 +78,7 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
             readout = bed_readout_html(reading, self._playing, state.spread)
             zone = bed_zone(reading)
         else:
-            readout = hidden_bed_readout_html(reading)
+            readout = hidden_html(bed_phase(reading))
             zone = "" if reading.torn_at is None else TORN
         legends = {
             "tissue": "",
@@ -97,12 +96,6 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
 
     def _export(self, suffix: str) -> Download:
         state = self._state
-        if state.in_exercise:
-            raise ValueError("An exercise goes on until it is over. Stop it first.")
+        state.require_no_exercise()
         organ = state.session.duct.dissection.organ
         return run_download(state.run_at_hand(), organ, suffix, state.workers.export_vertices)
-
-    def show_result(self, run: DissectionFile) -> None:
-        """Open the result page of a run."""
-        again, watch = result_actions(self._state, self._replay, run)
-        show_dissection_result(self._state, run, again=again, replay=watch)

@@ -30,10 +30,6 @@ class ExportBox:
         on_click(button, self._send)
 
     def _send(self) -> None:
-        suffix = self._suffixes.get(self._kind.value)
+        make, suffix = self._make, self._suffixes.get(self._kind.value)
         if suffix is not None:
-            self._state.attempt("Writing the file.", lambda: self._send_file(suffix))
-
-    def _send_file(self, suffix: str) -> None:
-        file = self._make(suffix)
-        self._state.client.send_file_download(file.name, file.content, save_immediately=True)
+            self._state.attempt("Writing the file.", lambda: self._state.send_file(*make(suffix)))

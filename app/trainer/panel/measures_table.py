@@ -150,7 +150,7 @@ _DISSECTION_ROWS = (
 )  # fmt: skip
 
 
-def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
+def outcome_html(outcome: Outcome | None, title: str, remark: str) -> str:
     """Return the outcome of a run as HTML; a run without one was not judged."""
     if outcome is None:
         word, colour, reason = "Not judged", _PLAIN, "No exercise, or one that was stopped."
@@ -174,10 +174,10 @@ def outcome_html(outcome: Outcome | None, title: str, remark: str = "") -> str:
 
 def measures_html(
     measures: Measures,
-    beside: Mapping[str, Measures] | None = None,
+    beside: Mapping[str, Measures],
+    limits: Mapping[str, float],
     *,
-    limits: Mapping[str, float] | None = None,
-    sought_break: bool = False,
+    sought_break: bool,
 ) -> str:
     """Return a pull's measures as HTML."""
     # Where coming near the break was the goal, neither way is better.
@@ -188,7 +188,7 @@ def measures_html(
         if row.key != "overshoot" or measures.overshoot is not None
     ]
     rows = [row._replace(name=row.name.format(threshold=threshold)) for row in rows]
-    return _table_html(rows, measures, beside or {}, limits or {}, _tear_html(measures))
+    return _table_html(rows, measures, beside, limits, _tear_html(measures))
 
 
 def dissection_html(

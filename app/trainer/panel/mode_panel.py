@@ -15,6 +15,7 @@ from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, add_keys, dre
 from app.trainer.panel.help import Key, show_help
 from app.trainer.panel.legend import Legend
 from app.trainer.panel.replay_tab import ReplayTab
+from app.trainer.panel.result_page import ResultPage
 from app.trainer.viser_bridge import announce, open_tab, take_arrows
 
 __all__ = ["ModePanel"]
@@ -27,8 +28,8 @@ FileT = TypeVar("FileT", RunFile, DissectionFile)
 class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
     """One client's panel: it passes inputs to the session and shows its readings."""
 
-    def __init__(self, state: StateT, mode: Mode) -> None:
-        self._state = state
+    def __init__(self, state: StateT, mode: Mode, open_result: ResultPage[StateT, FileT]) -> None:
+        self._state, self._open_result = state, open_result
         self._mode: Mode = mode
         self._said = ""
         gui = self._gui = state.client.gui
@@ -69,9 +70,19 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
     def show(self, reading: ReadingT) -> None:
         """Show a reading."""
 
-    @abstractmethod
     def show_result(self, run: FileT) -> None:
         """Open the result page of a run; replaying the run for its plots takes a while."""
+        state = self._state
+
+        def again() -> None:
+            state.start_again(run)
+            open_tab(state.client, LEARN)
+
+        def watch() -> None:
+            self._replay.replay(lambda: run)
+            open_tab(state.client, REPLAY)
+
+        self._open_result(state, run, again, watch)
 
     def close(self) -> None:
         """Remove what the client has uploaded, when it has gone."""

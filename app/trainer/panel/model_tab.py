@@ -14,6 +14,7 @@ from app.trainer.panel.controls import (
     number,
     on_input,
     on_work,
+    paragraphs_html,
     set_if_changed,
 )
 from app.trainer.panel.preset_form import PresetForm
@@ -133,12 +134,10 @@ class ModelTab:
 
     def _choose_preset(self, title: object) -> None:
         state, preset = self._state, self._titles.get(str(title))
-        session = state.session
-        if preset is None or preset == session.duct.dissection.preset or state.in_exercise:
+        now = state.session.duct.dissection.preset
+        if preset is None or preset == now or state.in_exercise:
             return
-        state.keep_run()
-        state.attempt("Preparing the duct.", lambda: session.choose_preset(preset))
-        state.pulls += 1
+        state.attempt("Preparing the duct.", lambda: state.choose_preset(preset))
         self._preset.value = self._title()
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
@@ -188,15 +187,10 @@ class ModelTab:
             f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
             f"Poisson's ratio {beam.poisson_ratio:g}."
         )
-        paragraphs = (
+        return paragraphs_html(
             (preset.label, preset.description),
             ("Beam", geometry),
             ("Strength as given", preset.strength),
             ("Source", preset.source),
             (f"Confidence: {preset.confidence}", preset.confidence_note),
-        )
-        return "".join(
-            f"<div style='padding:6px 12px;font-size:13px'><b>{html.escape(heading)}</b>"
-            f"<div style='opacity:.85;margin-top:2px'>{html.escape(text)}</div></div>"
-            for heading, text in paragraphs
         )

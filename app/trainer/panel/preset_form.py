@@ -1,6 +1,7 @@
 """A preset of one's own: modulus, strength, wall and clamps, typed or from a preset file."""
 
 import html
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -63,12 +64,7 @@ class PresetForm:
                     gui, "Break force (N)", "break_force_N", "Force at which it tears", 1.0
                 ),
                 "wall": _field(
-                    gui,
-                    "Wall (mm)",
-                    "wall_mm",
-                    "0: as in the images; of a bar, full",
-                    1.0,
-                    0.0,
+                    gui, "Wall (mm)", "wall_mm", "0: as in the images; of a bar, full", 1.0, 0.0
                 ),
                 "first": _field(gui, "First clamp (mm)", "span_mm", "From its start", 1.0, 0.0),
                 "second": _field(gui, "Second clamp (mm)", "span_mm", "From its start", 1.0, 0.0),
@@ -91,9 +87,7 @@ class PresetForm:
         @self._open.on_upload
         def _(_: object) -> None:
             sent = self._open.value
-            self._state.attempt(
-                "Preparing the duct.", lambda: self._start(read_preset(sent.content, sent.name))
-            )
+            self._start(lambda: read_preset(sent.content, sent.name))
 
         self.show()
 
@@ -197,28 +191,21 @@ class PresetForm:
     def _take(self) -> None:
         dissection = self._dissection
         if dissection is not None:
-            self._state.attempt(
-                "Preparing the duct.", lambda: self._start(self._edited(dissection)[0])
-            )
+            self._start(lambda: self._edited(dissection)[0])
 
-    def _start(self, preset: Preset) -> None:
+    def _start(self, read: Callable[[], Preset]) -> None:
         state = self._state
-        if state.in_exercise:
-            raise ValueError("An exercise goes on until it is over. Stop it first.")
-        state.keep_run()
-        state.session.choose_preset(preset)
-        state.pulls += 1
+        state.attempt("Preparing the duct.", lambda: state.choose_preset(read()))
 
     def _send(self) -> None:
-        dissection = self._dissection
-        if dissection is not None:
-            self._state.attempt("Writing the file.", lambda: self._send_file(dissection))
+        state, dissection = self._state, self._dissection
 
-    def _send_file(self, dissection: Dissection) -> None:
-        preset = self._edited(dissection)[0]
-        self._state.client.send_file_download(
-            f"{preset.name}.toml", preset_toml(preset), save_immediately=True
-        )
+        def write(dissection: Dissection) -> None:
+            preset = self._edited(dissection)[0]
+            state.send_file(f"{preset.name}.toml", preset_toml(preset))
+
+        if dissection is not None:
+            state.attempt("Writing the file.", lambda: write(dissection))
 
 
 def _field(

@@ -11,12 +11,11 @@ from app.trainer.panel.mode_panel import ModePanel
 from app.trainer.panel.model_tab import ModelTab
 from app.trainer.panel.readout import (
     duct_html,
-    hidden_readout_html,
+    hidden_html,
     readout_html,
     zone,
     zone_told,
 )
-from app.trainer.panel.replay_tab import result_actions
 from app.trainer.panel.result_page import show_pull_result
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import heat_legend_html
@@ -28,7 +27,7 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
     """The panel of a duct without a bed."""
 
     def __init__(self, state: PullState) -> None:
-        super().__init__(state, "pull")
+        super().__init__(state, "pull", show_pull_result)
         gui, tabs = self._gui, self._tabs
         # To add a tab: write a module, add a line here and, if it shows readings, one in `show`.
         with tabs.add_tab("Train"):
@@ -63,7 +62,7 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
         self._show_common(
             readout=readout_html(reading, self._playing, state.spread)
             if visible
-            else hidden_readout_html(reading.phase),
+            else hidden_html(reading.phase.value),
             duct=duct_html(shown, figures=visible),
             legend=heat_legend_html(shown.duct.threshold) if heat else "",
             zone=zone(reading) if visible else zone_told(reading.phase),
@@ -75,8 +74,3 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
     def close(self) -> None:
         """Remove what the client has uploaded, when it has gone."""
         self._build.close()
-
-    def show_result(self, run: RunFile) -> None:
-        """Open the result page of a run; replaying the run for its plots takes a while."""
-        again, watch = result_actions(self._state, self._replay, run)
-        show_pull_result(self._state, run, again=again, replay=watch)

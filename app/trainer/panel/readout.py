@@ -17,7 +17,6 @@ __all__ = [
     "distance_zone",
     "duct_html",
     "hidden_html",
-    "hidden_readout_html",
     "readout_html",
     "zone",
     "zone_told",
@@ -183,11 +182,6 @@ def duct_html(session: Session, *, figures: bool) -> str:
         f"<div style='color:{colour}'>Solved as "
         f"{html.escape(dissection.section(session.duct.theory))}.</div>{strength}</div>"
     )
-
-
-def hidden_readout_html(phase: Phase) -> str:
-    """Return the HTML in the read-out's place while its figures are hidden."""
-    return hidden_html(phase.value)
 
 
 def hidden_html(phase: str) -> str:

@@ -9,11 +9,9 @@ from app.simulation import RunFile, run_json
 from app.simulation.bed import DissectionFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
-from app.trainer.panel.frame import LEARN, REPLAY
 from app.trainer.panel.result_page import run_name
-from app.trainer.viser_bridge import open_tab
 
-__all__ = ["ReplayTab", "result_actions"]
+__all__ = ["ReplayTab"]
 
 _TELLING = (
     "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
@@ -116,9 +114,7 @@ class ReplayTab:
         if run is None:
             return
         content = run_json(run) if kind == "json" else self._state.run_csv(run)
-        self._state.client.send_file_download(
-            f"{run_name(run)}.{kind}", content, save_immediately=True
-        )
+        self._state.send_file(f"{run_name(run)}.{kind}", content)
 
     def _play_or_pause(self) -> None:
         playback = self._state.playback
@@ -130,19 +126,3 @@ class ReplayTab:
         if playback is not None:
             playback.seek(number(seconds))
             playback.pause()
-
-
-def result_actions(
-    state: ClientState[Any, Any], tab: ReplayTab, run: RunFile | DissectionFile
-) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Return what tries a run's exercise again, and what replays the run."""
-
-    def again() -> None:
-        state.start_again(run)
-        open_tab(state.client, LEARN)
-
-    def watch() -> None:
-        tab.replay(lambda: run)
-        open_tab(state.client, REPLAY)
-
-    return again, watch

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import viser
@@ -25,10 +25,13 @@ from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
 from app.trainer.panel.plots import add_dissection_plots, add_series_plots
 
-__all__ = ["run_name", "show_dissection_result", "show_pull_result"]
+__all__ = ["ResultPage", "run_name", "show_dissection_result", "show_pull_result"]
 
 FileT = TypeVar("FileT", RunFile, DissectionFile)
 MeasuresT = TypeVar("MeasuresT", Measures, DissectionMeasures)
+StateT = TypeVar("StateT")
+ResultPage = Callable[[StateT, FileT, Callable[[], None], Callable[[], None]], None]
+"""Opens a run's result page, with what tries its exercise again and what replays it."""
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
 _BESIDE = (
@@ -76,122 +79,87 @@ def run_name(run: RunFile | DissectionFile) -> str:
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
-class ResultPage(Generic[FileT]):
-    """A page over the trainer with one run's result, until it is closed.
-
-    `fill` adds the measures and plots; `again` starts the same exercise again and is None for a run
-    without one; `replay` replays the run.
-    """
-
-    def __init__(
-        self,
-        state: ClientState[Any, FileT],
-        run: FileT,
-        *,
-        fill: Callable[[viser.GuiApi], object],
-        remark: str = "",
-        again: Callable[[], object] | None,
-        replay: Callable[[], object],
-    ) -> None:
-        gui, client = state.client.gui, state.client
-        self._gui = gui
-        exercise = run.log.exercise
-        free = "Free pull" if isinstance(run, RunFile) else "Free dissection"
-        self._dialog = Dialog(gui, "Result")
-        with self._dialog:
-            title = free if exercise is None else exercise.title
-            gui.add_html(outcome_html(run.outcome, title, remark))
-            fill(gui)
-            if again is not None:
-                self._closing("Try again", viser.Icon.REFRESH, again, "teal")
-            self._closing("Watch it again", viser.Icon.PLAYER_PLAY, replay)
-            csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
-            json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
-        send = client.send_file_download
-        name = run_name(run)
-        on_click(csv, lambda: send(f"{name}.csv", state.run_csv(run), save_immediately=True))
-        on_click(json, lambda: send(f"{name}.json", run_json(run), save_immediately=True))
-
-    def _closing(
-        self,
-        label: str,
-        icon: viser.IconName,
-        action: Callable[[], object],
-        color: Literal["gray", "teal"] = "gray",
-    ) -> None:
-        """Add a button that closes the page and then calls `action`."""
-        button = self._gui.add_button(label, icon=icon, color=color)
-
-        def press() -> None:
-            self.close()
-            action()
-
-        on_click(button, press)
-
-    def close(self) -> None:
-        """Close the page."""
-        self._dialog.close()
-
-
-def _show_result(
+def _open(
     state: ClientState[Any, FileT],
     run: FileT,
     measures: str,
-    plots: Callable[[viser.GuiApi], object],
-    remark: str,
+    add_plots: Callable[[viser.GuiApi], object],
+    *,
     again: Callable[[], object],
-    replay: Callable[[], object],
+    watch: Callable[[], object],
+    remark: str = "",
 ) -> None:
-    """Open a result page of two tabs: the measures as HTML, and plots over time."""
-    judged = run.log.exercise is not None
+    """Open a page over the trainer: the outcome, tabs of measures and plots, and what to do next.
 
-    def fill(gui: viser.GuiApi) -> None:
+    `again` starts the same exercise again, if the run has one; `watch` replays the run.
+    """
+    gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
+    free = "Free pull" if isinstance(run, RunFile) else "Free dissection"
+    page = Dialog(gui, "Result")
+
+    def closing(action: Callable[[], object]) -> Callable[[], None]:
+        def press() -> None:
+            page.close()
+            action()
+
+        return press
+
+    with page:
+        title = free if exercise is None else exercise.title
+        gui.add_html(outcome_html(run.outcome, title, remark))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Measures"):
             gui.add_html(measures)
-            if judged:
+            if exercise is not None:
                 gui.add_html(note(_BESIDE))
         with tabs.add_tab("Over time"):
-            plots(gui)
-
-    ResultPage(state, run, fill=fill, remark=remark, again=again if judged else None, replay=replay)
+            add_plots(gui)
+        if exercise is not None:
+            retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
+            on_click(retry, closing(again))
+        replay = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
+        csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+        json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
+    on_click(replay, closing(watch))
+    on_click(csv, lambda: state.send_file(f"{name}.csv", state.run_csv(run)))
+    on_click(json, lambda: state.send_file(f"{name}.json", run_json(run)))
 
 
 def show_pull_result(
-    state: PullState, run: RunFile, *, again: Callable[[], object], replay: Callable[[], object]
+    state: PullState, run: RunFile, again: Callable[[], object], watch: Callable[[], object]
 ) -> None:
     """Open the result page of a pull; replaying the run for its plots takes a while."""
-    series = state.replay_of(run, vertices=FEW).series()
-    exercise = run.log.exercise
+    series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
     table = measures_html(
         run.measures,
         _beside(state.session.earlier_tries(run), _expert(run, state)),
-        limits=None if exercise is None else exercise.limits,
+        {} if exercise is None else exercise.limits,
         sought_break=isinstance(exercise, ApproachBreak),
     )
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
-    _show_result(
-        state, run, table, lambda gui: add_series_plots(gui, series, exercise),
-        _SLIDERS if by_sliders else "", again, replay,
-    )  # fmt: skip
+
+    def add_plots(gui: viser.GuiApi) -> None:
+        add_series_plots(gui, series, exercise)
+
+    remark = _SLIDERS if by_sliders else ""
+    _open(state, run, table, add_plots, again=again, watch=watch, remark=remark)
 
 
 def show_dissection_result(
     state: DissectState,
     run: DissectionFile,
-    *,
     again: Callable[[], object],
-    replay: Callable[[], object],
+    watch: Callable[[], object],
 ) -> None:
     """Open the result page of a dissection; replaying the run for its plots takes a while."""
-    series = state.replay_of(run, vertices=FEW).series()
-    exercise = run.log.exercise
+    series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
     table = dissection_html(
         run.measures,
         _beside(state.earlier_tries(run), _bed_expert(run, state)),
         {} if exercise is None else exercise.limits,
     )
-    _show_result(
-        state, run, table, lambda gui: add_dissection_plots(gui, series, exercise),
-        "", again, replay,
-    )  # fmt: skip
+
+    def add_plots(gui: viser.GuiApi) -> None:
+        add_dissection_plots(gui, series, exercise)
+
+    _open(state, run, table, add_plots, again=again, watch=watch)

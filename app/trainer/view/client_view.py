@@ -7,7 +7,7 @@ import viser
 
 from app.simulation import ExerciseInputs, Preset, Session
 from app.simulation.bed import BedSession
-from app.trainer.client.client_state import Mode, Workers, explained
+from app.trainer.client.client_state import EXERCISE_GOES_ON, Mode, Workers, explained
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.practice import Practice
 from app.trainer.client.pull_state import PullState
@@ -89,7 +89,7 @@ class ClientView:
         if mode == self.mode:
             return
         if state.in_exercise:
-            state.refuse("An exercise goes on until it is over. Stop it first.")
+            state.refuse(EXERCISE_GOES_ON)
             return
         self._show(mode)
 
