@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 
 from app.classroom.exercise_file import SetExercise
-from app.classroom.results import Result, Standing, best, results, shown_names
+from app.classroom.results import Result, Standing, best, bests, results, shown_names
 from app.classroom.store import Assignment, ClassStore, now
 
 __all__ = ["report_page", "results_html", "standing_svg", "style"]
@@ -30,11 +30,11 @@ def results_html(store: ClassStore) -> str:
     for each in reversed(store.assignments()):
         tries = [one for one in found if one.run.assignment_id == each.id]
         if tries:
-            parts.append(_assignment_html(each, tries, links=True))
+            parts.append(_assignment_html(each, tries))
     if free := [one for one in found if one.run.assignment_id is None]:
         parts.append(
             f"<details><summary>Runs outside the class's exercises ({len(free)})</summary>"
-            f"{_table(free, who=True, what=True, links=True)}</details>"
+            f"{_table(free, who=True, what=True)}</details>"
         )
     return "".join(parts)
 
@@ -78,23 +78,17 @@ def standing_svg(where: Standing) -> str:
     )
 
 
-def _assignment_html(each: Assignment, tries: Sequence[Result], *, links: bool) -> str:
+def _assignment_html(each: Assignment, tries: Sequence[Result]) -> str:
     asked = SetExercise.of_json(each.exercise)
-    bests = _bests(tries)
-    passed = sum(one.run.passed is True for one in bests)
+    tops = bests(tries).values()
+    passed = sum(one.run.passed is True for one in tops)
     return (
         f"<section><h3>{html.escape(asked.title)} <small>set {_when(each.set_at)}</small></h3>"
         f"<p>{html.escape(asked.exercise.goal)} {html.escape(asked.exercise.limit)}</p>"
-        f"<p><b>{passed} of {len(bests)}</b> passed, in {len(tries)} "
+        f"<p><b>{passed} of {len(tops)}</b> passed, in {len(tries)} "
         f"{'try' if len(tries) == 1 else 'tries'}.</p>"
-        f"{_plot(tries)}{_table(tries, who=True, what=False, links=links)}</section>"
+        f"{_plot(tries)}{_table(tries, who=True, what=False)}</section>"
     )
-
-
-def _bests(tries: Sequence[Result]) -> list[Result]:
-    people = dict.fromkeys(one.run.person_id for one in tries)
-    found = (best(one for one in tries if one.run.person_id == who) for who in people)
-    return [one for one in found if one is not None]
 
 
 def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
@@ -112,13 +106,13 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
                 f"<section><h3>{html.escape(asked.title)}</h3>"
                 f"<p>{html.escape(asked.exercise.goal)} {html.escape(asked.exercise.limit)}</p>"
                 f"<p><b>Best try:</b> {said}</p>{_plot(tries, by_try=True)}"
-                f"{_table(tries, who=False, what=False, links=False)}</section>"
+                f"{_table(tries, who=False, what=False)}</section>"
             )
     if free := [one for one in own if one.run.assignment_id is None]:
         longest = sum(one.seconds for one in free)
         parts.append(
             f"<section><h3>Other runs</h3><p>{len(free)}, {longest / 60.0:.1f} minutes in all.</p>"
-            f"{_table(free[-10:], who=False, what=True, links=False)}</section>"
+            f"{_table(free[-10:], who=False, what=True)}</section>"
         )
     if len(parts) == 1:
         parts.append("<p>No results yet.</p>")
@@ -126,11 +120,12 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
     return "".join(parts)
 
 
-def _table(found: Sequence[Result], *, who: bool, what: bool, links: bool) -> str:
+def _table(found: Sequence[Result], *, who: bool, what: bool) -> str:
+    """Return runs as a table: `who` did them, with links, as the teacher's page has them."""
     heads = [
         *(["Name"] if who else []), *(["Exercise"] if what else ["Try"]), "When", "Outcome",
         "Time, s", "Peak stress, % of break", "Freed, mm", "Largest force, N", "Why",
-        *([""] if links else []),
+        *([""] if who else []),
     ]  # fmt: skip
     rows: list[str] = []
     for each in reversed(found):
@@ -147,7 +142,7 @@ def _table(found: Sequence[Result], *, who: bool, what: bool, links: bool) -> st
             f"{each.force:.2f}",
             html.escape(run.reason),
         ]
-        if links:
+        if who:
             cells.append(
                 f"<a href='../?replay={run.id}' target='_blank'>Replay</a> "
                 f"<a href='run?id={run.id}' download>JSON</a>"

@@ -16,6 +16,8 @@ from app.classroom.store import ClassStore, Person, RunRecord
 __all__ = [
     "Result",
     "Standing",
+    "best",
+    "bests",
     "results",
     "results_csv",
     "results_json",
@@ -109,15 +111,19 @@ def best(tries: Iterable[Result]) -> Result | None:
     return min(ended, key=lambda each: (not each.run.passed, each.peak), default=None)
 
 
+def bests(tries: Iterable[Result]) -> dict[str, Result]:
+    """Return everybody's best of some tries, by person."""
+    by_person: dict[str, list[Result]] = {}
+    for each in tries:
+        by_person.setdefault(each.run.person_id, []).append(each)
+    return {who: top for who, own in by_person.items() if (top := best(own)) is not None}
+
+
 def standing(found: Sequence[Result], person_id: str, assignment_id: int) -> Standing:
     """Return where a person stands in an exercise."""
-    by_person: dict[str, list[Result]] = {}
-    for each in found:
-        if each.run.assignment_id == assignment_id:
-            by_person.setdefault(each.run.person_id, []).append(each)
-    bests = {who: top for who, tries in by_person.items() if (top := best(tries)) is not None}
-    own = bests.pop(person_id, None)
-    others = sorted((each.peak, each.run.passed is True) for each in bests.values())
+    tops = bests(each for each in found if each.run.assignment_id == assignment_id)
+    own = tops.pop(person_id, None)
+    others = sorted((each.peak, each.run.passed is True) for each in tops.values())
     own_passed = own is not None and own.run.passed is True
     return Standing(
         tried=len(others) + (own is not None),
