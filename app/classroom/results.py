@@ -27,6 +27,11 @@ __all__ = [
 
 Word = Literal["passed", "failed", "given up", "not finished", "free", "torn"]
 
+TOLD = (
+    "name", "exercise", "set_by_teacher", "try", "mode", "started_at", "outcome", "reason",
+)  # fmt: skip
+"""Columns before those of the measures."""
+
 
 @dataclass(frozen=True, slots=True)
 class Result:
@@ -136,30 +141,19 @@ def standing(found: Sequence[Result], person_id: str, assignment_id: int) -> Sta
 
 def results_csv(found: Sequence[Result]) -> bytes:
     """Return runs as comma-separated values; a spreadsheet takes no text of them for a formula."""
-    flat = [_flat(each.measures) for each in found]
-    keys = list(dict.fromkeys(key for each in flat for key in each))
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\r\n")
-    table.writerow(
-        [
-            "name",
-            "exercise",
-            "set_by_teacher",
-            "try",
-            "mode",
-            "started_at",
-            "outcome",
-            "reason",
-            *keys,
-        ]
-    )
-    for each, measures in zip(found, flat, strict=True):
+    rows: list[dict[str, object]] = []
+    for each in found:
         run = each.run
-        head = [
+        told = (
             each.name, run.title, "yes" if run.assignment_id else "no", each.number, run.mode,
             run.started_at, each.word, run.reason,
-        ]  # fmt: skip
-        table.writerow([_cell(value) for value in [*head, *(measures.get(key) for key in keys)]])
+        )  # fmt: skip
+        rows.append(dict(zip(TOLD, told, strict=True)) | _flat(each.measures))
+    out = io.StringIO()
+    columns = dict.fromkeys([*TOLD, *(key for row in rows for key in row)])
+    table = csv.DictWriter(out, list(columns), lineterminator="\r\n")
+    table.writeheader()
+    table.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
     return out.getvalue().encode("utf-8-sig")
 
 

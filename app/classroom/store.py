@@ -12,7 +12,7 @@ import secrets
 import sqlite3
 import threading
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -102,7 +102,10 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """A run as it is kept: `measures` and `file` are JSON; unfinished while more may come."""
+    """A run as it is kept, in its table's order: `measures` and `file` are JSON.
+
+    It is unfinished while more may come.
+    """
 
     id: str
     person_id: str
@@ -350,18 +353,13 @@ class ClassStore:
             ).fetchone()
             if count >= MOST_RUNS:
                 raise ClassFullError(f"{MOST_RUNS} runs of yours are kept already.")
-            values = (
-                run.id, run.person_id, run.assignment_id, run.mode, run.title, run.started_at,
-                int(run.finished), None if run.passed is None else int(run.passed), run.reason,
-                run.measures, run.file,
-            )  # fmt: skip
             db.execute(
                 "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
                 " ON CONFLICT (id) DO UPDATE SET finished = excluded.finished,"
                 " passed = excluded.passed, reason = excluded.reason,"
                 " measures = excluded.measures, file = excluded.file"
                 " WHERE finished = 0",
-                values,
+                astuple(run),
             )
 
     def runs(self, person_id: str | None = None) -> list[RunRecord]:

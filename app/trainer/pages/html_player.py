@@ -270,16 +270,13 @@ class _PageStrands:
         self._strands = strands = surface.strands
         self._drawn = DrawnStrands(
             scene,
-            "/bed/strands",
             self._numbers(0),
             feet=(run.bed.feet[:, 0] - self._first) @ duct.frame,
             toughness=strands.stiffness * strands.yield_ * strands.part,
             pairs=film_pairs(strands.stations, surface.strand_angles()),
             rods=0,
             header=0,
-            floor=stage.floor,
-            scale=stage.scale,
-            bed_columns=stage.bed_columns,
+            stage=stage,
             fibres=1,
         )
 

@@ -209,12 +209,9 @@ class BedScene(DuctOnStage[BedSession]):
             self._strands_of = beam.strands
             self._strands = StrandsInBed(
                 self._client.scene,
-                "/bed/strands",
                 beam,
                 aside=self._aside(),
-                floor=stage.floor,
-                scale=stage.scale,
-                bed_columns=stage.bed_columns,
+                stage=stage,
                 fibres=2 if self._look == "full" else 1,
             )
         else:

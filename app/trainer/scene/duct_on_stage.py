@@ -59,7 +59,6 @@ class DuctOnStage(Generic[AnySession]):
         self._clamps: tuple[float, float] | None = None
         self._organ: Organ | None = None
         self._preset: Preset | None = None
-        self._appearance: Appearance | None = None
         self._first = np.zeros(3)  # the organ's axis at the first clamp
         self._arch = 0.0
         self._hand: DragProxy | None = None
@@ -174,10 +173,9 @@ class DuctOnStage(Generic[AnySession]):
         if self._stage is not None and not (
             math.isclose(span, self._stage.span, rel_tol=SAME_STAGE)
             and math.isclose(radius, self._stage.radius, rel_tol=SAME_STAGE)
-            and appearance == self._appearance
+            and appearance == self._stage.appearance
         ):
             self._clear()
-        self._appearance = appearance
         if self._stage is None:
             self._stage = Stage(
                 self._client.scene,

@@ -95,7 +95,7 @@ class Stage:
         if not all(np.isfinite(number) and number > 0.0 for number in (span, radius)):
             raise ValueError(f"span and radius must be positive, got {span} mm and {radius} mm")
         self.span, self.radius, self.look = float(span), float(radius), look
-        self._appearance = appearance
+        self.appearance = appearance
         self._scene, self._elevation = scene, elevation
         self._removed = False
         self._framed_aspect = 0.0
@@ -154,7 +154,7 @@ class Stage:
             return
         scale = self.scale
         radius, place = round(self.radius / scale, 2), round(x / scale - 25.4, 1)
-        if file := spill_glb(self._appearance, radius, place):
+        if file := spill_glb(self.appearance, radius, place):
             add_model(self._scene, "/stage/spill", file, scale=scale, position=self.floor)
             self._spilt = True
 

@@ -13,6 +13,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import add_mesh
+from app.trainer.stage.stage import Stage
 from app.trainer.viser_bridge import float32_text, hand_over, run_function, run_module
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
@@ -27,6 +28,7 @@ __all__ = [
     "write_strands",
 ]
 
+NODE = "/bed/strands"
 SCRIPT = Path(__file__).with_suffix(".js")
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
@@ -43,18 +45,16 @@ FILM_WIDTH = 1.6
 
 
 class DrawnStrands:
-    """S strands, the scene node `name`, in the stage's coordinates.
+    """S strands, the scene node `NODE`, in the stage's coordinates.
 
     `numbers` are those that are streamed: `header` of `rods`, then five of each strand. `feet`,
     (S, 3), are in mm, `toughness`, (S,), in any unit, and `pairs`, (P, 2), are strands that films
-    join. `floor` and `scale` are the place and the scale of the stage's bed, `bed_columns` how many
-    points a row of it has, 0 for a hard one, and `fibres` how many threads a strand is drawn with.
+    join. Their feet lie in the bed of `stage`; a strand is drawn with so many `fibres`.
     """
 
     def __init__(
         self,
         scene: viser.SceneApi,
-        name: str,
         numbers: NDArray[np.float32],
         *,
         feet: NDArray[np.float64],
@@ -62,16 +62,14 @@ class DrawnStrands:
         pairs: NDArray[np.int64],
         rods: int,
         header: int,
-        floor: tuple[float, float, float],
-        scale: float,
-        bed_columns: int,
+        stage: Stage,
         fibres: int,
     ) -> None:
-        self._scene, self._name, self._header = scene, name, header
+        self._scene, self._header = scene, header
         self._sent = np.zeros((-(-numbers.size // 3), 3), np.float32)
         self._sent.reshape(-1)[: numbers.size] = numbers
         nothing = np.zeros((1, 3), np.uint32)  # to be seen without the script
-        self._mesh = add_mesh(scene, name, self._sent, nothing, color=(255, 255, 255))
+        self._mesh = add_mesh(scene, NODE, self._sent, nothing, color=(255, 255, 255))
         widths = WIDTH * np.clip((toughness / np.median(toughness)) ** 0.6, 0.45, 2.2)
         wear = {
             "count": len(feet),
@@ -81,11 +79,11 @@ class DrawnStrands:
             "feet": float32_text(feet),
             "widths": float32_text(widths),
             "pairs": float32_text(pairs),
-            "floor": list(floor),
-            "scale": scale,
-            "columns": bed_columns,
+            "floor": list(stage.floor),
+            "scale": stage.scale,
+            "columns": stage.bed_columns,
         }
-        run_module(scene, SCRIPT, "bluntdissectStrands.show", name, wear)
+        run_module(scene, SCRIPT, "bluntdissectStrands.show", NODE, wear)
 
     @property
     def whole(self) -> int:
@@ -102,7 +100,7 @@ class DrawnStrands:
     def remove(self) -> None:
         """Remove them from the scene."""
         self._mesh.remove()
-        run_function(self._scene, "bluntdissectStrands.remove", self._name)
+        run_function(self._scene, "bluntdissectStrands.remove", NODE)
 
 
 class StrandsInBed(DrawnStrands):
@@ -115,13 +113,10 @@ class StrandsInBed(DrawnStrands):
     def __init__(
         self,
         scene: viser.SceneApi,
-        name: str,
         beam: BeamOnBed,
         *,
         aside: NDArray[np.float64],
-        floor: tuple[float, float, float],
-        scale: float,
-        bed_columns: int,
+        stage: Stage,
         fibres: int,
     ) -> None:
         strand, rods = beam.state.strand, beam.state.rods
@@ -131,16 +126,13 @@ class StrandsInBed(DrawnStrands):
         nodes = np.repeat(np.arange(beam.stations.size), np.diff(beam.state.first))
         super().__init__(
             scene,
-            name,
             self._new,
             feet=strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T + self._aside,
             toughness=strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.PART],
             pairs=film_pairs(beam.stations[nodes] + arm[0], np.arctan2(arm[1], -arm[2])),
             rods=rods.shape[0],
             header=rods.size,
-            floor=floor,
-            scale=scale,
-            bed_columns=bed_columns,
+            stage=stage,
             fibres=fibres,
         )
 
