@@ -302,11 +302,12 @@ class Lesson:
         for person in people:
             member, own = here.get(person.id), tries.get(person.id, [])
             top = best(own)
+            view = None if member is None else member.view
             rows.append(
                 Row(
                     id=person.id,
                     name=names[person.id],
-                    live=None if member is None else _live(member.view),
+                    live=view and live(view.session, replaying=view.state.playback is not None),
                     tries=len(own),
                     best="" if top is None else f"{top.word}, peak {100.0 * top.peak:.0f} %",
                     problem="" if member is None else member.problem,
@@ -455,10 +456,6 @@ class Lesson:
     def _all(self) -> list[_Member]:
         with self._lock:
             return list(self._members.values())
-
-
-def _live(view: ClientView) -> Live:
-    return live(view.session, replaying=view.state.playback is not None)
 
 
 def _told(run: RunRecord) -> str:

@@ -22,7 +22,7 @@ from app.compression.organ_workbench import (
 from app.compression.report import DOUBTFUL
 from app.simulation import default_preset, fits, presets
 from app.trainer.client.pull_state import PullState
-from app.trainer.panel.controls import figure, note, number, on_click, on_input
+from app.trainer.panel.controls import figure, note, number, on_click, on_input, rows_html
 from app.trainer.panel.dialog import Dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
 from assets import BILE_DUCT_PHANTOM
@@ -455,11 +455,7 @@ def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
             f"radius {figure(organ.mean_radius)} mm",
         ),
     )
-    table = "".join(
-        f"<tr><td style='padding:1px 10px 1px 0;opacity:.75;white-space:nowrap'>{name}</td>"
-        f"<td>{value}</td></tr>"
-        for name, value in rows
-    )
+    table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.75;white-space:nowrap", "")
     remarks = [*stack.notes, *(each for each in built.warnings if each not in built.doubts)]
     remarks += _unfit(organ)
     said = "".join(f"<div style='padding-top:4px'>{html.escape(each)}.</div>" for each in remarks)

@@ -6,7 +6,7 @@ import viser
 
 from app.simulation import GhostReading, Phase, Reading
 from app.trainer.client.pull_state import PullState
-from app.trainer.panel.controls import figure, heading, note, on_work, set_if_changed
+from app.trainer.panel.controls import figure, heading, note, on_work, rows_html, set_if_changed
 from physics import Cubic, Exact, Fem, NeoHooke, TautString, Theory
 
 __all__ = ["OFFERED_THEORIES", "CompareTab"]
@@ -123,33 +123,24 @@ class CompareTab:
 
 
 def _ghost_html(reading: Reading, ghost: GhostReading, label: str) -> str:
+    left, others_left = (max(each.check.distance_to_break, 0.0) for each in (reading, ghost))
     rows = (
         ("Force F", reading.force, ghost.force, ghost.force_difference, "N"),
         ("Deflection", reading.deflection, ghost.deflection, ghost.deflection_difference, "mm"),
+        ("Distance to break", 100.0 * left, 100.0 * others_left, 100.0 * (others_left - left), "%"),
+    )
+    texts = [
         (
-            "Distance to break",
-            100.0 * max(reading.check.distance_to_break, 0.0),
-            100.0 * max(ghost.check.distance_to_break, 0.0),
-            100.0
-            * (max(ghost.check.distance_to_break, 0.0) - max(reading.check.distance_to_break, 0.0)),
-            "%",
-        ),
-    )
-    lines = "".join(
-        f"<tr><td style='padding:2px 0'>{name}</td>"
-        + "".join(
-            f"<td style='text-align:right;padding:2px 0 2px 6px'>{text}</td>"
-            for text in (
-                figure(own),
-                figure(other),
-                f"<b>{'+' if difference >= 0.0 else '−'}{figure(abs(difference))}</b>"
-                f"{_percent(own, difference) if unit != '%' else ''}",
-                f"<span style='opacity:.7'>{unit}</span>",
-            )
+            name,
+            figure(own),
+            figure(other),
+            f"<b>{'+' if difference >= 0.0 else '−'}{figure(abs(difference))}</b>"
+            f"{_percent(own, difference) if unit != '%' else ''}",
+            f"<span style='opacity:.7'>{unit}</span>",
         )
-        + "</tr>"
         for name, own, other, difference, unit in rows
-    )
+    ]
+    lines = rows_html(texts, "padding:2px 0", *["text-align:right;padding:2px 0 2px 6px"] * 4)
     return (
         f"<div data-testid='ghost' data-force-difference-n='{ghost.force_difference:.6g}'"
         f" data-deflection-difference-mm='{ghost.deflection_difference:.6g}'>"

@@ -1,7 +1,7 @@
 """What the tabs share: callbacks of inputs, and pieces of HTML."""
 
 import html
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -20,6 +20,7 @@ __all__ = [
     "on_input",
     "on_work",
     "paragraphs_html",
+    "rows_html",
     "set_if_changed",
     "term",
 ]
@@ -97,6 +98,15 @@ def note(text: str, name: str = "") -> str:
     return (
         f"<div{found} style='padding:2px 12px 8px;font-size:13px;line-height:1.4;opacity:.9'>"
         f"{text}</div>"
+    )
+
+
+def rows_html(rows: Iterable[Sequence[str]], *styles: str) -> str:
+    """Return a table's rows of HTML, each column in its style, as HTML."""
+    cells = [f"<td style='{style}'>" if style else "<td>" for style in styles]
+    return "".join(
+        f"<tr>{''.join(f'{cell}{text}</td>' for cell, text in zip(cells, row, strict=True))}</tr>"
+        for row in rows
     )
 
 

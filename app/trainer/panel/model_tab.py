@@ -15,6 +15,7 @@ from app.trainer.panel.controls import (
     on_input,
     on_work,
     paragraphs_html,
+    rows_html,
     set_if_changed,
 )
 from app.trainer.panel.preset_form import PresetForm
@@ -153,7 +154,7 @@ class ModelTab:
         state, model = self._state, self._model
 
         def solve() -> None:
-            rows: list[str] = []
+            rows: list[tuple[str, str, str]] = []
             for label, theory in OFFERED_THEORIES.items():
                 try:
                     found = BeamModel.of(state.session.duct.dissection, theory)
@@ -162,17 +163,16 @@ class ModelTab:
                 else:
                     threshold = figure(KPA_PER_MPA * found.threshold)
                     force = figure(found.break_force)
-                rows.append(
-                    f"<tr><td style='padding-right:8px'>{html.escape(label)}</td>"
-                    f"<td style='text-align:right;padding-right:8px'>{threshold}</td>"
-                    f"<td style='text-align:right'>{force}</td></tr>"
-                )
+                rows.append((html.escape(label), threshold, force))
+            lines = rows_html(
+                rows, "padding-right:8px", "text-align:right;padding-right:8px", "text-align:right"
+            )
             if model == self._model:
                 self._thresholds.content = (
                     "<div data-testid='thresholds' style='padding:2px 12px 8px;font-size:12px'>"
                     "<table style='font-variant-numeric:tabular-nums'><tr style='opacity:.8'>"
                     "<td>Theory</td><td style='text-align:right'>T (kPa)</td>"
-                    f"<td style='text-align:right'>breaks at (N)</td></tr>{''.join(rows)}</table>"
+                    f"<td style='text-align:right'>breaks at (N)</td></tr>{lines}</table>"
                     "</div>"
                 )
 

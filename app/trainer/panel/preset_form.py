@@ -24,6 +24,7 @@ from app.trainer.panel.controls import (
     number,
     on_click,
     on_input,
+    rows_html,
     set_if_changed,
 )
 
@@ -243,12 +244,12 @@ def _told(preset: Preset, own: list[str]) -> dict[str, str]:
 
 
 def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
-    rows = "".join(
-        f"<tr><td style='padding:1px 8px 1px 0;opacity:.8'>{name}</td>"
-        f"<td style='text-align:right;padding-right:8px'>{figure(before)}</td>"
-        f"<td style='text-align:right'><b>{figure(value)}</b></td><td>&nbsp;{unit}</td></tr>"
+    texts = [
+        (name, figure(before), f"<b>{figure(value)}</b>", f"&nbsp;{unit}")
         for (name, before, unit), (_, value, _) in zip(_results(now), _results(after), strict=True)
-    )
+    ]
+    right = "text-align:right;padding-right:8px", "text-align:right"
+    rows = rows_html(texts, "padding:1px 8px 1px 0;opacity:.8", *right, "")
     said = f"Yours: {', '.join(own)}." if own else "All as the preset has it; its source is below."
     return (
         f"<div data-testid='figures' data-breaks-at-n='{after.break_force:.6g}'"
