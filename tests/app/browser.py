@@ -23,6 +23,7 @@ from playwright.sync_api import (
     expect,
     sync_playwright,
 )
+from projection import picture_points
 
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
@@ -437,7 +438,7 @@ def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, floa
     assert canvas is not None
     aspect = canvas["width"] / canvas["height"]
     points = np.array([point], np.float64)
-    right, up = viewpoint(50.8, RADIUS, aspect).picture_points(points, aspect)[0]
+    right, up = picture_points(viewpoint(50.8, RADIUS, aspect), points, aspect)[0]
     return (
         canvas["x"] + 0.5 * (1.0 + right) * canvas["width"],
         canvas["y"] + 0.5 * (1.0 - up) * canvas["height"],
