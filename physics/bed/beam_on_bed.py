@@ -114,8 +114,10 @@ class BeamOnBed:
 
     Parameters
     ----------
-    beam, strands
-        The beam at rest, and its strands if it has any.
+    beam
+        The beam at rest.
+    strands
+        Its strands, if it has any.
     floor
         (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm.
     rods
