@@ -63,13 +63,20 @@ SWITCHES = [
 ]
 UNDRAWN_SWITCHES = ["--disable-gpu-compositing", "--disable-gpu-rasterization"]
 """The processor lays out text faster than it imitates a GPU that does."""
-DRAWS_NOTHING = """
-for (const name of ["drawArrays", "drawElements", "drawRangeElements", "drawArraysInstanced",
-        "drawElementsInstanced"])
-    WebGL2RenderingContext.prototype[name] = () => {};
-"""
+DRAWS_NOTHING = """{
+    const context = WebGL2RenderingContext.prototype;
+    for (const name of ["blitFramebuffer", "bufferData", "bufferSubData", "clear", "compileShader",
+            "drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced",
+            "drawRangeElements", "generateMipmap", "linkProgram", "renderbufferStorage",
+            "renderbufferStorageMultisample", "texImage2D", "texImage3D", "texStorage2D",
+            "texStorage3D", "texSubImage2D", "texSubImage3D", "useProgram"])
+        context[name] = () => {};
+    context.getProgramParameter = (program, asked) =>
+        asked !== context.ACTIVE_UNIFORMS && asked !== context.ACTIVE_ATTRIBUTES;
+}"""
 """For pages of which nobody looks at a pixel of the scene: two thirds of a test's time is the
-drawing in software. All else of the page runs as it does for a user."""
+drawing in software. A shader is as one that uses nothing, and what would be drawn with is not sent
+to the imitated GPU. All else of the page runs as it does for a user."""
 RADIUS = 4.445
 """Of the shipped duct as it is drawn, as thick as the thesis's bar, mm."""
 PATIENCE = 180_000
