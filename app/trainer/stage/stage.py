@@ -115,7 +115,7 @@ class Stage:
         self.bed_columns = 0 if appearance.surroundings == "bench" else soft
 
         light_stage(scene, span=self.span, look=look)
-        for name in files.keys() & {"tissue_bed", "neighbours"}:
+        for name in sorted(files.keys() & {"tissue_bed", "neighbours"}):
             add_model(
                 scene,
                 f"/stage/{name}",
