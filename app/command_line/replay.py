@@ -52,7 +52,7 @@ def replay(
 ) -> None:
     """Make a run again from its inputs, of a pull or of a dissection, and print its measures.
 
-    Says whether they are those of the original, to the digit. With -o the run can be seen in other
+    Says whether they are those of the original, to 12 digits. With -o the run can be seen in other
     programs. Examples: bluntdissect replay run.json; bluntdissect replay run.json -o run.glb
     """
     import msgspec
@@ -108,7 +108,7 @@ def replay(
         if versions().get(name, version) != version
     )
     note = f"; it was made with {made}" if made else ""
-    lines.append(("as recorded", "yes, to the digit" if same else f"no{note}"))
+    lines.append(("as recorded", "yes, to 12 digits" if same else f"no{note}"))
     answer(result | played | facts, lines, as_json=as_json, width=28)
     if played and not as_json:
         print(f"{output}: the run in {played['keys']:,} keys, {played['bytes']:,} bytes")

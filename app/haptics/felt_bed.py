@@ -67,10 +67,8 @@ def _feel(
     tips: Array,
 ) -> tuple[float, float]:
     """Fill forces and places of the hooks; return the hands' work, and as the beam books it."""
-    # `nodes` are those that the hooks hold, below zero for none. Sums of three are BLAS's, whose
-    # last digits runs of before this was compiled have.
+    # `nodes` are those that the hooks hold, below zero for none.
     work = booked = 0.0
-    way, felt, accounted = np.empty(3), np.empty(3), np.empty(3)
     for hook in range(nodes.shape[0]):
         node = nodes[hook]
         if node < 0:
@@ -79,18 +77,16 @@ def _feel(
                 tips[hook, j] = taken[hook, j] + hands[hook, j]
             continue
         for j in range(3):
-            way[j] = hands[hook, j] - hands_before[hook, j]
+            way = 0.5 * (hands[hook, j] - hands_before[hook, j])
             hands_before[hook, j] = hands[hook, j]
             reaction = react[node, j] + load[node, j]
-            accounted[j] = reacts[hook, j] + reaction
+            booked += way * (reacts[hook, j] + reaction)
             reacts[hook, j] = reaction
             tips[hook, j] = x[node, j]
             hooks[hook, j] = x[node, j] - taken[hook, j]
             force = coupling * (hands[hook, j] - hooks[hook, j])
-            felt[j] = forces[hook, j] + force
+            work += way * (forces[hook, j] + force)
             forces[hook, j] = force
-        work += 0.5 * np.dot(felt, way)
-        booked += 0.5 * np.dot(accounted, way)
     return work, booked
 
 

@@ -268,9 +268,9 @@ def pull_frame(organ: Organ, clamps: tuple[float, float]) -> NDArray[np.float64]
     """Return (3, 3) columns: from clamp to clamp, lateral, along the pull."""
     middle = 0.5 * (clamps[0] + clamps[1])
     first, last = organ.axis_at(np.array(clamps))
-    along: NDArray[np.float64] = (last - first) / np.linalg.norm(last - first)
+    along: NDArray[np.float64] = (last - first) / np.sqrt(((last - first) ** 2).sum())
     # The pull: up in the images at the middle, less its component along the organ.
     up: NDArray[np.float64] = organ.up_at(np.array([middle]))[0]
-    up = up - np.dot(up, along) * along
-    up = up / np.linalg.norm(up)
+    up = up - (up * along).sum() * along
+    up = up / np.sqrt((up**2).sum())
     return np.stack([along, np.cross(up, along), up], axis=1)

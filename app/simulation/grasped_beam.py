@@ -85,7 +85,7 @@ class GraspedBeam:
         self.stations = np.concatenate([driving, critical])
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
         place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
-        along, sideways, up = (dissection.frame.T @ place).tolist()
+        along, sideways, up = (dissection.frame.T * place).sum(axis=1).tolist()
         self._rest = float(along), float(sideways), float(up)
         self._breaks_at: BreakEvent | None = None
         self._break_known = False

@@ -34,6 +34,7 @@ __all__ = [
     "read_run",
     "run_json",
     "run_version",
+    "same_figures",
 ]
 
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
@@ -149,7 +150,7 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(FORMAT, VERSION, log, measures, outcome)
 
     def agrees_with(self, found: "RunFile") -> bool:
-        """Return whether a replayed run has this file's outcome and measures, to the bit."""
+        """Return whether a replayed run has this file's outcome and measures."""
         # Version 1: those measures that it has, but for a smoothness that is not given any more
         # (docs/measures.md).
         measures = self.measures
@@ -161,7 +162,21 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 overshoot=now.overshoot,
                 smoothness=None if now.smoothness is None else measures.smoothness,
             )
-        return (found.measures, found.outcome) == (measures, self.outcome)
+        return same_figures((measures, self.outcome), (found.measures, found.outcome))
+
+
+def same_figures(recorded: object, found: object) -> bool:
+    """Return whether all is the same that structures hold, numbers to 12 digits."""
+    # A run is the same to the bit on all processors, but those made before sums were taken in one
+    # order on all of them.
+    if isinstance(recorded, msgspec.Struct) and isinstance(found, msgspec.Struct):
+        recorded, found = map(msgspec.structs.astuple, (recorded, found))
+    if isinstance(recorded, float) and isinstance(found, float):
+        return math.isclose(recorded, found, rel_tol=1e-12)
+    if isinstance(recorded, tuple) and isinstance(found, tuple):
+        pairs = zip(recorded, found, strict=False)
+        return len(recorded) == len(found) and all(same_figures(a, b) for a, b in pairs)
+    return recorded == found
 
 
 def run_json(run: msgspec.Struct) -> bytes:

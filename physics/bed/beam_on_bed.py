@@ -352,7 +352,7 @@ class BeamOnBed:
         """Place a rod: its tip, mm, way back along the shaft, radius, mm."""
         self._account()
         way = np.asarray(shaft, dtype=np.float64)
-        row = np.array([*tip, *(way / np.sqrt(way @ way)), radius, 1.0])
+        row = np.array([*tip, *(way / np.sqrt((way**2).sum())), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
         self.state.side[rod] = kernels.UNMET
@@ -740,9 +740,9 @@ class BeamOnBed:
         part = (station - old[node]) / (old[neighbour] - old[node])
         for x, q in ((self.state.x, self.state.q), (self._rest_x, self._rest_q)):
             x[node] = _between(x, q, old, node, neighbour, part)
-            turned = q[neighbour] if q[neighbour] @ q[node] >= 0.0 else -q[neighbour]
+            turned = q[neighbour] if (q[neighbour] * q[node]).sum() >= 0.0 else -q[neighbour]
             q[node] += part * (turned - q[node])
-            q[node] /= np.sqrt(q[node] @ q[node])
+            q[node] /= np.sqrt((q[node] ** 2).sum())
         self._stations[node] = station
         self._measure_rest()
         # The discrete energy changes slightly with the nodes: it stays `open`, no hand's work.

@@ -283,37 +283,41 @@ def _spline_slopes(t: Floats, p: Floats) -> Floats:
         bend = (chords[1] - chords[0]) / (t[2] - t[0])
         middle = chords[0] + bend * h[0]
         return np.stack([chords[0] - bend * h[0], middle, chords[1] + bend * h[1]])
-    matrix = np.zeros((n, n))
-    right = np.zeros((n, 3))
-    for i in range(1, n - 1):
-        matrix[i, i - 1], matrix[i, i], matrix[i, i + 1] = h[i], 2 * (h[i - 1] + h[i]), h[i - 1]
-        right[i] = 3 * (h[i] * chords[i - 1] + h[i - 1] * chords[i])
-    matrix[0, 0], matrix[0, 1] = h[1], h[0] + h[1]
-    right[0] = ((h[0] + 2 * (h[0] + h[1])) * h[1] * chords[0] + h[0] ** 2 * chords[1]) / (
-        h[0] + h[1]
-    )
-    matrix[-1, -1], matrix[-1, -2] = h[-2], h[-1] + h[-2]
-    right[-1] = (h[-1] ** 2 * chords[-2] + (2 * (h[-1] + h[-2]) + h[-1]) * h[-2] * chords[-1]) / (
-        h[-1] + h[-2]
-    )
-    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    # Rows (below, middle, above) of a tridiagonal matrix. LAPACK's last digits differ between
+    # processors, and a run must not: here they are those of one without fused operations.
+    ends = t[2] - t[0], t[-1] - t[-3]
+    below = np.concatenate([[0.0], h[1:], ends[1:]])
+    middle = np.concatenate([h[1:2], 2.0 * (h[:-1] + h[1:]), h[-2:-1]])
+    above = np.concatenate([ends[:1], h[:-1]])
+    right = np.empty((n, 3))
+    right[0] = ((h[0] + 2 * ends[0]) * h[1] * chords[0] + h[0] ** 2 * chords[1]) / ends[0]
+    right[1:-1] = 3 * (h[1:, None] * chords[:-1] + h[:-1, None] * chords[1:])
+    right[-1] = (h[-1] ** 2 * chords[-2] + (2 * ends[1] + h[-1]) * h[-2] * chords[-1]) / ends[1]
+    for i in range(1, n):
+        factor = below[i] * (1.0 / middle[i - 1])
+        middle[i] -= factor * above[i - 1]
+        right[i] -= factor * right[i - 1]
+    right[-1] *= 1.0 / middle[-1]
+    for i in range(n - 2, -1, -1):
+        right[i] = (right[i] - above[i] * right[i + 1]) * (1.0 / middle[i])
+    return right
 
 
 def _frames(way: Floats) -> Floats:
     """Return quaternions that turn x into the tangents, without twist from node to node."""
     along = way[0]
     up = np.array([0.0, 0.0, 1.0]) - along[2] * along
-    if np.sqrt(up @ up) < 1e-3:
+    if np.sqrt((up**2).sum()) < 1e-3:
         up = np.array([1.0, 0.0, 0.0]) - along[0] * along
-    up /= np.sqrt(up @ up)
+    up /= np.sqrt((up**2).sum())
     columns = np.stack([along, np.cross(up, along), up], axis=1)
     out = np.empty((way.shape[0], 4))
     out[0] = _quaternion(columns)
     for i in range(1, way.shape[0]):
         a, b = way[i - 1], way[i]
         # The smallest rotation from one tangent to the next.
-        turn = np.concatenate([[1.0 + a @ b], np.cross(a, b)])
-        turn /= np.sqrt(turn @ turn)
+        turn = np.concatenate([[1.0 + (a * b).sum()], np.cross(a, b)])
+        turn /= np.sqrt((turn**2).sum())
         w, x, y, z = turn
         p, q, r, s = out[i - 1]
         out[i] = (
@@ -322,7 +326,7 @@ def _frames(way: Floats) -> Floats:
             w * r + y * p + z * q - x * s,
             w * s + z * p + x * r - y * q,
         )
-        out[i] /= np.sqrt(out[i] @ out[i])
+        out[i] /= np.sqrt((out[i] ** 2).sum())
     return out
 
 

@@ -474,7 +474,7 @@ def test_the_command_prints_the_same_measures_to_the_digit(
     said = capsys.readouterr().out
     assert f"{original.measures.maximum_force_N!r} N" in said
     assert f"{original.measures.force_time_product_N_s!r} N s" in said
-    assert "yes, to the digit" in said
+    assert "yes, to 12 digits" in said
 
 
 def test_the_command_says_what_an_exercise_was_done_with(
@@ -484,7 +484,7 @@ def test_the_command_says_what_an_exercise_was_done_with(
     said = capsys.readouterr().out
     assert "sliders and keys allowed" in said
     assert re.search(r"smoothness +too short", said)
-    assert "yes, to the digit" in said
+    assert "yes, to 12 digits" in said
     session = Session(phantom(), vertices=300)
     session.start_exercise(session.exercises_offered()[0])
     do_exercise(session, CAREFUL)

@@ -95,11 +95,12 @@ class BeddedSurface:
         places, axes = self._rest.frames_at(strands.stations)
         out = strands.ends - places
         # A strand that holds the axis itself is drawn from straight below it.
-        out = np.where((out**2).sum(axis=1, keepdims=True) > 1e-12, out, -axes[:, 2]) @ frame.T
+        out = np.where((out**2).sum(axis=1, keepdims=True) > 1e-12, out, -axes[:, 2])
+        out = np.einsum("sj,ij->si", out, frame)
         sections = organ.frames_at(stations)
         x, y = (np.einsum("si,si->s", out, sections[:, :, axis]) for axis in range(2))
         ends = organ.surface(stations, np.arctan2(y, x))
-        return stations, ends, ends + (strands.feet - strands.ends) @ frame.T
+        return stations, ends, ends + np.einsum("sj,ij->si", strands.feet - strands.ends, frame)
 
 
 @njit(cache=True, nogil=True)

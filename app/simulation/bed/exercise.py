@@ -205,10 +205,11 @@ class BedTrial(Trial[BeddedDuct]):
             going_on = held and self._held[hand]  # the way to a new hold is no pull
             self._held[hand] = held
             if held:
-                speed = float(np.sqrt(way @ way)) / TICK_SECONDS
+                speed = math.sqrt((way**2).sum()) / TICK_SECONDS
                 self._speeds[hand].append(speed if going_on else 0.0)
-            if held and (pulled < 0 or float(forces[hand] @ forces[hand]) > self._force_squared):
-                pulled, self._force_squared = hand, float(forces[hand] @ forces[hand])
+            squared = float((forces[hand] ** 2).sum())
+            if held and (pulled < 0 or squared > self._force_squared):
+                pulled, self._force_squared = hand, squared
         # What a hand did stays, also when it has let go or slipped off.
         if duct.torn is not None or float((forces**2).sum()) <= LEAST_FORCE**2:
             return

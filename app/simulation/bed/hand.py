@@ -64,7 +64,7 @@ class Hand:
             after = self.target + (away + push * TICK_SECONDS) * _DECAY
             speed = (self._speed - HAND_RATE * push * TICK_SECONDS) * _DECAY
             way = after - before
-            far = math.sqrt(float(way @ way))
+            far = math.sqrt((way**2).sum())
             if far > most:
                 after = before + way * (most / far)
                 speed = way * (HAND_SPEED / far)

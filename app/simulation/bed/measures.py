@@ -127,12 +127,12 @@ class DissectionMeasureTaker:
         beam = self._duct.beam
         for hand, holder in enumerate(self._duct.hands):
             force = forces[hand]
-            size = math.sqrt(float(force @ force))
+            size = math.sqrt((force**2).sum())
             self._most[hand] = max(self._most[hand], size)
             self._product[hand] += size * TICK_SECONDS
             for rod in self._duct.rods_of(hand):
                 push = beam.rod_force(rod)
-                self.instrument_force = max(self.instrument_force, math.sqrt(float(push @ push)))
+                self.instrument_force = max(self.instrument_force, math.sqrt((push**2).sum()))
             if holder.node is not None and size > LEAST_FORCE:
                 self._pulled += size
                 self._turned += size * math.acos(min(max(float(force[2]) / size, -1.0), 1.0))
@@ -172,7 +172,7 @@ class DissectionMeasureTaker:
         new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
         self._damage = damage
         ends, arms = beam.strand_ends(), beam.strand_arms()
-        seen = arms[new] @ TOWARDS_VIEWER > 0.0
+        seen = (arms[new] * TOWARDS_VIEWER).sum(axis=1) > 0.0
         nearest = np.full(new.size, np.inf)
         owner = np.zeros(new.size, dtype=np.int64)
         for hand, holder in enumerate(duct.hands):

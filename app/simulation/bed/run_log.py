@@ -22,6 +22,7 @@ from app.simulation.run_log import (
     decoded_run,
     read_run,
     run_version,
+    same_figures,
 )
 from physics.bed import Strands
 
@@ -98,8 +99,8 @@ class DissectionFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls("bluntdissect-run", VERSION, log, measures, outcome)
 
     def agrees_with(self, found: "DissectionFile") -> bool:
-        """Return whether a replayed run has this file's outcome and measures, to the bit."""
-        return (found.measures, found.outcome) == (self.measures, self.outcome)
+        """Return whether a replayed run has this file's outcome and measures."""
+        return same_figures((self.measures, self.outcome), (found.measures, found.outcome))
 
 
 def strands_digest(strands: Strands) -> str:
