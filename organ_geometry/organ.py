@@ -202,7 +202,8 @@ class Organ:
 
     def up_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (N, 3) unit directions, the images' up in the sections along the axis."""
-        return self.frames_at(stations)[:, :, :2] @ self._up
+        frames, (x, y) = self.frames_at(stations), self._up
+        return frames[:, :, 0] * x + frames[:, :, 1] * y
 
     def rows_at(self, stations: NDArray[np.float64], wall: Wall = "outer") -> NDArray[np.float64]:
         """Return (N, 16) half-curves, mm; a ValueError for the lumen of a solid organ."""

@@ -246,10 +246,10 @@ def _sections(
             f"a wall of {wall:g} mm is thicker than the organ, whose radius is {radius.min():.3g} "
             f"mm at its thinnest place"
         )
-    bore = 1.0 - wall / radius
+    bore_squared = (1.0 - wall / radius) ** 2
     return SectionProperties(
-        area=whole.area * (1.0 - bore**2),
-        second_moment=whole.second_moment * (1.0 - bore**4),
+        area=whole.area * (1.0 - bore_squared),
+        second_moment=whole.second_moment * (1.0 - bore_squared**2),
         fibre_distance=whole.fibre_distance,
     )
 

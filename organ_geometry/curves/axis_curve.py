@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kernel_cache import njit
+from organ_geometry.curves.ordered_product import ordered_product
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -24,8 +25,8 @@ def natural_cubic(places: NDArray[np.float64], count: int) -> NDArray[np.float64
     return (
         left * unit[before]
         + right * unit[before + 1]
-        + (left**3 - left) / 6.0 * bends[before]
-        + (right**3 - right) / 6.0 * bends[before + 1]
+        + (left * left * left - left) / 6.0 * bends[before]
+        + (right * right * right - right) / 6.0 * bends[before + 1]
     )
 
 
@@ -57,11 +58,23 @@ def _bends(count: int) -> NDArray[np.float64]:
     bends = np.zeros((count, count))
     inner = count - 2
     if inner > 0:
-        system = 4.0 * np.eye(inner) + np.eye(inner, k=1) + np.eye(inner, k=-1)
         second = np.eye(inner, count) - 2.0 * np.eye(inner, count, k=1) + np.eye(inner, count, k=2)
-        bends[1:-1] = 6.0 * np.linalg.solve(system, second)
+        bends[1:-1] = 6.0 * _solved(second)
     bends.setflags(write=False)
     return bends
+
+
+def _solved(right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solution of the system whose rows are 1, 4, 1 about the diagonal."""
+    # Not LAPACK's, whose last digits differ between processors.
+    solution, pivots = right.copy(), np.full(len(right), 4.0)
+    for i in range(1, len(right)):
+        pivots[i] -= 1.0 / pivots[i - 1]
+        solution[i] -= solution[i - 1] / pivots[i - 1]
+    solution[-1] /= pivots[-1]
+    for i in range(len(right) - 2, -1, -1):
+        solution[i] = (solution[i] - solution[i + 1]) / pivots[i]
+    return solution
 
 
 @lru_cache(maxsize=16)
@@ -77,7 +90,7 @@ def refinement(depth: int) -> NDArray[np.float64]:
         coarse[:, ::2] = values
         middles = np.arange(1, count, 2, dtype=np.intp)
         finer[::2] = coarse
-        finer[middles] = natural_cubic(middles / (count - 1), len(values)) @ coarse
+        finer[middles] = ordered_product(natural_cubic(middles / (count - 1), len(values)), coarse)
         finer[middles, middles] += 1.0
         values = finer
     values.setflags(write=False)
@@ -103,8 +116,8 @@ def even_axis(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N + 1, 3) points at equal arc length along an axis, and unit tangents."""
     wanted = even_places(keys, intervals)
-    points = natural_cubic(wanted, len(keys)) @ keys
-    tangents = natural_cubic_slopes(wanted, len(keys)) @ keys
+    points = ordered_product(natural_cubic(wanted, len(keys)), keys)
+    tangents = ordered_product(natural_cubic_slopes(wanted, len(keys)), keys)
     sizes = np.sqrt((tangents * tangents).sum(axis=1, keepdims=True))
     return points, tangents / np.maximum(sizes, np.finfo(np.float64).tiny)
 
@@ -112,7 +125,7 @@ def even_axis(
 def even_places(keys: NDArray[np.float64], intervals: int) -> NDArray[np.float64]:
     """Return (N + 1,) places, 0 to 1, at equal arc length along an axis of (K, 3) keys."""
     places = np.linspace(0.0, 1.0, 4 * intervals + 1)
-    fine = natural_cubic(places, len(keys)) @ keys
+    fine = ordered_product(natural_cubic(places, len(keys)), keys)
     steps = np.diff(fine, axis=0)
     lengths = np.zeros(len(fine))
     np.cumsum(np.sqrt((steps * steps).sum(axis=1)), out=lengths[1:])

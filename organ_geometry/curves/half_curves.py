@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from organ_geometry.contours.contour import even_points
 from organ_geometry.curves.half_curve_fit import COEFFICIENTS, boundary_halves, fitted_half
+from organ_geometry.curves.ordered_product import ordered_product
 from organ_geometry.curves.outline_distance import outline_distances
 
 DEGREE = COEFFICIENTS - 1
@@ -158,8 +159,8 @@ def closed_outlines(rows: NDArray[np.float64], count: int = 256) -> NDArray[np.f
     corners = np.empty((len(rows), 2 * half, 2))
     corners[:, :half, 0] = rows[:, MIDDLE, np.newaxis] + rows[:, HALF_WIDTH, np.newaxis] * u
     corners[:, half:, 0] = corners[:, half - 1 :: -1, 0]
-    corners[:, :half, 1] = rows[:, BOTTOM] @ basis
-    corners[:, half:, 1] = (rows[:, TOP] @ basis)[:, ::-1]
+    corners[:, :half, 1] = ordered_product(rows[:, BOTTOM], basis)
+    corners[:, half:, 1] = ordered_product(rows[:, TOP], basis)[:, ::-1]
     return corners
 
 

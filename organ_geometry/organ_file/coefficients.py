@@ -26,6 +26,7 @@ from organ_geometry.curves.half_curves import (
     ROW_SIZE,
     TOP,
 )
+from organ_geometry.curves.ordered_product import ordered_product
 
 SIGNALS = ROW_SIZE  # 16
 WIDTH = 0
@@ -56,8 +57,8 @@ def signals_to_rows(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     half = signals[:, SYMMETRIC] + signals[:, WIDTH, np.newaxis] * CIRCLE
     rows[:, MIDDLE] = signals[:, ASIDE]
     rows[:, HALF_WIDTH] = signals[:, WIDTH]
-    rows[:, TOP] = (signals[:, SKEW] - half) @ _TO_FIRST
-    rows[:, BOTTOM] = (signals[:, SKEW] + half) @ _TO_FIRST
+    rows[:, TOP] = ordered_product(signals[:, SKEW] - half, _TO_FIRST)
+    rows[:, BOTTOM] = ordered_product(signals[:, SKEW] + half, _TO_FIRST)
     return rows
 
 

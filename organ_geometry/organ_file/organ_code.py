@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.curves.axis_curve import even_axis, key_depth, least_turning, refinement
+from organ_geometry.curves.ordered_product import ordered_product
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file.coefficients import ASIDE, SIGNALS, WIDTH, signals_to_rows
 from organ_geometry.organ_file.key_order import differences_to_values
@@ -90,10 +91,10 @@ class OrganCode:
         """Return the (K, 16) shape coefficients at the key sections, mm, by wall."""
         steps = signal_steps(self.section_step)
         values = differences_to_values(self.keys)
-        outer = (values @ self.outer) * steps
+        outer = ordered_product(values, self.outer) * steps
         if self.lumen is None:
             return [outer]
-        return [outer, outer + (values @ self.lumen) * steps]
+        return [outer, outer + ordered_product(values, self.lumen) * steps]
 
     def organ(self, name: str = "", encoded: bytes = b"") -> Organ:
         """Return the organ."""
@@ -178,8 +179,8 @@ def axis_keys(
     first, chord = ends[0] * step, ends[1] * step
     frame = chord_frame(chord)
     straight = np.linspace(0.0, 1.0, count)[:, np.newaxis] * chord + first
-    offsets = refinement(key_depth(count)) @ (bends * bend_steps(step))
-    return np.asarray(straight + offsets @ frame, dtype=np.float64)
+    offsets = ordered_product(refinement(key_depth(count)), bends * bend_steps(step))
+    return np.asarray(straight + ordered_product(offsets, frame), dtype=np.float64)
 
 
 def bend_steps(step: float) -> NDArray[np.float64]:
@@ -189,14 +190,14 @@ def bend_steps(step: float) -> NDArray[np.float64]:
 
 def chord_frame(chord: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rows along a (3,) chord, across it, and along their cross product."""
-    length = math.sqrt(float(chord @ chord))
+    length = math.sqrt((chord * chord).sum())
     if not length > 0.0:
         raise ValueError("the two ends of the axis must be apart, above 0 mm")
     along = chord / length
     # Across lies by the axis of space that the chord has least of; of equal ones by the first.
     unit = np.eye(3)[int(np.abs(chord).argmin())]
-    across = unit - float(unit @ along) * along
-    across = across / math.sqrt(float(across @ across))
+    across = unit - (unit * along).sum() * along
+    across = across / math.sqrt((across * across).sum())
     return np.asarray(np.stack([along, across, np.cross(along, across)]), dtype=np.float64)
 
 
@@ -215,8 +216,8 @@ def axis_and_frames(
     # `OrganCode`; N is the number of pieces.
     points, tangents = even_axis(np.asarray(keys, dtype=np.float64), pieces)
     unit = np.eye(3)[start_axis]
-    across = unit - float(unit @ tangents[0]) * tangents[0]
-    across = across / max(math.sqrt(float(across @ across)), np.finfo(np.float64).tiny)
+    across = unit - (unit * tangents[0]).sum() * tangents[0]
+    across = across / max(math.sqrt((across * across).sum()), np.finfo(np.float64).tiny)
     side = np.cross(tangents[0], across)
     quarter, rest = divmod(roll, ROLLS // 4)
     # Quarter turns are exact, so that frames along the axes of space stay exact.

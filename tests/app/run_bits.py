@@ -1,11 +1,13 @@
-"""Run as a program: digests of replayed runs, which may not depend on the processor."""
+"""Run as a program: digests of organs and runs, which may not depend on the processor."""
 
 import hashlib
 import sys
 from pathlib import Path
 
 import numpy as np
+from any_code import any_code
 from simulated import phantom
+from tubes import tube
 
 from app.simulation import Replay, preset_named, run_json
 from app.simulation.bed import BedSession, DissectionFile, DissectionReplay, read_any_run
@@ -14,9 +16,19 @@ from physics.bed.space_beam import axis_line
 RUNS = Path(__file__).parent / "runs"
 
 
+def _bytes(*arrays: np.ndarray | None) -> bytes:
+    return b"".join(each.tobytes() for each in arrays if each is not None)
+
+
 def digests() -> list[str]:
-    """Of a pull, a dissection that tears, a lift along an organ's own axis, and a spline."""
+    """Of bent organs and their sections, a pull, two dissections and a spline."""
     found: list[bytes] = []
+    organs = [any_code(seed, hollow=True).organ() for seed in range(8)]
+    found += [_bytes(organ.axis, organ.frames, organ.outer, organ.lumen) for organ in organs]
+    wall = (bent := tube(wall=0.7, sag=4.0)).section_properties(
+        np.linspace(0.0, 50.0, 60), direction=np.array([0.1, 0.2, 1.0])
+    )
+    found.append(_bytes(wall.area, wall.second_moment, bent.up_at(bent.stations)))
     for name in ("version_1_hold", "version_3_torn"):
         run = read_any_run((RUNS / f"{name}.json").read_bytes())
         kind = DissectionReplay if isinstance(run, DissectionFile) else Replay
@@ -29,8 +41,8 @@ def digests() -> list[str]:
         session.advance()
     found.append(run_json(session.run_file()))
     way = np.linspace(0.0, 50.0, 101)
-    bent = np.stack([way, 3.0 * np.sin(way / 9.0), 2.0 * np.cos(way / 7.0)], axis=1)
-    found.append(b"".join(np.ascontiguousarray(each).tobytes() for each in axis_line(bent)))
+    line = np.stack([way, 3.0 * np.sin(way / 9.0), 2.0 * np.cos(way / 7.0)], axis=1)
+    found.append(_bytes(*axis_line(line)))
     return [hashlib.sha256(each).hexdigest() for each in found]
 
 
