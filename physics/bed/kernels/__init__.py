@@ -3,6 +3,7 @@
 Units mm, N, MPa, rad. Only + - * / and square roots, in a fixed order and without fast-math: a
 run gives the same bits on every machine that computes by IEEE 754. Indices: e elements; n, i and j
 nodes; r and c (or `col`) the freedoms of a node (x, y, z, then the spin about them); m rods.
+Constants are passed as int(constant): else numba compiles a kernel anew for each.
 
 Read in this order: `vectors`, `state`, `beam`, `rods`, `strands`, `assembly`, `tangent`, `step`,
 `newton`, `balance`, `tick`.

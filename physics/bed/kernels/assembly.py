@@ -14,6 +14,7 @@ from physics.bed.kernels.state import (
     SLIPPED_NOW,
     STRANDS,
     State,
+    copy_values,
 )
 from physics.bed.kernels.strands import strand_pass
 from physics.bed.kernels.vectors import inner
@@ -61,7 +62,7 @@ def shape_pass(s: State, kind: int, mix: float) -> None:
 def assemble(s: State, kind: int, mix: float) -> float:
     """Write all energies, the gradient and the tangent; return the energy to minimise."""
     if kind == DELAYED and mix > 0.0 and s.sums[AHEAD] == mix:
-        s.damage[:] = s.damage_ahead
+        copy_values(s.damage, s.damage_ahead)
     else:
         shape_pass(s, kind, mix)
     s.sums[AHEAD] = 0.0
@@ -76,8 +77,8 @@ def assemble_ahead(s: State, mix: float) -> None:
     # the strands do, and a tick that is retraced needs its damage of before.
     if any_rod(s) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == mix:
         return
-    s.damage_before[:] = s.damage
-    shape_pass(s, DELAYED, mix)
-    s.damage_ahead[:] = s.damage
-    s.damage[:] = s.damage_before
+    copy_values(s.damage_before, s.damage)
+    shape_pass(s, int(DELAYED), mix)
+    copy_values(s.damage_ahead, s.damage)
+    copy_values(s.damage, s.damage_before)
     s.sums[AHEAD] = mix

@@ -36,8 +36,10 @@ from physics.bed.kernels.state import (
     STRANDS,
     WORK,
     State,
+    copy_rows,
+    copy_values,
 )
-from physics.bed.kernels.step import copy_rows, move
+from physics.bed.kernels.step import move
 from physics.bed.kernels.vectors import inner
 
 # Part of the energies that move in a tick by which its balance may be off.
@@ -146,7 +148,7 @@ def retrace(s: State) -> None:
             for m in range(rods.shape[0]):
                 for r in range(3):
                     s.rods[m, r] = rods_0[m, r] + part * (rods[m, r] - rods_0[m, r])
-            assemble(s, STANDING, 0.0)
+            assemble(s, int(STANDING), 0.0)
             if not half:
                 copy_rows(s.g_middle, s.g)
                 copy_rows(s.pull_middle, s.pull)
@@ -173,21 +175,17 @@ def retrace(s: State) -> None:
 def account(s: State, kind: int, mix: float) -> None:
     """Assemble, and account for all since the assembly before."""
     sums = s.sums
-    if sums[RETRACED] == 0.0:
-        assemble(s, kind, mix)
-        account_part(s, 1.0, 0.5, 0.0, True)
-        return
+    retraced = sums[RETRACED] != 0.0
     dissipated, parted = sums[ROD_DISSIPATED], sums[ROD_PARTED]
-    for i in range(s.damage.size):
-        s.damage_before[i] = s.damage[i]
-    copy_rows(s.side_before, s.side)
+    if retraced:
+        copy_values(s.damage_before, s.damage)
+        copy_rows(s.side_before, s.side)
     assemble(s, kind, mix)
-    if account_part(s, 1.0, 0.5, 0.0, False):
+    if account_part(s, 1.0, 0.5, 0.0, not retraced):
         return
     sums[ROD_DISSIPATED], sums[ROD_PARTED] = dissipated, parted
-    for i in range(s.damage.size):
-        s.damage[i] = s.damage_before[i]
+    copy_values(s.damage, s.damage_before)
     copy_rows(s.side, s.side_before)
     retrace(s)
     assemble(s, kind, mix)
-    account_part(s, 0.0, 0.5, 0.0, True)
+    account_part(s, 0.0, 0.5, 0.0, retraced)

@@ -11,10 +11,9 @@ import math
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.rods import any_rod
-from physics.bed.kernels.state import BEAM, FORCE_SCALE, LOADS, MOST, STRANDS, State
+from physics.bed.kernels.state import BEAM, FORCE_SCALE, LOADS, MOST, STRANDS, State, copy_rows
 from physics.bed.kernels.step import (
     TURN_LIMIT,
-    copy_rows,
     keep_shape,
     largest,
     move,

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from physics.bed.kernels.vectors import Floats, Ints
+from physics.bed.kernels.vectors import Floats, Ints, inner
 
 # Rows of `strand`.
 ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, PART, PUSHES = range(11)
@@ -101,3 +101,19 @@ class State(NamedTuple):
     side_before: Ints  # (M, S)
     damage_ahead: Floats  # (S,) of the tick that is assembled ahead
     sums: Floats
+
+
+# Numba compiles loops far sooner than an assignment of arrays.
+@inner
+def copy_values(to: Floats, of: Floats) -> None:
+    """Copy a vector."""
+    for i in range(of.shape[0]):
+        to[i] = of[i]
+
+
+@inner
+def copy_rows(to: Floats | Ints, of: Floats | Ints) -> None:
+    """Copy a table."""
+    for n in range(of.shape[0]):
+        for r in range(of.shape[1]):
+            to[n, r] = of[n, r]

@@ -2,20 +2,12 @@
 
 import math
 
-from physics.bed.kernels.state import State
-from physics.bed.kernels.vectors import Floats, Ints, inner
+from physics.bed.kernels.state import State, copy_rows
+from physics.bed.kernels.vectors import inner
 
 TURN_LIMIT = 0.5
 """Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
 is far off, and Gibbs vectors grow without bound as neighbours come to be half a turn apart."""
-
-
-@inner
-def copy_rows(to: Floats | Ints, of: Floats | Ints) -> None:
-    """Copy a table. Numba compiles loops far sooner than an assignment of arrays."""
-    for n in range(of.shape[0]):
-        for r in range(of.shape[1]):
-            to[n, r] = of[n, r]
 
 
 @inner

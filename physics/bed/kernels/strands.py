@@ -59,7 +59,7 @@ from physics.bed.kernels.vectors import Three, added, columns, cross, dot, inner
 
 @inner
 def push_straight(
-    s: State, n: int, way: Three, arm: Three, stiff: float, u: float, live: bool
+    s: State, n: int, way: Three, arm: Three, stiff: float, u: float, kind: int
 ) -> float:
     """Add the push of a strand of node n that lies round a rod; return its energy, mJ."""
     length = math.sqrt(dot(way, way))
@@ -67,7 +67,7 @@ def push_straight(
     v = cross(arm, t)
     e = added(way, scaled(arm, -1.0))
     f = stiff * u
-    b = max(f / length, 0.0) if live else f / length
+    b = max(f / length, 0.0) if kind == DELAYED else f / length
     a = stiff - b
     both = (t[0], t[1], t[2], v[0], v[1], v[2])
     c = s.diagonal[n]
@@ -164,7 +164,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             d = damage[i]
             if short < 0.0:
                 stiff, straight, arm = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
-                energy += push_straight(s, n, straight, arm, stiff, short, kind == DELAYED)
+                energy += push_straight(s, n, straight, arm, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[PUSHES, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
@@ -180,7 +180,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         gone = 0.5 * k * u * u * (new - d)
                         if short < 0.0:
                             less, straight, arm = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
-                            change = push_straight(s, n, straight, arm, less, short, True)
+                            change = push_straight(s, n, straight, arm, less, short, kind)
                             energy += change
                             gone -= change
                         lost += gone

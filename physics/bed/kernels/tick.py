@@ -8,8 +8,16 @@ so that one factorisation is nearly always enough: a fixed cost.
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
-from physics.bed.kernels.state import DELAYED, DRAG_NOW, MOVED, ROD_ROWS, STANDING, State
-from physics.bed.kernels.step import TURN_LIMIT, copy_rows, keep_shape, largest, move
+from physics.bed.kernels.state import (
+    DELAYED,
+    DRAG_NOW,
+    MOVED,
+    ROD_ROWS,
+    STANDING,
+    State,
+    copy_rows,
+)
+from physics.bed.kernels.step import TURN_LIMIT, keep_shape, largest, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 
 
@@ -28,7 +36,7 @@ def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
         for m in range(s.rods.shape[0]):
             for r in range(ROD_ROWS):
                 s.rods[m, r] += part * (s.rods_to[m, r] - s.rods[m, r])
-        account(s, DELAYED, mix)
+        account(s, int(DELAYED), mix)
         used = drag
         add_drag(s, used)
         copy_rows(s.step, s.g)
@@ -38,7 +46,7 @@ def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
             used = 16.0 * used + 1e-3
             if used > 1e9:
                 return False
-            assemble(s, STANDING, 0.0)
+            assemble(s, int(STANDING), 0.0)
             add_drag(s, used)
             copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
