@@ -264,11 +264,11 @@ def _newton(
         if by_force:
             right[grasp, 1] += load
         for freedom in range(3):
-            _hold(tangent, right, 0, freedom, 0.0)
+            _hold(tangent, right, int(0), freedom, 0.0)
             if held[freedom]:
                 _hold(tangent, right, last, freedom, 0.0)
         if not by_force:
-            _hold(tangent, right, grasp, 1, load - moved[grasp, 1])
+            _hold(tangent, right, grasp, int(1), load - moved[grasp, 1])
         if not _eliminate(tangent, right):
             return False
         _carry(rest, ea, ei, energetic, state, right, carried)

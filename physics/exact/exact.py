@@ -390,7 +390,7 @@ def _lift(
     outcome = newton.solve(state, fibres, grasp, at.BY_DEFLECTION, target)
     if outcome != at.FOUND:
         return outcome, 0.0
-    fill_points(state, fibres, part, 4)
+    fill_points(state, fibres, part, int(4))
     return outcome, sampling.strain_energy(state, fibres, part)
 
 

@@ -144,10 +144,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         if not found:
             return -1
         part = 1.0
-        turn = largest(s, 3)
+        turn = largest(s, int(3))
         if turn > TURN_LIMIT:
             part = TURN_LIMIT / turn
-        far = largest(s, 0)
+        far = largest(s, int(0))
         # Nor does any node go farther in one step than a quarter of the beam.
         if part * far > 0.25 * span:
             part = 0.25 * span / far

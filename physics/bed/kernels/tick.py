@@ -51,7 +51,7 @@ def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
             copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
         keep_shape(s)
-        turn = largest(s, 3)
+        turn = largest(s, int(3))
         part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
         move(s, part_)
         dragged = 0.0
