@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Literal, Protocol, TypeVar
+from typing import Literal, Protocol, TypeVar, cast
 
 import msgspec
 import numpy as np
@@ -174,8 +174,8 @@ def same_figures(recorded: object, found: object) -> bool:
     if isinstance(recorded, float) and isinstance(found, float):
         return math.isclose(recorded, found, rel_tol=1e-12)
     if isinstance(recorded, tuple) and isinstance(found, tuple):
-        pairs = zip(recorded, found, strict=False)
-        return len(recorded) == len(found) and all(same_figures(a, b) for a, b in pairs)
+        one, other = cast("tuple[object, ...]", recorded), cast("tuple[object, ...]", found)
+        return len(one) == len(other) and all(map(same_figures, one, other))
     return recorded == found
 
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 __all__ = ["ordered_product"]
 
 
-def ordered_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def ordered_product(
+    a: NDArray[np.float64], b: NDArray[np.float64] | NDArray[np.int64]
+) -> NDArray[np.float64]:
     """Return a @ b of (N, K) and (K, M), each sum taken term after term."""
     total = np.zeros((a.shape[0], b.shape[1]))
     for column, row in zip(a.T, b, strict=True):

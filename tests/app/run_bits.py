@@ -9,7 +9,7 @@ from any_code import any_code
 from simulated import phantom
 from tubes import tube
 
-from app.simulation import Replay, preset_named, run_json
+from app.simulation import Replay, preset_named, read_run, run_json
 from app.simulation.bed import BedSession, DissectionFile, DissectionReplay, read_any_run
 from physics.bed.space_beam import axis_line
 
@@ -29,10 +29,11 @@ def digests() -> list[str]:
         np.linspace(0.0, 50.0, 60), direction=np.array([0.1, 0.2, 1.0])
     )
     found.append(_bytes(wall.area, wall.second_moment, bent.up_at(bent.stations)))
-    for name in ("version_1_hold", "version_3_torn"):
-        run = read_any_run((RUNS / f"{name}.json").read_bytes())
-        kind = DissectionReplay if isinstance(run, DissectionFile) else Replay
-        found.append(run_json(kind(run.log, phantom(), vertices=300).run_file()))
+    pull = read_run((RUNS / "version_1_hold.json").read_bytes())
+    found.append(run_json(Replay(pull.log, phantom(), vertices=300).run_file()))
+    torn = read_any_run((RUNS / "version_3_torn.json").read_bytes())
+    assert isinstance(torn, DissectionFile)
+    found.append(run_json(DissectionReplay(torn.log, phantom(), vertices=300).run_file()))
     session = BedSession(phantom(), preset_named("porcine-bile-duct"), bed_seed=3, vertices=300)
     start = session.grab(0, 20.0)
     assert start is not None

@@ -1,5 +1,7 @@
 """Train: what the duct is pulled with, and what is shown of it."""
 
+import time
+
 import numpy as np
 import viser
 
@@ -13,6 +15,8 @@ __all__ = ["TrainTab", "slider_step"]
 
 # Change of the force by an arrow key, over the force at break.
 ARROW = 0.01
+CROSSING_SECONDS = 0.5
+"""Within it a force set here and one set in the page may have met on their way."""
 
 
 class TrainTab:
@@ -54,13 +58,23 @@ class TrainTab:
         self._plot = PullPlot(gui, state.workers.background)
         self._model: object = None
         self._cause: object = None
+        self._set_at = -CROSSING_SECONDS
 
-        on_input(self._force, lambda value: state.set_target_force(number(value)))
+        on_input(self._force, lambda value: self._take_force(number(value)))
         on_input(self._grasp, lambda value: session.set_grasp(number(value)))
         on_input(self._heat, lambda value: state.show(heat=value is True))
         on_click(self._reset, state.reset)
         on_click(self._pause, lambda: state.set_paused(not state.paused))
         self.take_ranges()
+
+    def _take_force(self, force: float) -> None:
+        """Pull with the force of the slider."""
+        self._state.set_target_force(force)
+        if time.monotonic() - self._set_at < CROSSING_SECONDS:
+            # The page may have taken the force set here after its own: it is sent what acts. viser
+            # sends a value that has changed only, and of several the last.
+            self._force.value = 0.0 if force > 0.0 else self._force.max
+            self._force.value = force
 
     def take_ranges(self) -> None:
         """Bring the ranges of the inputs in line with the session's."""
@@ -76,7 +90,7 @@ class TrainTab:
         low, high = session.duct.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
         self._grasp.value = round(session.duct.grasp, 1)
-        self._force.value = min(session.grasper.slider_force, limit)
+        self._set_force(min(session.grasper.slider_force, limit))
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -118,9 +132,13 @@ class TrainTab:
         wanted = session.grasper.slider_force if live and visible else 0.0
         step = self._force.step
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
+        self._set_force(force)
+        set_if_changed(self._grasp, value=round(session.duct.grasp, 1))
+
+    def _set_force(self, force: float) -> None:
         if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value
             self._force.value = force
-        set_if_changed(self._grasp, value=round(session.duct.grasp, 1))
+            self._set_at = time.monotonic()
 
 
 def _force_step(limit: float) -> float:
