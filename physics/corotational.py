@@ -144,6 +144,14 @@ def _balance(
 
 
 @njit(cache=True, nogil=True)
+def _copy(to: NDArray[np.float64], of: NDArray[np.float64]) -> None:
+    """Copy a table. Numba compiles loops far sooner than an assignment of arrays."""
+    for row in range(of.shape[0]):
+        for column in range(of.shape[1]):
+            to[row, column] = of[row, column]
+
+
+@njit(cache=True, nogil=True)
 def _hold(
     tangent: NDArray[np.float64],
     right: NDArray[np.float64],
@@ -252,15 +260,19 @@ def _newton(
     # (`_carry`); the residual is the true one, and at the solution the two agree.
     last = rest.shape[0]
     right = np.empty_like(moved)
-    span = rest.sum()
+    span = 0.0
+    for length in rest:
+        span += length
     done = False
     carried = np.empty((last, 2))
     for iteration in range(ITERATIONS):
         state = element_state(rest, moved, ea, ei, energetic)
         if iteration == 0:
-            carried[:] = state[:, 4:6]
+            _copy(carried, state[:, 4:6])
         _balance(rest, moved, ea, ei, energetic, state, carried, forces, tangent)
-        right[:] = -forces
+        for n in range(last + 1):
+            for freedom in range(3):
+                right[n, freedom] = -forces[n, freedom]
         if by_force:
             right[grasp, 1] += load
         for freedom in range(3):
@@ -313,11 +325,11 @@ def pull_from_rest(
     moved[:] = 0.0
     while at < 1.0 and goal != 0.0:
         reach = min(at + increment, 1.0)
-        moved[:] = now
+        _copy(moved, now)
         if _newton(
             rest, moved, ea, ei, energetic, held, grasp, reach * goal, by_force, forces, tangent
         ):
-            now[:] = moved
+            _copy(now, moved)
             at = reach
             increment *= 2.0
         else:
@@ -327,5 +339,7 @@ def pull_from_rest(
     if by_force:
         return goal
     state = element_state(rest, moved, ea, ei, energetic)
-    _balance(rest, moved, ea, ei, energetic, state, state[:, 4:6], forces, tangent)
+    carried = np.empty((rest.shape[0], 2))
+    _copy(carried, state[:, 4:6])
+    _balance(rest, moved, ea, ei, energetic, state, carried, forces, tangent)
     return forces[grasp, 1]
