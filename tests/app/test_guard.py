@@ -25,7 +25,7 @@ from app.trainer.connections.guard import TOKEN_VARIABLE, Guard, is_loopback
 from app.trainer.server import trainer as server
 from app.trainer.server.metrics import trainer_metrics
 from app.trainer.server.trainer import Trainer, _own_address
-from app.trainer.viser_bridge import start_server, stop_server
+from app.trainer.viser_bridge.private_api import start_server, stop_server
 
 TOKEN = "a-token-of-24-characters"
 UPGRADE = {

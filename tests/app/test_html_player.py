@@ -14,7 +14,7 @@ from app.export.pull_export import PullExport
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, preset_named
 from app.simulation.bed import bed_named
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
-from app.trainer.viser_bridge import recording_page
+from app.trainer.viser_bridge.recording import recording_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
 

@@ -23,7 +23,7 @@ from app.command_line.serving import tls_context
 from app.trainer.connections.bounds import Bounds, Connections, socket_options
 from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
-from app.trainer.viser_bridge import start_server, stop_server
+from app.trainer.viser_bridge.private_api import start_server, stop_server
 
 CONFIGURATIONS = Path(__file__).parents[2] / "docs" / "proxy"
 OPENSSL = shutil.which("openssl") or ""

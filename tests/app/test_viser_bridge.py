@@ -27,21 +27,23 @@ from app.trainer import viser_bridge
 from app.trainer.connections.guard import Guard
 from app.trainer.server.trainer import Trainer
 from app.trainer.server.warm_up import ICONS
-from app.trainer.viser_bridge import (
-    close_page,
+from app.trainer.viser_bridge import private_api
+from app.trainer.viser_bridge.page import (
     kept_by_tab,
-    page_of,
-    place_node,
     prepare_page,
-    private_api,
-    recording_page,
     run_in_page,
-    start_server,
-    stop_server,
-    stream,
     tab_keeps,
     watch_pace,
 )
+from app.trainer.viser_bridge.private_api import (
+    close_page,
+    page_of,
+    place_node,
+    start_server,
+    stop_server,
+    stream,
+)
+from app.trainer.viser_bridge.recording import recording_page
 from benchmarks.page_protocol import CAMERA, Page, connected
 
 

@@ -24,7 +24,7 @@ from app.trainer.classroom.live import Live, live
 from app.trainer.client.client_state import Mode
 from app.trainer.panel.frame import LEARN
 from app.trainer.view.client_view import ClientView
-from app.trainer.viser_bridge import asked_by_address, open_tab
+from app.trainer.viser_bridge.page import asked_by_address, open_tab
 from organ_geometry import Organ
 
 __all__ = ["Lesson", "Row", "ToWatch"]

@@ -22,7 +22,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode, Frame, Opcode
 from websockets.protocol import Event
 
-from app.trainer.viser_bridge import page_message_decoder, viser_message
+from app.trainer.viser_bridge.page_messages import page_message_decoder, viser_message
 
 __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
 

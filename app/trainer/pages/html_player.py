@@ -24,7 +24,8 @@ from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs
 from app.trainer.stage.tissue import Tissue, send_finish
-from app.trainer.viser_bridge import recording_page, start_server, stop_server, write_caption
+from app.trainer.viser_bridge.private_api import start_server, stop_server
+from app.trainer.viser_bridge.recording import recording_page, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import viser
 
-from app.trainer.viser_bridge import command_number
+from app.trainer.viser_bridge.private_api import page_number
 
 __all__ = [
     "KPA_PER_MPA",
@@ -166,7 +166,7 @@ class Choice(Generic[Value]):
             async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
                 take()
 
-        return command_number(command)
+        return page_number(command)  # as a button's `data-command`
 
     def show(self, chosen: Value, *, active: bool = True) -> None:
         """Show which one is chosen, and whether this row is the one in use."""

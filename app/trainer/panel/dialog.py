@@ -6,7 +6,7 @@ from typing import Self
 import viser
 
 from app.trainer.panel.controls import on_click
-from app.trainer.viser_bridge import closer_html
+from app.trainer.viser_bridge.page import closer_html
 
 __all__ = ["Dialog"]
 

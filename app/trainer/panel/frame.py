@@ -9,7 +9,7 @@ from viser import theme
 from app.trainer.client.client_state import ClientState, Mode
 from app.trainer.panel.controls import Choice
 from app.trainer.panel.help import Key
-from app.trainer.viser_bridge import offer_home
+from app.trainer.viser_bridge.page import offer_home
 
 __all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "add_keys", "dress_panel"]
 

@@ -10,7 +10,7 @@ from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.dissect_plot import DissectPlot
 from app.trainer.scene.bed_scene import Colours
-from app.trainer.viser_bridge import pairs_html
+from app.trainer.viser_bridge.page import pairs_html
 
 __all__ = ["HandsTab"]
 

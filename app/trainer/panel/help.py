@@ -7,7 +7,7 @@ import viser
 from app.trainer.client.client_state import Mode
 from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import Dialog
-from app.trainer.viser_bridge import letter_keys_on, set_letter_keys
+from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
 
 __all__ = ["DISSECT_KEYS", "HELP", "PULL_KEYS", "SEEN", "Key", "show_first_minute", "show_help"]
 

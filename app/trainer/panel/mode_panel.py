@@ -16,7 +16,7 @@ from app.trainer.panel.help import Key, show_help
 from app.trainer.panel.legend import Legend
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import ResultPage
-from app.trainer.viser_bridge import announce, open_tab, take_arrows
+from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
 __all__ = ["ModePanel"]
 

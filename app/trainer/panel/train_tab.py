@@ -9,7 +9,7 @@ from app.simulation import Phase, Reading
 from app.trainer.client.pull_state import HAND_ONLY, PullState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.pull_plot import PullPlot
-from app.trainer.viser_bridge import set_arrow_step
+from app.trainer.viser_bridge.page import set_arrow_step
 
 __all__ = ["TrainTab", "slider_step"]
 

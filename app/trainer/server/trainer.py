@@ -40,16 +40,13 @@ from app.trainer.server.warm_up import WarmUp
 from app.trainer.stage.camera import OVERVIEW
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.view.client_view import ClientView
-from app.trainer.viser_bridge import (
-    asked_by_address,
+from app.trainer.viser_bridge.page import asked_by_address, kept_by_tab, prepare_page, tab_keeps
+from app.trainer.viser_bridge.private_api import (
     close_page,
     connection_of,
-    kept_by_tab,
     page_of,
-    prepare_page,
     start_server,
     stop_server,
-    tab_keeps,
     wakes_once,
 )
 from organ_geometry import Organ

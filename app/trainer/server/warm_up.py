@@ -27,7 +27,7 @@ from app.trainer.stage.lighting import Look
 from app.trainer.stage.stage import stage_files
 from app.trainer.stage.strands import differ, write_strands
 from app.trainer.stage.wall_texture import wall_texture
-from app.trainer.viser_bridge import read_icons
+from app.trainer.viser_bridge.private_api import read_icons
 from organ_geometry import Organ
 from physics import Cubic, break_of
 

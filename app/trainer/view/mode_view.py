@@ -12,7 +12,7 @@ from app.trainer.panel.mode_panel import ModePanel
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.stage.lighting import Look, LookChoice
-from app.trainer.viser_bridge import watch_pace
+from app.trainer.viser_bridge.page import watch_pace
 
 __all__ = ["ModeView"]
 

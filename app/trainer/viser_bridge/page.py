@@ -39,11 +39,6 @@ def announce(client: viser.ClientHandle, words: str) -> None:
     _call(client, "say", words)
 
 
-def command_number(command: viser.CommandHandle) -> str:
-    """Return what a button of the panel's HTML has as `data-command` to run a command."""
-    return page_number(command)
-
-
 def take_arrows(client: viser.ClientHandle, taken: bool) -> None:
     """Let the arrow keys be keys of commands, and turn the view only with Ctrl; or not any more."""
     _call(client, "takeArrows", taken)
