@@ -70,20 +70,25 @@ class Bounds:
 class Bucket:
     """Lets `most` through at once, and `rate` a second in the long run."""
 
-    def __init__(self, most: float, rate: float) -> None:
-        self._most, self._rate = most, rate
-        self._left, self._at = most, time.monotonic()
+    def __init__(
+        self, most: float, rate: float, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._most, self._rate, self._clock = most, rate, clock
+        self._left, self._at = most, clock()
 
     def take(self) -> float:
         """Take one, and return the s until it may pass."""
-        now = time.monotonic()
+        now = self._clock()
         self._left = min(self._most, self._left + (now - self._at) * self._rate) - 1.0
         self._at = now
         return max(0.0, -self._left / self._rate)
 
-    def give_back(self) -> None:
-        """Give the last one back: it did not pass."""
+    def passes(self) -> bool:
+        """Take one if it may pass at once; return whether it does."""
+        if self.take() == 0.0:
+            return True
         self._left += 1.0
+        return False
 
 
 class Connections:
@@ -158,10 +163,7 @@ class Connections:
         openings = self._openings.setdefault(
             address, Bucket(self.bounds.most_per_address, OPENINGS_PER_SECOND)
         )
-        if openings.take() == 0.0:
-            return True
-        openings.give_back()
-        return False
+        return openings.passes()
 
     def refuse(self, what: str, connection: "PageConnection", reason: str = "") -> None:
         """Count a refusal, and log the first of its kind: what was sent is never logged."""

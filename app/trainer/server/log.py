@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Literal
 
+from app.trainer.connections.bounds import Bucket
+
 __all__ = ["LogFormat", "set_up_log"]
 
 LogFormat = Literal["text", "json"]
@@ -45,18 +47,14 @@ class _Rate(logging.Filter):
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
-        self._clock, self._left, self._at = clock, MOST_AT_ONCE, clock()
+        self._bucket = Bucket(MOST_AT_ONCE, PER_SECOND, clock=clock)
         self._dropped = 0
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether a record is written."""
-        now = self._clock()
-        self._left = min(MOST_AT_ONCE, self._left + (now - self._at) * PER_SECOND)
-        self._at = now
-        if self._left < 1.0:
+        if not self._bucket.passes():
             self._dropped += 1
             return False
-        self._left -= 1.0
         if self._dropped:
             record.msg = f"{record.getMessage()} ({self._dropped:,} records before were dropped)"
             record.args, self._dropped = None, 0

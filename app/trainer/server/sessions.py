@@ -3,7 +3,6 @@
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
 
@@ -21,12 +20,6 @@ class SessionsFullError(ValueError):
 
 
 Kept = TypeVar("Kept")
-
-
-@dataclass(slots=True)
-class _Kept(Generic[Kept]):
-    session: Kept
-    left_at: float | None = None
 
 
 class Sessions(Generic[Kept]):
@@ -47,7 +40,8 @@ class Sessions(Generic[Kept]):
         self._make, self._clock = make, clock
         self._most, self._kept_seconds = most, kept_seconds
         self._lock = Lock()
-        self._kept: dict[str, _Kept[Kept] | None] = {}
+        self._kept: dict[str, Kept | None] = {}  # None while it is made
+        self._left: dict[str, float] = {}  # when each was left, s; the longest left first
 
     def __len__(self) -> int:
         with self._lock:
@@ -63,9 +57,9 @@ class Sessions(Generic[Kept]):
         with self._lock:
             self._expire()
             kept = None if token is None else self._kept.get(token)
-            if token is not None and kept is not None and kept.left_at is not None:
-                kept.left_at = None
-                return token, kept.session
+            if token is not None and kept is not None and token in self._left:
+                del self._left[token]
+                return token, kept
             if len(self._kept) >= self._most:
                 self._drop_longest_left()
             token = secrets.token_urlsafe(TOKEN_BYTES)
@@ -77,15 +71,14 @@ class Sessions(Generic[Kept]):
                 del self._kept[token]
             raise
         with self._lock:
-            self._kept[token] = _Kept(session)
+            self._kept[token] = session
         return token, session
 
     def leave(self, token: str) -> None:
         """Note that a session's client has gone; the session is kept for a while."""
         with self._lock:
-            kept = self._kept.get(token)
-            if kept is not None and kept.left_at is None:
-                kept.left_at = self._clock()
+            if token in self._kept:
+                self._left.setdefault(token, self._clock())
             self._expire()
 
     def expire(self) -> None:
@@ -95,24 +88,16 @@ class Sessions(Generic[Kept]):
 
     def _expire(self) -> None:
         now = self._clock()
-        gone = [
-            token
-            for token, kept in self._kept.items()
-            if kept is not None
-            and kept.left_at is not None
-            and now - kept.left_at > self._kept_seconds
-        ]
-        for token in gone:
-            del self._kept[token]
+        for token, left_at in list(self._left.items()):
+            if now - left_at > self._kept_seconds:
+                self._drop(token)
 
     def _drop_longest_left(self) -> None:
-        left = [
-            (kept.left_at, token)
-            for token, kept in self._kept.items()
-            if kept is not None and kept.left_at is not None
-        ]
-        if not left:
+        if not self._left:
             raise SessionsFullError(
                 f"{self._most} trainees are at work already; come back when one has left"
             )
-        del self._kept[min(left)[1]]
+        self._drop(next(iter(self._left)))
+
+    def _drop(self, token: str) -> None:
+        del self._left[token], self._kept[token]
