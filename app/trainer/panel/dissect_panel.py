@@ -15,7 +15,7 @@ from app.trainer.panel.bed_readout import (
     bed_zone,
 )
 from app.trainer.panel.bed_tab import BedTab
-from app.trainer.panel.export_box import ExportBox
+from app.trainer.panel.export_box import add_export
 from app.trainer.panel.hands_tab import HandsTab
 from app.trainer.panel.help import DISSECT_KEYS
 from app.trainer.panel.mode_panel import ModePanel
@@ -35,7 +35,7 @@ class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
             self._hands = HandsTab(self._gui, state)
         self._add_exercises()
         with self._add_replays():
-            ExportBox(
+            add_export(
                 self._gui,
                 state,
                 RUN_SUFFIXES,

@@ -5,7 +5,7 @@ from app.trainer.client.pull_state import PullState
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
-from app.trainer.panel.export_box import ExportBox
+from app.trainer.panel.export_box import add_export
 from app.trainer.panel.help import PULL_KEYS
 from app.trainer.panel.mode_panel import ModePanel
 from app.trainer.panel.model_tab import ModelTab
@@ -40,7 +40,7 @@ class PullPanel(ModePanel[PullState, Reading, RunFile]):
             self._build = BuildTab(gui, state)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, state)
-            ExportBox(
+            add_export(
                 gui,
                 state,
                 SUFFIXES,
