@@ -174,16 +174,14 @@ class PullState(ClientState[Session, RunFile]):
             self.refuse("A torn duct holds no pull. Press Reset (R) for a new one.")
             return
         self._begin_anew(True)
-        first = session.duct.dissection.clamps[0]
-        station = session.duct.grasp if hold.station is None else hold.station - first
+        station = session.duct.grasp if hold.station is None else hold.station
         self._held_from = session.grab(station)
         self.move_hand(hold)
 
     def move_hand(self, hold: Hold) -> None:
         """Move the hand that has grabbed the duct."""
         if self._held_from is not None:
-            along_pull = float(hold.moved @ self.session.duct.dissection.frame[:, 2])
-            self.session.move_hand(self._held_from + along_pull)
+            self.session.move_hand(self._held_from + float(hold.moved[2]))
 
     def release_hand(self) -> None:
         """Release the duct, if a hand holds it."""

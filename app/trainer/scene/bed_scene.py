@@ -1,7 +1,6 @@
 """The scene of a dissection: a duct in its bed, and the instruments of both hands."""
 
 import math
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -9,7 +8,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.simulation.bed import HANDS, BedExercise, BedReading, BedSession
-from app.trainer.scene.drag_proxy import DragProxy, Hold
+from app.trainer.scene.drag_proxy import DragProxy
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.goal_band import GoalStretch
@@ -82,35 +81,10 @@ class BedScene(DuctOnStage[BedSession]):
                 drawn.contact.press_rods(rods, self._first)
             self._show(None if colours == "tissue" else self._values(colours))
 
-    def let_drag(
-        self,
-        grabbed: Callable[[Hold], None],
-        moved: Callable[[Hold], None],
-        released: Callable[[], None],
-    ) -> None:
-        """Let the mouse drag the duct and both instruments; holds are in the duct's frame.
-
-        A hold's station is mm from the first clamp, None for an instrument, whose hand it names.
-        """
-        super().let_drag(
-            lambda hold: grabbed(self._in_duct(hold)),
-            lambda hold: moved(self._in_duct(hold)),
-            released,
-        )
-
     def lead_into_picture(self, into: bool) -> None:
         """Let drags go into the picture, and those with Shift in its plane; or the other way."""
         if self._hand is not None:
             self._hand.swapped = into
-
-    def _in_duct(self, hold: Hold) -> Hold:
-        dissection = self._session.duct.dissection
-
-        def place(organ_place: NDArray[np.float64]) -> NDArray[np.float64]:
-            return (organ_place - self._first) @ dissection.frame
-
-        station = None if hold.station is None else hold.station - dissection.clamps[0]
-        return Hold(station, place(hold.start), place(hold.place), hold.hand)
 
     def _values(self, colours: Colours) -> list[NDArray[np.float32]]:
         """Return what each surface's vertices are coloured by, 0 to 1."""

@@ -14,6 +14,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.simulation import Dissection
 from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.solids import Solid, grid_faces
 from app.trainer.stage.strands import differ
@@ -34,9 +35,10 @@ SHRUNK = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hold:
-    """What a mouse holds, and where it is, in the coordinates of the organ or of a scene."""
+    """What a mouse holds, and where it is, in the frame of the duct, which is the stage's too."""
 
-    station: float | None  # arc length along the duct at the grab, mm; None for an instrument
+    # mm along the duct from its first clamp to the grab; None for an instrument
+    station: float | None
     start: NDArray[np.float64]  # (3,) where it was grabbed, mm
     # (3,) the mouse now, mm, in a plane through `start`: that of the pull, or the screen's
     place: NDArray[np.float64]
@@ -51,11 +53,14 @@ class Hold:
 class _Tube:
     """The coarse tube inside one surface of a duct, whole or torn."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, skin: Skin) -> None:
+    def __init__(
+        self, scene: viser.SceneApi, name: str, skin: Skin, dissection: Dissection
+    ) -> None:
+        self._dissection = dissection
         rings = np.linspace(0, skin.rings - 1, min(RINGS, skin.rings)).round().astype(int)
         self._ring_vertices = rings[:, None] * skin.sides + np.arange(skin.sides)
         self._drawn = self._ring_vertices[:, np.arange(SIDES) * skin.sides // SIDES].ravel()
-        self.stations = skin.grid(skin.stations)[rings].mean(axis=1)
+        self._stations = skin.grid(skin.stations)[rings].mean(axis=1) - dissection.clamps[0]
         faces = grid_faces(len(rings), SIDES, closed=True)
         self.mesh = add_mesh(scene, name, self._places(skin.vertices), faces, **_UNSEEN)
 
@@ -77,13 +82,14 @@ class _Tube:
 
     def hold(self, grip: NDArray[np.float64], place: NDArray[np.float64]) -> Hold:
         """Return a hold on the duct at the station nearest to the grip."""
-        axis = self._axis()
+        axis, dissection = self._axis(), self._dissection
+        in_organ = dissection.axis_point(0.0) + dissection.frame @ grip
         spans = np.diff(axis, axis=0)
-        along = np.sum((grip - axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
+        along = np.sum((in_organ - axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
         part = np.clip(along, 0.0, 1.0)
         nearest = axis[:-1] + part[:, None] * spans
-        segment = int(np.argmin(np.sum((grip - nearest) ** 2, axis=1)))
-        before, after = self.stations[segment : segment + 2].tolist()
+        segment = int(np.argmin(np.sum((in_organ - nearest) ** 2, axis=1)))
+        before, after = self._stations[segment : segment + 2].tolist()
         return Hold(before + float(part[segment]) * (after - before), grip, place)
 
 
@@ -113,17 +119,13 @@ class DragProxy:
         self._depth = False  # whether the last drag was one into the picture
         self.swapped = False  # whether drags go into the picture, and those with Shift do not
         self._ending: asyncio.TimerHandle | None = None
-        self._frame, self._origin = np.eye(3), np.zeros(3)
 
-    def set_duct(
-        self, skins: Sequence[Skin], frame: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> None:
-        """Let a duct be dragged by its skins, whole or torn, in the frame of the pull."""
-        self._frame, self._origin = frame, origin
+    def set_duct(self, skins: Sequence[Skin], dissection: Dissection) -> None:
+        """Let a dissection's duct be dragged by its skins, whole or torn."""
         self._remove_tubes()
         for number, skin in enumerate(skins):
             name = f"/organ/grip_{number}" if number else "/organ/grip"
-            tube = _Tube(self._client.scene, name, skin)
+            tube = _Tube(self._client.scene, name, skin, dissection)
             self._tubes.append(tube)
             self._listen(tube.mesh, tube.hold)
 
@@ -197,8 +199,8 @@ class DragProxy:
                 going_on = self._hold if self._ending is not None and into != self._depth else None
                 self._end_now(released=going_on is None)
                 self._depth = into
-                grip = self._organ_place(np.asarray(event.start_position, np.float64))
-                begun, at = self._organ_place(hand), grip
+                grip = np.array(event.start_position, np.float64)
+                begun, at = hand, grip
                 if going_on is not None:
                     at = going_on.place
                     return
@@ -209,7 +211,7 @@ class DragProxy:
             elif self._hold is not None:
                 held = self._hold
                 if self._in_screen:
-                    moved = self._organ_place(hand) - begun
+                    moved = hand - begun
                     place = at + (self._into_picture(moved) if into else moved)
                 else:
                     place = self._place_of(hand, held.start)
@@ -234,31 +236,25 @@ class DragProxy:
 
     def _into_picture(self, moved: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the way into the picture, across the duct, for one up in the screen's plane."""
-        up, lateral = self._frame[:, 2], self._frame[:, 1]
         eye = self._client.camera
-        sight = self._frame @ (np.asarray(eye.look_at) - np.asarray(eye.position))
-        above = up - sight * (up @ sight) / (sight @ sight)
+        sight = np.asarray(eye.look_at) - np.asarray(eye.position)
+        above = (0.0, 0.0, 1.0) - sight * sight[2] / (sight @ sight)
         size = float(np.linalg.norm(above))
-        return lateral * (float(moved @ above) / size if size > _LEAST_FACING else 0.0)
-
-    def _organ_place(self, stage_place: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._origin + self._frame @ stage_place
+        return np.array([0.0, float(moved @ above) / size if size > _LEAST_FACING else 0.0, 0.0])
 
     def _place_of(
         self, hand: NDArray[np.float64], grip: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the organ's place under the mouse, in the screen's plane or that of the pull."""
+        """Return the place under the mouse, in the screen's plane or that of the pull."""
         if self._in_screen:
-            return self._organ_place(hand)
+            return hand
         # viser gives the hand's place on a plane that faces the camera. The line of sight through
         # it intersects the plane of the pull at the place that the user points at.
-        eye = self._organ_place(np.asarray(self._client.camera.position, np.float64))
-        sight = self._organ_place(hand) - eye
-        lateral = self._frame[:, 1]
-        towards = float(sight @ lateral)
-        if abs(towards) < _LEAST_FACING * float(np.linalg.norm(sight)):  # the plane is seen edge-on
-            return self._organ_place(hand)
-        return eye + sight * (float((grip - eye) @ lateral) / towards)
+        eye = np.asarray(self._client.camera.position, np.float64)
+        sight = hand - eye
+        if abs(sight[1]) < _LEAST_FACING * float(np.linalg.norm(sight)):  # it is seen edge-on
+            return hand
+        return eye + sight * ((grip - eye)[1] / sight[1])
 
 
 _LEAST_FACING = 0.15  # sine of the line of sight to the plane; below it, the hand would jump

@@ -127,7 +127,7 @@ class DuctOnStage(Generic[AnySession]):
         if hand is None:
             return
         hand.let_go()
-        hand.set_duct([drawn.surface.skin for drawn in self._drawn], dissection.frame, self._first)
+        hand.set_duct([drawn.surface.skin for drawn in self._drawn], dissection)
         self._offer_instruments(hand)
         hand.follow([drawn.contact.vertices for drawn in self._drawn])
 
