@@ -419,7 +419,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
-        view.state._paused = True  # time goes by the hands' own ticks
+        view.state.paused = True  # time goes by the hands' own ticks
         for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
             session.advance()
             if session.run.over:

@@ -435,7 +435,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
 
         # Held, it counts down: at the goal and in the tab. Time goes by the test's own ticks.
         tab.open("Learn")
-        view.state._paused = True
+        view.state.paused = True
         run = session.run
         middle = 0.5 * (gentle.low_mm + gentle.high_mm)
         session.grab(session.duct.grasp)
@@ -461,7 +461,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         view = newest(trainer)
         assert view.session.run is run
         assert run.going
-        view.state._paused = True  # a slow page has as much time
+        view.state.paused = True  # a slow page has as much time
         learn = tab.page.get_by_role("tab", name="Learn")
         expect(learn).to_have_attribute("aria-selected", "true")
         expect(tab.page.get_by_test_id("task")).to_contain_text("Dissect gently")
@@ -490,7 +490,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
             (CAREFUL, "Passed", ["this try", "try 1", "expert", "limit"]),
         ):
             state.start_exercise(gentle, Feedback.CONTINUOUS)
-            state._paused = True  # time goes by the hand's own ticks
+            state.paused = True  # time goes by the hand's own ticks
             do_exercise(session, manner)
             expect(outcome).to_have_attribute("data-outcome", word)
             table.wait_for()  # the run is made again, and the expert's
@@ -635,7 +635,7 @@ def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
         tab.page.get_by_test_id("exercise-state").wait_for()
         assert session.run.feedback is Feedback.FADING
         expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
-        state._paused = True  # time goes by the test's own ticks
+        state.paused = True  # time goes by the test's own ticks
         session.grab(25.4)
         session.move_hand(2.0)
 

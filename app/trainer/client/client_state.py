@@ -80,13 +80,14 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.client, self.session, self.workers = client, session, workers
         self.last_run: FileT | None = None
         self.told: object = session.run if session.run.over else None  # the run whose end was told
-        self._playback: ReplayPlayback[SessionT] | None = None
+        # the replay that is shown in place of the session
+        self.playback: ReplayPlayback[SessionT] | None = None
         self._replayed: FileT | None = None
         self.plain = False
         self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
         self.choose_mode: Callable[[Mode], None] = lambda _: None
         self.kept: Callable[[], None] = lambda: None
-        self._paused = False
+        self.paused = False  # whether the session's time stands still
         self._changed = True
         self._home = False
         self._refusal: viser.NotificationHandle | None = None
@@ -96,25 +97,20 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self._force_key: viser.CommandHandle | None = None
 
     @property
-    def playback(self) -> ReplayPlayback[SessionT] | None:
-        """The replay that is shown in place of the session, or None."""
-        return self._playback
-
-    @property
     def watching(self) -> bool:
         """Whether the session that is shown is another page's."""
-        return isinstance(self._playback, LivePlayback)
+        return isinstance(self.playback, LivePlayback)
 
     @property
     def shown(self) -> SessionT:
         """The session that is shown: the client's own, or the replay's."""
-        playback = self._playback
+        playback = self.playback  # once: another thread may leave it
         return self.session if playback is None else playback.session
 
     @property
     def figures_visible(self) -> bool:
         """Whether the trainee may see the figures now."""
-        return self._playback is not None or self.session.run.feedback_visible
+        return self.playback is not None or self.session.run.feedback_visible
 
     @property
     def in_exercise(self) -> bool:
@@ -205,7 +201,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.release_hand()
         self.keep_run()
         start()
-        self._paused = False
+        self.paused = False
         self._changed = True
 
     @abstractmethod
@@ -232,7 +228,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
 
     def run_at_hand(self) -> FileT | None:
         """Return the run that is replayed, else the one in progress, else the last one."""
-        if self._playback is not None:
+        if self.playback is not None:
             return self._replayed
         return self.run_so_far() if self.session.run.started else self.last_run
 
@@ -246,18 +242,18 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()
         playback.play()
-        self._replayed, self._playback = run, playback
+        self._replayed, self.playback = run, playback
         self._changed = True
 
     def watch(self, session: SessionT, find: Callable[[], Session | BedSession | None]) -> None:
         """Show another page's session in place of this one's, which is stopped meanwhile."""
         self.release_hand()
-        self._playback = LivePlayback(session, find)
+        self.playback = LivePlayback(session, find)
         self._changed = True
 
     def leave_replay(self) -> None:
         """Show the session again, unchanged."""
-        self._playback = None
+        self.playback = None
         self._changed = True
 
     def show(self, *, plain: bool | None = None) -> None:
@@ -270,11 +266,6 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.spread = spread
         self._changed = True
 
-    @property
-    def paused(self) -> bool:
-        """Whether the session's time stands still."""
-        return self._paused
-
     def take_change(self) -> bool:
         """Return whether the client's choices have changed since the last call."""
         changed, self._changed = self._changed, False
@@ -285,7 +276,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         if paused and self.in_exercise:
             self.refuse(EXERCISE_GOES_ON)
             return
-        self._paused = paused
+        self.paused = paused
         self._changed = True
 
     def bring_home(self) -> None:

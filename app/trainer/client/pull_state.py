@@ -118,7 +118,7 @@ class PullState(ClientState[Session, RunFile]):
         start()
         self.last_run = None
         self.pulls += 1
-        self._paused = False
+        self.paused = False
         self._changed = True
 
     def offers_follow_from(self) -> object:
@@ -148,7 +148,7 @@ class PullState(ClientState[Session, RunFile]):
 
     def set_target_force(self, force: float) -> None:
         """Pull with the slider's force; once a run is over, this starts a new one."""
-        if self._playback is None and not self._refuses_mouse() and not self._refuses_force():
+        if self.playback is None and not self._refuses_mouse() and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_target_force(force)
             # Counted after the force is set: before, the slider would go back to zero.
@@ -156,18 +156,18 @@ class PullState(ClientState[Session, RunFile]):
 
     def ramp_to_tear(self) -> None:
         """Pull at a constant rate until the duct tears."""
-        if self._playback is not None or self._refuses_mouse() or self._refuses_force():
+        if self.playback is not None or self._refuses_mouse() or self._refuses_force():
             return
         self._begin_anew(True)
         event = self.session.reading().breaks_at
         if event is not None:
             self.session.set_target_force(PAST_BREAK * event.force)
-            self._paused = False
+            self.paused = False
         self.pulls += 1
 
     def grab(self, hold: Hold) -> None:
         """Grab the duct by hand."""
-        if self._playback is not None or self._refuses_mouse():
+        if self.playback is not None or self._refuses_mouse():
             return
         session = self.session
         if session.reading().phase is not Phase.INTACT:
