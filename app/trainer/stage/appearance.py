@@ -11,7 +11,6 @@ from app.simulation import Dissection, Preset, RoundBeam
 __all__ = [
     "Appearance",
     "Color",
-    "Kind",
     "Surroundings",
     "appearance_of",
     "drawn_lumen",
@@ -32,7 +31,6 @@ Color = tuple[int, int, int]
 class Appearance:
     """How one kind of duct looks; colours are sRGB, 0 to 255."""
 
-    kind: Kind
     base: Color  # ground colour
     deep: Color  # darker patches on it
     flushed: Color  # patches flushed with blood
@@ -53,41 +51,34 @@ class Appearance:
 
 
 _KINDS: dict[Kind, Appearance] = {
-    look.kind: look
-    for look in (
-        Appearance(
-            kind="bile duct",
-            base=(206, 158, 118), deep=(176, 122, 88), flushed=(190, 100, 84), pale=(226, 194, 156),
-            vessel=(116, 24, 26), vessels=6, vessel_width=0.42, capillaries=0.75, fibres=0.8,
-            roughness=0.48, clearcoat=0.65,
-            inside=(92, 56, 30), raw=(164, 70, 58), blood=(72, 5, 7), spilt=(58, 50, 10),
-            surroundings="liver", bite=0.62,
-        ),
-        Appearance(
-            kind="gallbladder",
-            base=(138, 142, 104), deep=(106, 116, 84), flushed=(150, 106, 84), pale=(170, 168, 130),
-            vessel=(104, 36, 32), vessels=8, vessel_width=0.5, capillaries=0.9, fibres=0.4,
-            roughness=0.44, clearcoat=0.75,
-            inside=(84, 80, 34), raw=(140, 74, 58), blood=(72, 5, 7), spilt=(58, 50, 10),
-            surroundings="liver", bite=0.62,
-        ),
-        Appearance(
-            kind="ureter",
-            base=(216, 184, 166), deep=(190, 148, 132), flushed=(204, 128, 118),
-            pale=(234, 212, 196), vessel=(150, 40, 44), vessels=4, vessel_width=0.34,
-            capillaries=0.45, fibres=1.0, roughness=0.46, clearcoat=0.7,
-            inside=(150, 84, 76), raw=(184, 96, 84), blood=(76, 6, 8), spilt=None,
-            surroundings="fat", bite=0.62,
-        ),
-        Appearance(
-            kind="rubber",
-            base=(64, 66, 70), deep=(54, 56, 60), flushed=(64, 66, 70), pale=(82, 84, 88),
-            vessel=(64, 66, 70), vessels=0, vessel_width=0.3, capillaries=0.0, fibres=0.0,
-            roughness=0.72, clearcoat=0.0,
-            inside=(58, 60, 64), raw=(70, 72, 76), blood=None, spilt=None,
-            surroundings="bench", bite=0.9,
-        ),
-    )
+    "bile duct": Appearance(
+        base=(206, 158, 118), deep=(176, 122, 88), flushed=(190, 100, 84), pale=(226, 194, 156),
+        vessel=(116, 24, 26), vessels=6, vessel_width=0.42, capillaries=0.75, fibres=0.8,
+        roughness=0.48, clearcoat=0.65,
+        inside=(92, 56, 30), raw=(164, 70, 58), blood=(72, 5, 7), spilt=(58, 50, 10),
+        surroundings="liver", bite=0.62,
+    ),
+    "gallbladder": Appearance(
+        base=(138, 142, 104), deep=(106, 116, 84), flushed=(150, 106, 84), pale=(170, 168, 130),
+        vessel=(104, 36, 32), vessels=8, vessel_width=0.5, capillaries=0.9, fibres=0.4,
+        roughness=0.44, clearcoat=0.75,
+        inside=(84, 80, 34), raw=(140, 74, 58), blood=(72, 5, 7), spilt=(58, 50, 10),
+        surroundings="liver", bite=0.62,
+    ),
+    "ureter": Appearance(
+        base=(216, 184, 166), deep=(190, 148, 132), flushed=(204, 128, 118),
+        pale=(234, 212, 196), vessel=(150, 40, 44), vessels=4, vessel_width=0.34,
+        capillaries=0.45, fibres=1.0, roughness=0.46, clearcoat=0.7,
+        inside=(150, 84, 76), raw=(184, 96, 84), blood=(76, 6, 8), spilt=None,
+        surroundings="fat", bite=0.62,
+    ),
+    "rubber": Appearance(
+        base=(64, 66, 70), deep=(54, 56, 60), flushed=(64, 66, 70), pale=(82, 84, 88),
+        vessel=(64, 66, 70), vessels=0, vessel_width=0.3, capillaries=0.0, fibres=0.0,
+        roughness=0.72, clearcoat=0.0,
+        inside=(58, 60, 64), raw=(70, 72, 76), blood=None, spilt=None,
+        surroundings="bench", bite=0.9,
+    ),
 }  # fmt: skip
 
 
