@@ -71,7 +71,7 @@ class _Body:
             self.piece.open(front, self.vertices)
         self.contact.mark(self.vertices, hook)
         self.tissue.show(_rounded(self.contact.vertices), _rounded(self.contact.shade))
-        self.tissue.visible = visible
+        self.tissue.set_visible(visible)
 
 
 def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:

@@ -152,13 +152,8 @@ class DressedSurface:
         }
         run_module(scene, SCRIPT, "bluntdissectSurfaces.dress", name, wear)
 
-    @property
-    def visible(self) -> bool:
-        """Whether it is shown."""
-        return self._mesh.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide it."""
         self._mesh.visible = visible
 
     def send(self, *, stress: bool = False) -> None:

@@ -1,5 +1,7 @@
 """The duct in two colours, for slow machines: one mesh for the wall, one for the inside."""
 
+from functools import partial
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -30,10 +32,16 @@ class PlainTissue:
         color: Color = OUTER_WALL,
         torn_end: TornEnd | None = None,
     ) -> None:
-        self._scene, self._name = scene, name
-        self._contact, self._radius = contact, radius
-        self._torn_end: TornEnd | None = torn_end
         self._stress: Tissue | None = None
+        self._make_stress = partial(
+            Tissue,
+            scene,
+            f"{name}_stress",
+            contact,
+            look=None,
+            radius=radius,
+            torn_end=torn_end,
+        )
         skin = contact.skin
         self._parts: list[tuple[viser.MeshHandle, NDArray[np.intp]]] = []
         # The inside is a mesh of its own for another colour and a sharp edge along the torn rim.
@@ -55,20 +63,13 @@ class PlainTissue:
     def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
         """Draw the stress on the surface as it is now, over the threshold."""
         if self._stress is None:
-            self._stress = Tissue(
-                self._scene,
-                f"{self._name}_stress",
-                self._contact,
-                look=None,
-                radius=self._radius,
-                torn_end=self._torn_end,
-            )
+            self._stress = self._make_stress()
         self._show_stress(True)
         self._stress.show_stress(vertices, share)
 
     def _show_stress(self, shown: bool) -> None:
         if self._stress is not None:
-            self._stress.visible = shown
+            self._stress.set_visible(shown)
         for mesh, _ in self._parts:
             mesh.visible = not shown
 

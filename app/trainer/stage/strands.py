@@ -66,7 +66,7 @@ class DrawnStrands:
         stage: Stage,
         fibres: int,
     ) -> None:
-        self._scene, self._header = scene, header
+        self._scene = scene
         self._sent = np.zeros((-(-numbers.size // 3), 3), np.float32)
         self._sent.reshape(-1)[: numbers.size] = numbers
         nothing = np.zeros((1, 3), np.uint32)  # to be seen without the script
@@ -85,11 +85,6 @@ class DrawnStrands:
             "columns": stage.bed_columns,
         }
         run_module(scene, SCRIPT, "bluntdissectStrands.show", NODE, wear)
-
-    @property
-    def whole(self) -> int:
-        """How many are drawn whole."""
-        return int((self._sent.reshape(-1)[self._header + 3 :: NUMBERS] > PARTED).sum())
 
     def send(self, numbers: NDArray[np.float32]) -> None:
         """Draw the strands by new numbers, if that can be seen to differ."""

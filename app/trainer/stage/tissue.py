@@ -179,14 +179,9 @@ class Tissue:
             torn_end=cut_end(surface, divided=divided),
         )
 
-    @property
-    def visible(self) -> bool:
-        """Whether it is shown."""
-        return self._surface.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._surface.visible = visible
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide it."""
+        self._surface.set_visible(visible)
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now."""
