@@ -15,21 +15,13 @@ from physics import Beam, Cubic, Exact, Theory
 
 __all__ = ["PullPlot", "ansys_points"]
 
-THEORY, PULL, BREAK, CUBIC, EXACT, ANSYS = (
-    "#9aa3ad",
-    "#35c28f",
-    "#ff6b5e",
-    "#f2b134",
-    "#5aa9ff",
-    "#e8eaed",
-)
 _SERIES = {
-    "theory": line("chosen theory", THEORY),
-    "pull": line("this pull", PULL, 3.0),
-    "break": line("break", BREAK, 1.5, (6, 4)),
-    "cubic": line("thesis's cubic", CUBIC, 1.2, (5, 3)),
-    "exact": line("exact beam", EXACT, 1.2, (2, 3)),
-    "ansys": dots("ANSYS, by the thesis", ANSYS),
+    "theory": line("chosen theory", "#9aa3ad"),
+    "pull": line("this pull", "#35c28f", 3.0),
+    "break": line("break", "#ff6b5e", 1.5, (6, 4)),
+    "cubic": line("thesis's cubic", "#f2b134", 1.2, (5, 3)),
+    "exact": line("exact beam", "#5aa9ff", 1.2, (2, 3)),
+    "ansys": dots("ANSYS, by the thesis", "#e8eaed"),
     "goal": area("goal"),
 }
 REFERENCE_POINTS = 50

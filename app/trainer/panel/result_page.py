@@ -138,11 +138,15 @@ def show_pull_result(
     )
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
 
-    def add_plots(gui: viser.GuiApi) -> None:
-        add_series_plots(gui, series, exercise)
-
-    remark = _SLIDERS if by_sliders else ""
-    _open(state, run, table, add_plots, again=again, watch=watch, remark=remark)
+    _open(
+        state,
+        run,
+        table,
+        lambda gui: add_series_plots(gui, series, exercise),
+        again=again,
+        watch=watch,
+        remark=_SLIDERS if by_sliders else "",
+    )
 
 
 def show_dissection_result(
@@ -158,8 +162,11 @@ def show_dissection_result(
         _beside(state.earlier_tries(run), _bed_expert(run, state)),
         {} if exercise is None else exercise.limits,
     )
-
-    def add_plots(gui: viser.GuiApi) -> None:
-        add_dissection_plots(gui, series, exercise)
-
-    _open(state, run, table, add_plots, again=again, watch=watch)
+    _open(
+        state,
+        run,
+        table,
+        lambda gui: add_dissection_plots(gui, series, exercise),
+        again=again,
+        watch=watch,
+    )
