@@ -23,7 +23,7 @@ from app.compression.report import DOUBTFUL
 from app.simulation import default_preset, fits, presets
 from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import figure, note, number, on_click, on_input, rows_html
-from app.trainer.panel.dialog import Dialog
+from app.trainer.panel.dialog import dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry import BuiltOrgan, Organ
@@ -61,22 +61,13 @@ class BuildTab:
         self._phantom = gui.add_button(
             "Use the built-in phantom", icon=viser.Icon.STACK_2, hint="128 images of a bile duct"
         )
-        self._pixel = gui.add_number(
-            "Pixel (mm)",
-            0.0,
-            min=0.0,
-            max=MOST_MM,
-            step=0.001,
-            hint="Side of a pixel of your images; 0 if they or a spacing.json in the zip say it",
-        )
-        self._slice = gui.add_number(
-            "Slice distance (mm)",
-            0.0,
-            min=0.0,
-            max=MOST_MM,
-            step=0.001,
-            hint="From image to image; 0 if they or a spacing.json in the zip say it",
-        )
+
+        def length(label: str, what: str) -> viser.GuiNumberHandle[float]:
+            hint = f"{what}; 0 if they or a spacing.json in the zip say it"
+            return gui.add_number(label, 0.0, min=0.0, max=MOST_MM, step=0.001, hint=hint)
+
+        self._pixel = length("Pixel (mm)", "Side of a pixel of your images")
+        self._slice = length("Slice distance (mm)", "From image to image")
         self._send = gui.add_upload_button(
             "Open images",
             icon=viser.Icon.UPLOAD,
@@ -377,17 +368,16 @@ class BuildTab:
     def _ask_before(self, built: BuiltOrgan) -> None:
         """Ask before training on an organ that is probably not the one that was meant."""
         gui = self._state.client.gui
-        page = Dialog(gui, "Is this the organ that you mean?")
-        with page:
+        with dialog(gui, "Is this the organ that you mean?") as close:
             gui.add_html(_doubts_html(built))
             no = gui.add_button("Back to the images", icon=viser.Icon.ARROW_LEFT)
             yes = gui.add_button("Practise on it all the same", color="gray")
 
         def agree() -> None:
-            page.close()
+            close()
             self._practise_on(built)
 
-        on_click(no, page.close)
+        on_click(no, close)
         on_click(yes, agree)
 
     def _send_organ(self) -> None:

@@ -6,10 +6,10 @@ import viser
 
 from app.trainer.client.client_state import Mode
 from app.trainer.panel.controls import on_click, on_input
-from app.trainer.panel.dialog import Dialog
+from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
 
-__all__ = ["DISSECT_KEYS", "HELP", "PULL_KEYS", "SEEN", "Key", "show_first_minute", "show_help"]
+__all__ = ["DISSECT_KEYS", "PULL_KEYS", "SEEN", "Key", "show_first_minute", "show_help"]
 
 Hotkey = Literal[
     "R", "T", "P", "H", "V", "X", "N", "G", "O", "C",
@@ -110,7 +110,8 @@ _ARROWS: dict[Mode, str] = {
 }
 
 
-def _help(mode: Mode, keys: tuple[Key, ...]) -> str:
+def _help(mode: Mode) -> str:
+    keys = DISSECT_KEYS if mode == "dissect" else PULL_KEYS
     listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in keys)
     return (
         f"{_HOW[mode]}\n**Words** with dots under them, and measures with a question mark, explain "
@@ -118,12 +119,6 @@ def _help(mode: Mode, keys: tuple[Key, ...]) -> str:
         f"{listed}\n- **M** Dissect or Pull\n{_ARROWS[mode]}\n"
         "- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
     )
-
-
-HELP: dict[Mode, str] = {
-    "dissect": _help("dissect", DISSECT_KEYS),
-    "pull": _help("pull", PULL_KEYS),
-}
 
 
 def _first_minute(mode: Mode) -> str:
@@ -137,15 +132,13 @@ def _first_minute(mode: Mode) -> str:
 def show_first_minute(client: viser.ClientHandle, mode: Mode) -> None:
     """Show the three lines for the first minute over the page, until they are dismissed."""
     gui = client.gui
-    dialog = Dialog(
-        gui,
-        "Blunt-dissection trainer",
-        closed=lambda: client.local_storage.set_item(SEEN, "1"),
-    )
-    with dialog:
+
+    def remember() -> None:
+        client.local_storage.set_item(SEEN, "1")
+
+    with dialog(gui, "Blunt-dissection trainer", closed=remember) as close:
         gui.add_html(_first_minute(mode))
-        start = gui.add_button("Start", icon=viser.Icon.HAND_MOVE)
-    on_click(start, dialog.close)
+        on_click(gui.add_button("Start", icon=viser.Icon.HAND_MOVE), close)
 
 
 SEEN = "first-minute"
@@ -155,9 +148,9 @@ SEEN = "first-minute"
 def show_help(client: viser.ClientHandle, mode: Mode) -> None:
     """Show the whole help over the page, until it is closed."""
     gui = client.gui
-    with Dialog(gui, "Help"):
+    with dialog(gui, "Help"):
         gui.add_html(_first_minute(mode))
-        gui.add_markdown(HELP[mode])
+        gui.add_markdown(_help(mode))
         letters = gui.add_checkbox(
             "Letter keys",
             initial_value=letter_keys_on(client),

@@ -21,7 +21,7 @@ from app.trainer.client.client_state import FEW, ClientState
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click
-from app.trainer.panel.dialog import Dialog
+from app.trainer.panel.dialog import dialog
 from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
 from app.trainer.panel.plots import add_dissection_plots, add_series_plots
 
@@ -95,16 +95,15 @@ def _open(
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
     free = "Free pull" if isinstance(run, RunFile) else "Free dissection"
-    page = Dialog(gui, "Result")
+    with dialog(gui, "Result") as close:
 
-    def closing(action: Callable[[], object]) -> Callable[[], None]:
-        def press() -> None:
-            page.close()
-            action()
+        def closing(action: Callable[[], object]) -> Callable[[], None]:
+            def press() -> None:
+                close()
+                action()
 
-        return press
+            return press
 
-    with page:
         title = free if exercise is None else exercise.title
         gui.add_html(outcome_html(run.outcome, title, remark))
         tabs = gui.add_tab_group()
