@@ -3,7 +3,7 @@
 import secrets
 import time
 from collections.abc import Callable
-from threading import Lock
+from threading import RLock
 from typing import Generic, TypeVar
 
 from app.trainer.connections.bounds import MOST_CLIENTS
@@ -39,7 +39,7 @@ class Sessions(Generic[Kept]):
     ) -> None:
         self._make, self._clock = make, clock
         self._most, self._kept_seconds = most, kept_seconds
-        self._lock = Lock()
+        self._lock = RLock()
         self._kept: dict[str, Kept | None] = {}  # None while it is made
         self._left: dict[str, float] = {}  # when each was left, s; the longest left first
 
@@ -49,13 +49,13 @@ class Sessions(Generic[Kept]):
 
     def __contains__(self, token: str) -> bool:
         with self._lock:
-            self._expire()
+            self.expire()
             return token in self._kept
 
     def claim(self, token: str | None = None) -> tuple[str, Kept]:
         """Return the session that a client left, or a new one."""
         with self._lock:
-            self._expire()
+            self.expire()
             kept = None if token is None else self._kept.get(token)
             if token is not None and kept is not None and token in self._left:
                 del self._left[token]
@@ -79,18 +79,15 @@ class Sessions(Generic[Kept]):
         with self._lock:
             if token in self._kept:
                 self._left.setdefault(token, self._clock())
-            self._expire()
+            self.expire()
 
     def expire(self) -> None:
         """Drop the sessions that were left too long ago."""
         with self._lock:
-            self._expire()
-
-    def _expire(self) -> None:
-        now = self._clock()
-        for token, left_at in list(self._left.items()):
-            if now - left_at > self._kept_seconds:
-                self._drop(token)
+            now = self._clock()
+            for token, left_at in list(self._left.items()):
+                if now - left_at > self._kept_seconds:
+                    self._drop(token)
 
     def _drop_longest_left(self) -> None:
         if not self._left:
