@@ -20,9 +20,9 @@ __all__ = [
     "Curve",
     "add_dissection_plots",
     "add_series_plots",
-    "area",
     "axes",
     "dots",
+    "goal_area",
     "key_html",
     "line",
 ]
@@ -71,10 +71,10 @@ def dots(label: str, colour: str) -> uplot.Series:
     )
 
 
-def area(label: str) -> uplot.Series:
+def goal_area() -> uplot.Series:
     """Return a series that is filled from the axis up to it: where a goal lies."""
     return uplot.Series(
-        label=label,
+        label="goal",
         stroke=GOAL_COLOUR,
         width=1,
         fill=GOAL_AREA,
@@ -130,7 +130,7 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
         reserve = limits.get("smallest_distance_to_break")
         limit = None if reserve is None else 100.0 * reserve
         _add_plot(gui, time, TO_BREAK, distance, limit, top=108.0)
-    marks = [area("goal")] * (band is not None or margin is not None)
+    marks = [goal_area()] * (band is not None or margin is not None)
     gui.add_html(key_html(marks + [LIMIT] * bool(limits)))
 
 

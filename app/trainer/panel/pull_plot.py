@@ -9,7 +9,7 @@ from viser import uplot
 
 from app.simulation import BeamModel, Dissection, GraspedBeam, Reading, Session
 from app.trainer.client.background_worker import BackgroundWorker
-from app.trainer.panel.plots import Curve, area, axes, dots, key_html, line
+from app.trainer.panel.plots import Curve, axes, dots, goal_area, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
 
@@ -22,7 +22,7 @@ _SERIES = {
     "cubic": line("thesis's cubic", "#f2b134", 1.2, (5, 3)),
     "exact": line("exact beam", "#5aa9ff", 1.2, (2, 3)),
     "ansys": dots("ANSYS, by the thesis", "#e8eaed"),
-    "goal": area("goal"),
+    "goal": goal_area(),
 }
 REFERENCE_POINTS = 50
 # Relative difference between a beam's numbers and a table's that the table's rounding explains.

@@ -19,9 +19,9 @@ _BELOW = 0.35  # mm that its edge lies below the bed's surface
 
 
 @lru_cache(maxsize=16)
-def spill_glb(look: Appearance, radius: float, place: float, seed: int = 3) -> bytes:
+def spill_glb(look: Appearance, radius: float, place: float) -> bytes:
     """Return the pools below a tear as a GLB file, in the bed's coordinates; empty if none."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(3)
     parts: list[Part] = []
     pools: list[tuple[Color, float, float]] = []  # colour, reach, aside
     if look.spilt is not None:

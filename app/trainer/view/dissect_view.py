@@ -10,7 +10,7 @@ from app.trainer.view.mode_view import ModeView
 __all__ = ["DissectView"]
 
 
-class DissectView(ModeView[DissectState, BedScene, DissectPanel, BedReading]):
+class DissectView(ModeView[DissectState, BedScene, BedReading]):
     """A session in a bed, and what one client sees of it."""
 
     plain_tab = "Bed"

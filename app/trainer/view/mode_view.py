@@ -26,11 +26,10 @@ NOTICE_SECONDS = 20.0
 
 StateT = TypeVar("StateT", bound=ClientState[Any, Any])
 SceneT = TypeVar("SceneT", bound=DuctOnStage[Any])
-PanelT = TypeVar("PanelT", bound=ModePanel[Any, Any, Any])
 ReadingT = TypeVar("ReadingT", Reading, BedReading)
 
 
-class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
+class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
     """The scene and the panel of one mode of the page. `frames` counts how often it was drawn.
 
     `plain_tab` is the tab of the panel that offers the simple picture.
@@ -99,7 +98,7 @@ class ModeView(ABC, Generic[StateT, SceneT, PanelT, ReadingT]):
         """Return the scene."""
 
     @abstractmethod
-    def _make_panel(self) -> PanelT:
+    def _make_panel(self) -> ModePanel[Any, Any, Any]:
         """Return the panel."""
 
     def _advance(self, ticks: int) -> bool:

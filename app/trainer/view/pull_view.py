@@ -16,7 +16,7 @@ from app.trainer.view.mode_view import ModeView
 __all__ = ["PullView"]
 
 
-class PullView(ModeView[PullState, DuctScene, PullPanel, Reading]):
+class PullView(ModeView[PullState, DuctScene, Reading]):
     """A session without a bed, and what one client sees of it."""
 
     plain_tab = "Model"
