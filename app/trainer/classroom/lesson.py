@@ -220,8 +220,7 @@ class Lesson:
         self.version += 1
         for member in self._all():
             if member.person is not None and member.person.id == person_id:
-                member.person, member.saved = None, ""
-                member.last = ""
+                member.person, member.saved, member.last = None, "", ""
                 self._show(member)
 
     def show_standing(self, shown: bool) -> None:
@@ -317,11 +316,9 @@ class Lesson:
 
     def _results(self) -> list[Result]:
         """Return all results, read again when there are new ones."""
-        version, found = self._found
-        if version != self.version:
-            version = self.version
-            self._found = version, found = version, results(self.store)
-        return found
+        if self._found[0] != self.version:
+            self._found = self.version, results(self.store)
+        return self._found[1]
 
     def to_watch(self, client: viser.ClientHandle) -> ToWatch | None:
         """Return what the teacher's page asks for by its address, if it is there."""

@@ -59,10 +59,8 @@ class Workers:
 
     def stop(self) -> None:
         """End them."""
-        self.awaited.stop()
-        self.background.stop()
-        self.build_process.stop()
-        self.builder.stop()
+        for each in (self.awaited, self.background, self.build_process, self.builder):
+            each.stop()
 
 
 class ClientState(ABC, Generic[SessionT, FileT]):

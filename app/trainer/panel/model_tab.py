@@ -74,9 +74,7 @@ class ModelTab:
         self._model: object = (session.duct.dissection, session.duct.theory)
         self._solve_thresholds()
         on_work(self._preset, self._choose_preset)
-        on_input(
-            self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA)
-        )  # fmt: skip
+        on_input(self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA))
         on_input(self._plain, lambda value: state.show(plain=value is True))
         on_input(self._points, lambda value: state.show(overlay=value is True))
 

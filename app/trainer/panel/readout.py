@@ -6,10 +6,6 @@ from app.simulation import Phase, Reading, Session, Spread
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
 __all__ = [
-    "CAREFUL",
-    "COLOURS",
-    "SAFE",
-    "STOP",
     "TORN",
     "cell",
     "cells_html",

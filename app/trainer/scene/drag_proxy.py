@@ -50,6 +50,10 @@ class Hold:
         return self.place - self.start
 
 
+_Start = Callable[[NDArray[np.float64], NDArray[np.float64]], Hold]
+"""Gives the hold of a drag from where it was grabbed and where the mouse is, (3,) mm."""
+
+
 class _Tube:
     """The coarse tube inside one surface of a duct, whole or torn."""
 
@@ -163,11 +167,7 @@ class DragProxy:
             tube.mesh.remove()
         self._tubes = []
 
-    def _listen(
-        self,
-        mesh: viser.MeshHandle,
-        start: Callable[[NDArray[np.float64], NDArray[np.float64]], Hold],
-    ) -> None:
+    def _listen(self, mesh: viser.MeshHandle, start: _Start) -> None:
         self._lead(mesh, start, button="left", modifier=None)
         if self._in_screen:
             self._lead(mesh, start, button="left", modifier="shift", depth=True)
@@ -176,7 +176,7 @@ class DragProxy:
     def _lead(
         self,
         mesh: viser.MeshHandle,
-        start: Callable[[NDArray[np.float64], NDArray[np.float64]], Hold],
+        start: _Start,
         *,
         button: Literal["left", "right"],
         modifier: Literal["shift"] | None,
