@@ -23,6 +23,7 @@ from app.trainer.classroom.class_card import Card, ClassCard
 from app.trainer.classroom.live import Live, live
 from app.trainer.client.client_state import Mode
 from app.trainer.panel.frame import LEARN
+from app.trainer.panel.result_page import run_title
 from app.trainer.view.client_view import ClientView
 from app.trainer.viser_bridge.page import asked_by_address, open_tab
 from organ_geometry import Organ
@@ -396,15 +397,13 @@ class Lesson:
         def make() -> RunRecord:
             began = time.monotonic()
             content = file()
-            free = "Free pull" if isinstance(content, RunFile) else "Free dissection"
-            exercise, outcome = content.log.exercise, content.outcome
-            title = free if exercise is None else exercise.title
+            outcome = content.outcome
             record = RunRecord(
                 id=run_id,
                 person_id=person.id,
                 assignment_id=current[0].id if mine and current is not None else None,
                 mode="pull" if isinstance(content, RunFile) else "dissect",
-                title=current[1].title if mine and current is not None else title,
+                title=current[1].title if mine and current is not None else run_title(content),
                 started_at=started_at,
                 finished=finished,
                 passed=None if outcome is None else outcome.passed,

@@ -25,7 +25,7 @@ from app.trainer.panel.dialog import dialog
 from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
 from app.trainer.panel.plots import add_dissection_plots, add_series_plots
 
-__all__ = ["ResultPage", "run_name", "show_dissection_result", "show_pull_result"]
+__all__ = ["ResultPage", "run_name", "run_title", "show_dissection_result", "show_pull_result"]
 
 FileT = TypeVar("FileT", RunFile, DissectionFile)
 MeasuresT = TypeVar("MeasuresT", Measures, DissectionMeasures)
@@ -71,6 +71,13 @@ def _beside(tries: Sequence[Any], expert: MeasuresT | None) -> dict[str, Measure
     return found if expert is None else {**found, "expert": expert}
 
 
+def run_title(run: RunFile | DissectionFile) -> str:
+    """Return what a run was: its exercise, or a free one."""
+    if run.log.exercise is not None:
+        return run.log.exercise.title
+    return "Free pull" if isinstance(run, RunFile) else "Free dissection"
+
+
 def run_name(run: RunFile | DissectionFile) -> str:
     """Return a name for a run's files: its exercise, or what it was, and the time now."""
     exercise = run.log.exercise
@@ -94,7 +101,6 @@ def _open(
     `again` starts the same exercise again, if the run has one; `watch` replays the run.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
-    free = "Free pull" if isinstance(run, RunFile) else "Free dissection"
     with dialog(gui, "Result") as close:
 
         def closing(action: Callable[[], object]) -> Callable[[], None]:
@@ -104,8 +110,7 @@ def _open(
 
             return press
 
-        title = free if exercise is None else exercise.title
-        gui.add_html(outcome_html(run.outcome, title, remark))
+        gui.add_html(outcome_html(run.outcome, run_title(run), remark))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Measures"):
             gui.add_html(measures)
