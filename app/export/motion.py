@@ -11,17 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.strands import BedTrack, StrandsSnapshot
-from app.simulation import (
-    FRONT_SECONDS,
-    SETTLED_SECONDS,
-    Dissection,
-    Phase,
-    Reading,
-    tear_front,
-    tear_swing,
-)
+from app.simulation import FRONT_SECONDS, SETTLED_SECONDS, Reading
 from organ_geometry import DrivingPoints
-from physics import BreakEvent, Theory, check_rupture, critical_stations
 
 __all__ = [
     "MOST_FRAMES",
@@ -31,9 +22,7 @@ __all__ = [
     "Motion",
     "MotionKey",
     "check_frames",
-    "pull_motion",
     "recoil_times",
-    "tear_motion",
 ]
 
 WHOLE = -1.0
@@ -42,8 +31,6 @@ MOST_FRAMES = 2000
 """Most keys of a pull: half a minute at 60 Hz. With more, a viewer's own blending is as smooth."""
 PAGE_FRAMES = 300
 """Keys of a run in a page by default."""
-# s, length of a prescribed pull.
-PULL_SECONDS = 2.0
 RUN_STEP = 0.1
 """s between keys while the front runs, for viewers that blend between them."""
 RECOIL_STEP = 0.05
@@ -146,48 +133,6 @@ def check_frames(frames: int) -> None:
         )
 
 
-def pull_motion(
-    dissection: Dissection,
-    theory: Theory,
-    *,
-    grasp: float,
-    force: float,
-    frames: int,
-    threshold: float,
-    breaks_at: BreakEvent | None = None,
-) -> Motion:
-    """Return the motion from rest to a force, in equilibrium all the way."""
-    check_frames(frames)
-    beam = dissection.beam
-    pull = theory.pull(beam, grasp)
-    driven, critical = dissection.beam_stations, critical_stations(beam, grasp)
-    stations = np.concatenate([driven, critical])
-    held = driven.size + int(np.searchsorted(critical, grasp))
-    rest = dissection.axis_point(grasp) - dissection.axis_point(0.0)
-    x, y, z = (dissection.frame.T @ rest).tolist()
-    transforms = np.zeros((frames, *dissection.rest_transforms().shape))
-    readings: list[Reading] = []
-    for key, at in enumerate(np.linspace(0.0, force, frames).tolist()):
-        pulled = pull.to_force(at).sample(stations)
-        if key:  # the first stays the identity to the bit
-            dissection.move(pulled.part(slice(None, driven.size)), transforms[key])
-        lifted = pulled.deflection
-        readings.append(
-            Reading(
-                phase=Phase.INTACT,
-                force=pulled.force,
-                deflection=lifted,
-                check=check_rupture(pulled.part(slice(driven.size, None)), threshold),
-                breaks_at=breaks_at,
-                deepest=lifted,
-                hook=(x + float(pulled.along[held]) - grasp, y, z + lifted),
-                held=True,
-            )
-        )
-    times = np.linspace(0.0, PULL_SECONDS, frames)
-    return Motion("pull", times, transforms, np.full(frames, WHOLE), tuple(readings))
-
-
 def recoil_times(run_step: float) -> NDArray[np.float64]:
     """Return times after the start of a tear, s, `run_step` apart while its front runs."""
     run, settled = FRONT_SECONDS, SETTLED_SECONDS
@@ -196,45 +141,4 @@ def recoil_times(run_step: float) -> NDArray[np.float64]:
             np.linspace(0.0, run, round(run / run_step) + 1),
             np.linspace(run, settled, round((settled - run) / RECOIL_STEP) + 1)[1:],
         ]
-    )
-
-
-def tear_motion(
-    dissection: Dissection,
-    theory: Theory,
-    *,
-    grasp: float,
-    event: BreakEvent,
-    frames: int,
-    threshold: float,
-    run_step: float = RUN_STEP,
-) -> Motion:
-    """Return the motion from rest over the break until both pieces are at rest."""
-    pull = pull_motion(
-        dissection,
-        theory,
-        grasp=grasp,
-        force=event.force,
-        frames=frames,
-        threshold=threshold,
-        breaks_at=event,
-    )
-    at_break = (
-        theory.pull(dissection.beam, grasp).to_force(event.force).sample(dissection.beam_stations)
-    )
-    elapsed = recoil_times(run_step)
-    fronts = np.array([tear_front(each) for each in elapsed.tolist()])
-    torn = np.zeros((elapsed.size, *pull.transforms.shape[1:]))
-    for key, seconds in enumerate(elapsed.tolist()):
-        dissection.move(at_break, torn[key], part=tear_swing(seconds))
-    # The hook stays where it tore the duct, and what it read is the break's.
-    tearing = replace(pull.readings[-1], phase=Phase.TEARING, held=False)
-    parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
-    readings = tuple(tearing if front < 1.0 else parted for front in fronts.tolist())
-    return Motion(
-        "tear",
-        np.concatenate([pull.times, pull.times[-1] + elapsed]),
-        np.concatenate([pull.transforms, torn]),
-        np.concatenate([pull.fronts, fronts]),
-        pull.readings + readings,
     )

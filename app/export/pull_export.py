@@ -1,23 +1,39 @@
 """An organ under a hook's pull, without a bed, as a file."""
 
-from collections.abc import Iterator
-from dataclasses import KW_ONLY, dataclass
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from app.export.motion import RUN_STEP, Motion, check_frames, pull_motion, tear_motion
+from app.export.motion import RUN_STEP, Motion, MotionKey, check_frames, recoil_times
 from app.export.organ_export import ExportResult, OrganExport
-from app.export.snapshot import PulledOrgan, Snapshot, borne_force, torn_snapshot
+from app.export.snapshot import Snapshot
 from app.export.table import axis_table, curve_table
-from organ_geometry.mesh import TornPiece
-from physics import BreakEvent, Theory, break_of
+from app.simulation import (
+    PIECES,
+    SETTLED_SECONDS,
+    Phase,
+    Reading,
+    Stresses,
+    SurfaceStress,
+    tear_front,
+    tear_swing,
+)
+from organ_geometry.mesh import Surface, TornPiece, organ_skin
+from physics import BreakEvent, Theory, break_of, check_rupture, critical_stations
 
 __all__ = ["PullExport"]
 
 Table = Literal["curve", "axis"]
+
+# s, length of a prescribed pull.
+PULL_SECONDS = 2.0
+# Stations along the span at which stress is sampled: two for each driving point.
+STRESS_STATIONS = 121
 
 
 @dataclass(frozen=True)
@@ -67,7 +83,7 @@ class PullExport(OrganExport):
     def last_force(self) -> float:
         """Return the force that a motion, a series or a curve goes to."""
         if self.force is not None:
-            return borne_force(self.dissection, self.break_event, self.force)
+            return self._borne_force()
         if self.break_event is None:
             raise ValueError(
                 f"preset {self.dissection.preset.name} does not break; say with --force how far "
@@ -76,30 +92,58 @@ class PullExport(OrganExport):
         return self.break_event.force
 
     def pull(self, frames: int | None = None) -> Motion:
-        """Return the motion from rest to the last force."""
-        return pull_motion(
-            self.dissection,
-            self.theory,
-            grasp=self.grasp,
-            force=self.last_force(),
-            frames=self.frames if frames is None else frames,
-            threshold=self.threshold,
-            breaks_at=self.break_event,
-        )
+        """Return the motion from rest to the last force, in equilibrium all the way."""
+        return Motion.of("pull", self._pull_keys(self.last_force(), frames))
 
     def tear(self, frames: int | None = None, *, run_step: float = RUN_STEP) -> Motion | None:
         """Return the motion from rest over the break until both pieces are at rest."""
-        if self.break_event is None:
+        event, dissection = self.break_event, self.dissection
+        if event is None:
             return None
-        return tear_motion(
-            self.dissection,
-            self.theory,
-            grasp=self.grasp,
-            event=self.break_event,
-            frames=self.frames if frames is None else frames,
-            threshold=self.threshold,
-            run_step=run_step,
-        )
+        keys = self._pull_keys(event.force, frames)
+        broken = self.theory.pull(dissection.beam, self.grasp).to_force(event.force)
+        at_break, last = broken.sample(dissection.beam_stations), keys[-1]
+        # The hook stays where it tore the duct, and what it read is the break's.
+        tearing = replace(last.reading, phase=Phase.TEARING, held=False)
+        parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
+        for elapsed in recoil_times(run_step).tolist():
+            transforms = dissection.rest_transforms()
+            dissection.move(at_break, transforms, part=tear_swing(elapsed))
+            front = tear_front(elapsed)
+            reading = tearing if front < 1.0 else parted
+            keys.append(MotionKey(last.time + elapsed, transforms, reading, front))
+        return Motion.of("tear", keys)
+
+    def _pull_keys(self, force: float, frames: int | None) -> list[MotionKey]:
+        count = self.frames if frames is None else frames
+        check_frames(count)
+        dissection, grasp = self.dissection, self.grasp
+        pull = self.theory.pull(dissection.beam, grasp)
+        driven, critical = dissection.beam_stations, critical_stations(dissection.beam, grasp)
+        stations = np.concatenate([driven, critical])
+        held = driven.size + int(np.searchsorted(critical, grasp))
+        rest = dissection.axis_point(grasp) - dissection.axis_point(0.0)
+        x, y, z = (dissection.frame.T @ rest).tolist()
+        times = np.linspace(0.0, PULL_SECONDS, count).tolist()
+        keys: list[MotionKey] = []
+        for time, at in zip(times, np.linspace(0.0, force, count).tolist(), strict=True):
+            pulled = pull.to_force(at).sample(stations)
+            transforms = dissection.rest_transforms()
+            if keys:  # the first stays the identity to the bit
+                dissection.move(pulled.part(slice(None, driven.size)), transforms)
+            lifted = pulled.deflection
+            reading = Reading(
+                phase=Phase.INTACT,
+                force=pulled.force,
+                deflection=lifted,
+                check=check_rupture(pulled.part(slice(driven.size, None)), self.threshold),
+                breaks_at=self.break_event,
+                deepest=lifted,
+                hook=(x + float(pulled.along[held]) - grasp, y, z + lifted),
+                held=True,
+            )
+            keys.append(MotionKey(time, transforms, reading))
+        return keys
 
     def motions(self) -> list[Motion]:
         """Return `pull` to the last force, and `tear` where the organ can break."""
@@ -116,37 +160,70 @@ class PullExport(OrganExport):
 
     def snapshot(self) -> Snapshot:
         """Return the organ under the force, or its two pieces."""
-        if self.torn:
-            return torn_snapshot(
-                self.dissection,
-                self.break_event,
-                force=self.force,
-                edge_length=self.edge_length,
-                seed=self.seed,
-            )
-        force = borne_force(self.dissection, self.break_event, self.force or 0.0)
-        return self._pulled().under(force)
+        return self._torn_snapshot() if self.torn else next(self._under([self._borne_force()]))
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
         """Yield the organ under forces from none to the last, N."""
-        pulled = self._pulled()
-        for force in np.linspace(0.0, self.last_force(), self.frames).tolist():
-            snapshot = pulled.under(force)
+        for snapshot in self._under(np.linspace(0.0, self.last_force(), self.frames).tolist()):
             yield snapshot.force, snapshot
 
-    def _pulled(self) -> PulledOrgan:
-        return PulledOrgan(
-            self.dissection,
-            self.theory,
-            grasp=self.grasp,
-            edge_length=self.edge_length,
-            threshold=self.threshold,
+    def _under(self, forces: Iterable[float]) -> Iterator[Snapshot]:
+        """Yield the organ under one force, N, after the other, with its stresses."""
+        dissection = self.dissection
+        pull = self.theory.pull(dissection.beam, self.grasp)
+        skin = organ_skin(dissection.organ, edge_length=self.edge_length)
+        bound, stress = skin.bound_to(dissection.driving), SurfaceStress(dissection, skin)
+        driven = dissection.beam_stations
+        loaded = critical_stations(dissection.beam, self.grasp, STRESS_STATIONS)
+        for force in forces:
+            pulled = pull.to_force(force).sample(np.concatenate([driven, loaded]))
+            transforms = dissection.rest_transforms()
+            dissection.move(pulled.part(slice(None, driven.size)), transforms)
+            vertices = bound.deform(transforms, np.empty_like(skin.vertices))
+            stresses = stress.at(pulled.part(slice(driven.size, None)), self.threshold)
+            surface = Surface("organ", skin, vertices)
+            yield Snapshot((surface,), (stresses,), pulled.force, pulled.deflection)
+
+    def _torn_snapshot(self) -> Snapshot:
+        """Return the two unstressed pieces of the torn organ, and the force at the break."""
+        event, preset = self.break_event, self.dissection.preset.name
+        if event is None:
+            raise ValueError(f"preset {preset} does not break; leave out --torn")
+        if self.force is not None and self._finite_force() < event.force:
+            raise ValueError(
+                f"force of {self.force:g} N does not tear {preset}, it breaks at "
+                f"{event.force:.4g} N; give that or more, or no force"
+            )
+        gone = tear_front(SETTLED_SECONDS)
+        pieces = self.dissection.torn_at(event.check, edge_length=self.edge_length, seed=self.seed)
+        surfaces = tuple(
+            Surface(name, piece.skin, piece.open(gone, piece.skin.vertices.copy()))
+            for name, piece in zip(PIECES, pieces, strict=True)
         )
+        stresses = tuple(Stresses.none(len(surface.vertices)) for surface in surfaces)
+        return Snapshot(surfaces, stresses, event.force, 0.0)
+
+    def _finite_force(self) -> float:
+        """Return the force that was asked for, 0 where none was; raise if it is not a number."""
+        force = self.force or 0.0
+        if not math.isfinite(force):
+            raise ValueError(f"force must be a finite number of N, got {force}")
+        return force
+
+    def _borne_force(self) -> float:
+        """Return the force that was asked for; raise if it is past the break."""
+        force, event = self._finite_force(), self.break_event
+        if event is not None and abs(force) > event.force:
+            raise ValueError(
+                f"force of {force:g} N is past the break of {self.dissection.preset.name} at "
+                f"{event.force:.4g} N; give less, or --torn for the two pieces"
+            )
+        return force
 
     def written_table(self) -> tuple[bytes, ExportResult]:
         """Return the force-deflection curve, or the axis under the force."""
         if self.table == "axis":
-            force = borne_force(self.dissection, self.break_event, self.force or 0.0)
+            force = self._borne_force()
             pull = self.theory.pull(self.dissection.beam, self.grasp).to_force(force)
             content = axis_table(self.dissection, pull, self.threshold)
             return content, ExportResult("the axis", force, pull.deflection)

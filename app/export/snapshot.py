@@ -1,6 +1,5 @@
 """Snapshots: an organ pulled or torn, as closed surfaces that stand where the organ stands."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,20 +7,10 @@ from numpy.typing import NDArray
 
 from app.export.motion import Motion
 from app.export.strands import StrandsSnapshot
-from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Stresses, SurfaceStress, tear_front
+from app.simulation import PIECES, Dissection, Stresses, SurfaceStress
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
-from physics import BreakEvent, Theory, critical_stations
 
-__all__ = [
-    "DissectedOrgan",
-    "PulledOrgan",
-    "Snapshot",
-    "borne_force",
-    "torn_snapshot",
-]
-
-# Stations along the span at which stress is sampled: two for each driving point.
-STRESS_STATIONS = 121
+__all__ = ["DissectedOrgan", "Snapshot"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,47 +24,6 @@ class Snapshot:
     # (V,) share of strands that have parted about each vertex, and the strands; None without a bed
     freed: NDArray[np.float32] | None = None
     strands: StrandsSnapshot | None = None
-
-
-class PulledOrgan:
-    """An organ's skin under a pull, force by force, with its stresses.
-
-    `grasp` is in mm from the first clamp, `threshold` in MPa, and `edge_length`, mm, is the wanted
-    length of the triangles' edges. A `ValueError` if the grasp is not between the clamps, or the
-    skin cannot be made with such edges.
-    """
-
-    def __init__(
-        self,
-        dissection: Dissection,
-        theory: Theory,
-        *,
-        grasp: float,
-        edge_length: float,
-        threshold: float,
-    ) -> None:
-        beam = dissection.beam
-        self._dissection = dissection
-        self._pull = theory.pull(beam, grasp)
-        self.skin = organ_skin(dissection.organ, edge_length=edge_length)
-        self._bound = self.skin.bound_to(dissection.driving)
-        self._threshold = threshold
-        self._stress = SurfaceStress(dissection, self.skin)
-        driven = dissection.beam_stations
-        loaded = critical_stations(beam, grasp, STRESS_STATIONS)
-        self._stations = np.concatenate([driven, loaded])
-        self._driven, self._loaded = slice(0, driven.size), slice(driven.size, None)
-
-    def under(self, force: float) -> Snapshot:
-        """Return the organ under a force, N, even past the break (see `borne_force`)."""
-        dissection = self._dissection
-        pulled = self._pull.to_force(force).sample(self._stations)
-        vertices = np.empty_like(self.skin.vertices)
-        moved = dissection.move(pulled.part(self._driven), dissection.rest_transforms())
-        self._bound.deform(moved, vertices)
-        stress = self._stress.at(pulled.part(self._loaded), self._threshold)
-        surface = Surface("organ", self.skin, vertices)
-        return Snapshot((surface,), (stress,), pulled.force, pulled.deflection)
 
 
 class DissectedOrgan:
@@ -120,43 +68,3 @@ class DissectedOrgan:
             bed.freed_at(key, stations - dissection.clamps[0]).astype(np.float32),
             motion.strands_at(key, dissection.driving),
         )
-
-
-def borne_force(dissection: Dissection, event: BreakEvent | None, force: float) -> float:
-    """Return the force; raise if it is not a number or is past the break."""
-    if not math.isfinite(force):
-        raise ValueError(f"force must be a finite number of N, got {force}")
-    if event is not None and abs(force) > event.force:
-        raise ValueError(
-            f"force of {force:g} N is past the break of {dissection.preset.name} at "
-            f"{event.force:.4g} N; give less, or --torn for the two pieces"
-        )
-    return force
-
-
-def torn_snapshot(
-    dissection: Dissection,
-    event: BreakEvent | None,
-    *,
-    force: float | None,
-    edge_length: float,
-    seed: int = 1,
-) -> Snapshot:
-    """Return the two unstressed pieces of a torn organ, and the force at the break."""
-    if event is None:
-        raise ValueError(f"preset {dissection.preset.name} does not break; leave out --torn")
-    if force is not None and not math.isfinite(force):
-        raise ValueError(f"force must be a finite number of N, got {force}")
-    if force is not None and force < event.force:
-        raise ValueError(
-            f"force of {force:g} N does not tear {dissection.preset.name}, it breaks at "
-            f"{event.force:.4g} N; give that or more, or no force"
-        )
-    gone = tear_front(SETTLED_SECONDS)
-    pieces = dissection.torn_at(event.check, edge_length=edge_length, seed=seed)
-    surfaces = tuple(
-        Surface(name, piece.skin, piece.open(gone, piece.skin.vertices.copy()))
-        for name, piece in zip(PIECES, pieces, strict=True)
-    )
-    stresses = tuple(Stresses.none(len(surface.vertices)) for surface in surfaces)
-    return Snapshot(surfaces, stresses, event.force, 0.0)
