@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-__all__ = ["BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS"]
+__all__ = ["BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS", "VALIDATION"]
 
 BILE_DUCT_PHANTOM: Path = Path(__file__).parent / "bile_duct_phantom"
 """Folder of the section images and their ``spacing.json``."""
@@ -15,3 +15,6 @@ PRESETS: Path = Path(__file__).parent / "presets.toml"
 
 BEDS: Path = Path(__file__).parent / "beds.toml"
 """Beds of connective tissue, each with its source and how sure it is."""
+
+VALIDATION: Path = Path(__file__).parent / "validation.toml"
+"""The thesis's tables and curves of solids, which the theories are held against."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.validation.converged_curves import SOLID, SOLID_HELD_OUT, SOLID_OFF_CENTRE
-from app.validation.thesis_tables import INCH, LBF, Table
+from app.validation.thesis_tables import HELD_OUT, INCH, LBF, Table
 from physics import (
     Beam,
     Cubic,
@@ -42,9 +41,6 @@ COMPARED: Mapping[str, Theory] = {
     "exact, shear, neo-hooke": Exact(NeoHooke()),
 }
 """The theories that are compared, by the name of their column."""
-
-# What the solids of a table's duct are called among the converged curves.
-SOLID_CASES = {"6.1": "A", "6.2": "B", "6.3": "C"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,17 +108,16 @@ class SolidErrors:
 
 def solid_errors(table: Table) -> tuple[SolidErrors, ...]:
     """Return how near the theories come to solids of the table's duct."""
-    case = SOLID_CASES[table.number]
     span = table.beam.span
     found: list[SolidErrors] = []
     for name, theory in COMPARED.items():
         central = [
             100.0 * (_deflected(theory, table, 0.5 * span, 2.0 * half_force) / solid - 1.0)
-            for half_force, solid in SOLID[case].items()
+            for half_force, solid in table.solid.items()
         ]
         off_centre = [
             100.0 * (_deflected(theory, table, 0.3 * span, force) / solid - 1.0)
-            for force, solid in SOLID_OFF_CENTRE[case].items()
+            for force, solid in table.solid_off_centre.items()
         ]
         found.append(
             SolidErrors(
@@ -141,15 +136,15 @@ def held_out_errors() -> dict[tuple[float, float], float]:
     """Return how near the exact beam comes to solids that nothing was fitted to."""
     theory = Exact(NeoHooke())
     found: dict[tuple[float, float], float] = {}
-    for (diameter, poisson_ratio), curve in SOLID_HELD_OUT.items():
+    for each in HELD_OUT:
         beam = Beam.round(
-            span=2.0, diameter=diameter, modulus=45.0, poisson_ratio=poisson_ratio
+            span=2.0, diameter=each.diameter, modulus=45.0, poisson_ratio=each.poisson_ratio
         )  # inch, lbf and psi, as the curves are: the theory knows no units
         errors = [
             100.0 * (theory.pull(beam, 1.0).to_force(2.0 * half_force).deflection / solid - 1.0)
-            for half_force, solid in curve.items()
+            for half_force, solid in each.curve.items()
         ]
-        found[diameter, poisson_ratio] = max(errors, key=abs)
+        found[each.diameter, each.poisson_ratio] = max(errors, key=abs)
     return found
 
 

@@ -10,7 +10,7 @@ shear miss that problem by more, at B, F = 10, the solution of the problem itsel
 (collocation, tolerance 1e-8).
 """
 
-from app.validation.converged_curves import Curve
+from app.validation.thesis_tables import Curve
 
 DIAMETERS = {"A": 0.4, "B": 0.1, "C": 0.35}
 MODULI = {"A": 1500.0, "B": 1500.0, "C": 45.0}
