@@ -24,10 +24,10 @@ from app.command_line.study import need
 
 if TYPE_CHECKING:
     from app.simulation import OrganBeam, Preset, RoundBeam
+    from app.study.bed_fit import BedFit
     from app.study.curves import Curve
-    from app.study.fit import Estimate, Fit
+    from app.study.fit import Estimate, Fit, Specimen
     from organ_geometry import Organ
-    from physics import Beam
 
 __all__ = ["fit"]
 
@@ -127,27 +127,32 @@ def fit(
                 )
     kinds = [_kind(curve, base, given, shape) for curve in found]
     specimens = [
-        _duct(curve, msgspec.structs.replace(base, beam=kind, poisson_ratio=ratio), given, shape)
+        _specimen(
+            curve, msgspec.structs.replace(base, beam=kind, poisson_ratio=ratio), given, shape
+        )
         for curve, kind in zip(found, kinds, strict=True)
     ]
     if bed is not None:
         if output is not None or free:
             raise ValueError("--bed seeks a bed: -o and --poisson fit go with pulls of a free duct")
-        result, lines, residuals, title = _bed_result(specimens, bed, base, modulus)
+        result, lines, residuals = _bed_result(specimens, bed, modulus or base.modulus_MPa)
+        title = f"bed {bed}"
     else:
         if modulus is not None:
             raise ValueError("--modulus goes with --bed; a pull's modulus is sought")
-        result, lines, residuals, title = _pull_result(
+        chosen = chosen_theory(theory, q=q, shear=shear, law=law)
+        result, lines, residuals = _pull_result(
             specimens,
-            chosen_theory(theory, q=q, shear=shear, law=law),
+            chosen,
             free=free,
             base=msgspec.structs.replace(base, beam=kinds[0]),
             name=name,
             output=output,
         )
+        title = theory_words(chosen)
     if organ is not None:
         which = "sections all along it" if theory == "exact" else "its weakest section"
-        span_of = f"{specimens[0][1].span:.4g} mm between the clamps"
+        span_of = f"{specimens[0].beam.span:.4g} mm between the clamps"
         lines.insert(1, ("organ", f"{organ}, {span_of}, {which}"))
         result["organ"] = str(organ)
     if figure is not None:
@@ -180,22 +185,23 @@ def _kind(
     )
 
 
-def _duct(
+def _specimen(
     curve: "Curve", preset: "Preset", given: dict[str, float | None], organ: "Organ | None"
-) -> "tuple[Curve, Beam, float]":
+) -> "Specimen":
     from app.simulation import organ_beam
+    from app.study.fit import Specimen
 
     beam = preset.round_beam() if organ is None else organ_beam(organ, preset)
     grasp = curve.facts.get("grasp_mm", given["grasp_mm"])
-    return curve, beam, beam.grasped_at(0.5 * beam.span if grasp is None else grasp)[0]
+    return Specimen(curve, beam, beam.grasped_at(0.5 * beam.span if grasp is None else grasp)[0])
 
 
-Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any], str]
-"""As JSON, as lines, the residuals of each curve, and a title."""
+Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any]]
+"""As JSON, as lines, and the residuals of each curve."""
 
 
 def _pull_result(
-    specimens: "list[tuple[Curve, Beam, float]]",
+    specimens: "list[Specimen]",
     theory: Any,
     *,
     free: bool,
@@ -203,100 +209,84 @@ def _pull_result(
     name: str,
     output: Path | None,
 ) -> Result:
-    from app.study.fit import Specimen, fit_pulls
+    from app.study.fit import fit_pulls
 
-    fitted = fit_pulls([Specimen(*each) for each in specimens], theory, free_ratio=free)
-    sought = [fitted.modulus, fitted.poisson_ratio]
-    if fitted.strength is not None:
-        sought.append(fitted.strength)
+    fitted = fit_pulls(specimens, theory, free_ratio=free)
     words = theory_words(theory)
     if output is not None:
         from app.simulation import preset_toml
         from organ_geometry import write_atomic
 
-        made = _preset(fitted, specimens, base, name, words)
-        write_atomic(output, preset_toml(made))
-    result: dict[str, Any] = {
-        "theory": theory.name,
-        **theory_options(theory),
-        "regions": "95 %, profile likelihood",
-        "parameters": {each.name: _as_json(each) for each in sought},
-        "noise_N": fitted.noise,
-        "correlation": fitted.correlation,
-        "condition": fitted.condition,
-        "cannot_tell": fitted.said,
-        "curves": [
-            {
-                "name": curve.name,
-                "points": int(curve.forces.size),
-                "modulus_alone_MPa": alone,
-                "broke": curve.broke,
-                "deflection_mm": curve.deflections.tolist(),
-                "residual_N": residual.tolist(),
-            }
-            for (curve, _, _), alone, residual in zip(
-                specimens, fitted.alone, fitted.residuals, strict=True
-            )
-        ],
-    }
-    lines = [
-        ("theory", words),
-        ("curves", _count(specimens)),
-        *((each.name, _words(each)) for each in sought),
-        ("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"),
-        *(("note" if i else "what to know", each) for i, each in enumerate(fitted.said)),
+        write_atomic(output, preset_toml(_preset(fitted, specimens, base, name, words)))
+    options = {"theory": theory.name, **theory_options(theory)}
+    curves = [
+        {
+            "name": each.curve.name,
+            "points": int(each.curve.forces.size),
+            "modulus_alone_MPa": alone,
+            "broke": each.curve.broke,
+            "deflection_mm": each.curve.deflections.tolist(),
+        }
+        for each, alone in zip(specimens, fitted.alone, strict=True)
     ]
-    return result, lines, fitted.residuals, words
+    return _result(
+        fitted, options | {"regions": "95 %, profile likelihood"}, ("theory", words), curves
+    )
 
 
-def _bed_result(
-    specimens: "list[tuple[Curve, Beam, float]]", bed: str, base: "Preset", modulus: float | None
-) -> Result:
+def _bed_result(specimens: "list[Specimen]", bed: str, modulus: float) -> Result:
     from dataclasses import replace
 
     from app.simulation.bed import bed_named
     from app.study.bed_fit import fit_bed
 
-    ducts = [
-        (curve, replace(beam, modulus=modulus or base.modulus_MPa), grasp)
-        for curve, beam, grasp in specimens
-    ]
+    ducts = [replace(each, beam=replace(each.beam, modulus=modulus)) for each in specimens]
     fitted = fit_bed(ducts, bed_named(bed))
-    sought = [fitted.stiffness, fitted.toughness]
+    in_plan = {
+        name: getattr(fitted.bed, name) for name in ("toughness_J_m2", "yield_mm", "part_mm")
+    }
+    curves = [{"name": each.curve.name} for each in specimens]
+    return _result(fitted, {"bed": bed, "regions": "95 %, Jacobian"}, ("bed", bed), curves, in_plan)
+
+
+def _result(
+    fitted: "Fit | BedFit",
+    head: dict[str, Any],
+    line: tuple[str, str],
+    curves: list[dict[str, Any]],
+    in_plan: dict[str, float] | None = None,
+) -> Result:
+    """Return what was found, below a head and its line."""
     result: dict[str, Any] = {
-        "bed": bed,
-        "regions": "95 %, Jacobian",
-        "parameters": {each.name: _as_json(each) for each in sought},
-        "toughness_J_m2": fitted.bed.toughness_J_m2,
-        "yield_mm": fitted.bed.yield_mm,
-        "part_mm": fitted.bed.part_mm,
+        **head,
+        "parameters": {each.name: _as_json(each) for each in fitted.sought},
+        **(in_plan or {}),
         "noise_N": fitted.noise,
         "correlation": fitted.correlation,
         "condition": fitted.condition,
         "cannot_tell": fitted.said,
         "curves": [
-            {"name": curve.name, "residual_N": residual.tolist()}
-            for (curve, _, _), residual in zip(specimens, fitted.residuals, strict=True)
+            {**curve, "residual_N": residual.tolist()}
+            for curve, residual in zip(curves, fitted.residuals, strict=True)
         ],
     }
+    points = sum(residual.size for residual in fitted.residuals)
     lines = [
-        ("bed", bed),
-        ("curves", _count(specimens)),
-        *((each.name, _words(each)) for each in sought),
-        (
-            "in a plan",
-            f"bed.toughness_J_m2 {fitted.bed.toughness_J_m2:.4g}, bed.yield_mm "
-            f"{fitted.bed.yield_mm:.4g}, bed.part_mm {fitted.bed.part_mm:.4g}",
-        ),
-        ("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"),
-        *(("note" if i else "what to know", each) for i, each in enumerate(fitted.said)),
+        line,
+        ("curves", f"{len(curves)}, {points} points"),
+        *((each.name, _words(each)) for each in fitted.sought),
     ]
-    return result, lines, fitted.residuals, f"bed {bed}"
+    if in_plan is not None:
+        said = ", ".join(f"bed.{name} {value:.4g}" for name, value in in_plan.items())
+        lines.append(("in a plan", said))
+    lines.append(("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"))
+    lines += [("note" if i else "what to know", each) for i, each in enumerate(fitted.said)]
+    return result, lines, fitted.residuals
 
 
 def _preset(
     fitted: "Fit",
-    specimens: "list[tuple[Curve, Beam, float]]",
+    specimens: "list[Specimen]",
     base: "Preset",
     name: str,
     theory: str,
@@ -319,22 +309,13 @@ def _preset(
         looks_like=base.looks_like,
         source=(
             f"bluntdissect fit, {theory}, 95 % by profile likelihood: "
-            + "; ".join(
-                f"{each.name} {_words(each)}"
-                for each in (fitted.modulus, fitted.poisson_ratio, strength)
-                if each is not None
-            )
-            + f"; curves {', '.join(each.name for each, _, _ in specimens)}."
+            + "; ".join(f"{each.name} {_words(each)}" for each in fitted.sought)
+            + f"; curves {', '.join(each.curve.name for each in specimens)}."
             + ("" if strength is not None else f" The break is that of preset {base.name}.")
         ),
         confidence="medium" if strength is not None else "low",
         confidence_note=(note[:1].upper() + note[1:] or "Measured") + ".",
     )
-
-
-def _count(specimens: "list[tuple[Curve, Beam, float]]") -> str:
-    points = sum(curve.forces.size for curve, _, _ in specimens)
-    return f"{len(specimens)}, {points} points"
 
 
 def _words(each: "Estimate") -> str:

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 from app.simulation.bed import BedPreset
 from app.study.beds import lift
-from app.study.curves import Curve
-from app.study.fit import BOUND, Estimate, in_streaks
-from physics import Beam
+from app.study.fit import BOUND, Estimate, Specimen, in_streaks, student
 from physics.bed import SpaceBeam
 
 __all__ = ["BedFit", "fit_bed"]
@@ -47,23 +45,27 @@ class BedFit:
     bed: BedPreset  # with what was found
     said: list[str]  # what the data cannot tell
 
+    @property
+    def sought(self) -> list[Estimate]:
+        """The parameters."""
+        return [self.stiffness, self.toughness]
 
-def fit_bed(curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> BedFit:
-    """Return what curves of ducts, each with its hook's place, mm, say of the bed below."""
+
+def fit_bed(specimens: list[Specimen], bed: BedPreset) -> BedFit:
+    """Return what curves of ducts that were lifted say of the bed below."""
     from scipy.optimize import least_squares
-    from scipy.special import stdtrit
 
-    measured = np.concatenate([curve.forces for curve, _, _ in curves])
-    beams = [SpaceBeam.of(beam, elements=ELEMENTS, nodes_at=[at]) for _, beam, at in curves]
+    measured = np.concatenate([each.curve.forces for each in specimens])
+    beams = [
+        SpaceBeam.of(each.beam, elements=ELEMENTS, nodes_at=[each.grasp]) for each in specimens
+    ]
+
+    def lifted(values: list[float]) -> list[tuple[Row, int]]:
+        layer = _bed(bed, *values)
+        return [_lifted(*each, layer) for each in zip(specimens, beams, strict=True)]
 
     def forces(logs: Row) -> Row:
-        layer = _bed(bed, *np.exp(logs).tolist())
-        return np.concatenate(
-            [
-                _forces(beam, layer, at, curve.deflections)
-                for beam, (curve, _, at) in zip(beams, curves, strict=True)
-            ]
-        )
+        return np.concatenate([row for row, _ in lifted(np.exp(logs).tolist())])
 
     start = np.log([2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm), bed.toughness_J_m2])
     found = least_squares(
@@ -85,7 +87,7 @@ def fit_bed(curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> BedFit:
         raise ValueError("the forces do not depend on the bed: is the duct lifted at all?")
     cosine = float(information[0, 1] / (scale[0] * scale[1]))
     shared = max(1.0 - cosine**2, 1e-16)
-    half = float(stdtrit(freedom, 0.975)) * noise / (scale * math.sqrt(shared))
+    half = student(freedom) * noise / (scale * math.sqrt(shared))
     names = (("bed stiffness", "kPa/mm"), ("bed toughness", "J/m2"))
     values = np.exp(found.x).tolist()
     ends = [np.exp(found.x + sign * np.minimum(half, 30.0)).tolist() for sign in (-1.0, 1.0)]
@@ -96,7 +98,7 @@ def fit_bed(curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> BedFit:
         if told == "open":
             why = (
                 " (no part of the curve shows strands part)"
-                if i == 1 and not _parts(beams, curves, _bed(bed, *values))
+                if i == 1 and not any(parted for _, parted in lifted(values))
                 else ""
             )
             said.append(
@@ -111,7 +113,7 @@ def fit_bed(curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> BedFit:
             f"stiffness and toughness of the bed trade against each other (correlation "
             f"{-cosine:+.3f})"
         )
-    ends_of = np.cumsum([curve.forces.size for curve, _, _ in curves])[:-1]
+    ends_of = np.cumsum([each.curve.forces.size for each in specimens])[:-1]
     residuals = list(np.split(-found.fun, ends_of))
     largest = float(np.abs(found.fun).max()) / float(np.abs(measured).max())
     if any(in_streaks(each) for each in residuals) and largest > 0.01:
@@ -143,21 +145,14 @@ def _bed(bed: BedPreset, stiffness: float, toughness: float) -> BedPreset:
     )
 
 
-def _history(beam: SpaceBeam, bed: BedPreset, at: float, to: float) -> tuple[Row, Row, int]:
+def _lifted(specimen: Specimen, beam: SpaceBeam, bed: BedPreset) -> tuple[Row, int]:
+    """Return the forces at a curve's lifts, and how many strands have parted at the last."""
+    lifts = specimen.curve.deflections
     strands = max(40, round(STRANDS_A_MM * beam.span))
-    history = lift(beam, bed, at=at, to=to, steps=STEPS, strands=strands)
-    lifts = np.concatenate([[0.0], history.hands[:, 0, 2]])
-    # What a gauge along the lift reads.
-    return lifts, np.concatenate([[0.0], history.forces[:, 0, 2]]), int(history.parted[-1])
-
-
-def _forces(beam: SpaceBeam, bed: BedPreset, at: float, lifts: Row) -> Row:
-    steps, forces, _ = _history(beam, bed, at, float(lifts.max()))
-    return np.interp(lifts, steps, forces)
-
-
-def _parts(beams: list[SpaceBeam], curves: list[tuple[Curve, Beam, float]], bed: BedPreset) -> bool:
-    return any(
-        _history(beam, bed, at, float(curve.deflections.max()))[2] > 0
-        for beam, (curve, _, at) in zip(beams, curves, strict=True)
+    history = lift(
+        beam, bed, at=specimen.grasp, to=float(lifts.max()), steps=STEPS, strands=strands
     )
+    steps = np.concatenate([[0.0], history.hands[:, 0, 2]])
+    # What a gauge along the lift reads.
+    forces = np.concatenate([[0.0], history.forces[:, 0, 2]])
+    return np.interp(lifts, steps, forces), int(history.parted[-1])

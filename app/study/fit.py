@@ -31,7 +31,7 @@ from physics import (
     critical_stations,
 )
 
-__all__ = ["Estimate", "Fit", "Specimen", "fit_pulls", "in_streaks", "uses_poisson"]
+__all__ = ["BOUND", "Estimate", "Fit", "Specimen", "fit_pulls", "in_streaks", "student"]
 
 Row = NDArray[np.float64]
 
@@ -84,8 +84,14 @@ class Fit:
     breaks: list[float]  # stress at the break of each curve that has one, MPa
     said: list[str]  # what the data cannot tell, in plain words
 
+    @property
+    def sought(self) -> list[Estimate]:
+        """The parameters."""
+        found = [self.modulus, self.poisson_ratio]
+        return found if self.strength is None else [*found, self.strength]
 
-def uses_poisson(theory: Theory) -> bool:
+
+def _uses_poisson(theory: Theory) -> bool:
     """Return whether a theory's force depends on Poisson's ratio."""
     return isinstance(theory, Exact) and theory.law.shear
 
@@ -110,7 +116,7 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
     ValueError
         If the theory cannot follow a curve, or has no Poisson's ratio that could be sought.
     """
-    if free_ratio and not uses_poisson(theory):
+    if free_ratio and not _uses_poisson(theory):
         raise ValueError(
             f"the force of the {theory.name} theory does not depend on Poisson's ratio: it cannot "
             "be told; take exact with --shear or --law neo-hooke"
@@ -127,7 +133,7 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
     count, sought = measured.size, 1 + int(free_ratio)
     if count <= sought + 1:
         raise ValueError(f"{count} points are too few for {sought} parameters")
-    t = _student(count - sought)
+    t = student(count - sought)
     given = specimens[0].beam.poisson_ratio
     said: list[str] = []
     correlation = condition = None
@@ -138,7 +144,7 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
         half = t * math.sqrt(least / (count - 1) / scale)
         modulus = Estimate("modulus", "MPa", e, e - half, e + half)
         ratio = Estimate("Poisson's ratio", "", given, given, given, "given")
-        if uses_poisson(theory):
+        if _uses_poisson(theory):
             said.append(
                 f"Poisson's ratio was taken as {given:g}; the modulus depends on it by "
                 f"{problem.slope_by_ratio(given):.2g} % for each 0.01"
@@ -313,7 +319,7 @@ def _strength(
         half = shared
     else:
         scatter = float(breaks.std(ddof=1)) / math.sqrt(len(broken))
-        half = math.hypot(_student(len(broken) - 1) * scatter, shared)
+        half = math.hypot(student(len(broken) - 1) * scatter, shared)
     return Estimate("strength", "MPa", mean, mean - half, mean + half), breaks.tolist()
 
 
@@ -371,7 +377,8 @@ def _of_curves(
     ]
 
 
-def _student(freedom: int) -> float:
+def student(freedom: int) -> float:
+    """Return the quantile of Student's distribution for a region of 95 %."""
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, 0.975))

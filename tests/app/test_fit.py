@@ -167,7 +167,7 @@ def test_a_bed_s_stiffness_and_toughness_are_found_again(tmp_path: Path) -> None
     history = lift(beam, bed, at=25.4, to=8.0, steps=40, strands=203)
     noise = np.random.default_rng(6).normal(0.0, 0.01, 40)
     curve = Curve("made", history.hands[:, 0, 2], history.forces[:, 0, 2] + noise, {}, False)
-    found = fit_bed([(curve, base, 25.4)], bed_named("normal"))
+    found = fit_bed([Specimen(curve, base, 25.4)], bed_named("normal"))
     stiffness = 2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm)
     assert found.toughness.low < bed.toughness_J_m2 < found.toughness.high
     assert found.stiffness.low < stiffness < found.stiffness.high
