@@ -117,7 +117,7 @@ def haptics(
         raise ValueError("a second hook is led by --second-device, or --second-at says how far")
     from app.haptics.device import DeviceError, DeviceOptions
     from app.haptics.duct_choice import DuctChoice
-    from app.haptics.hand import HandScript, read_hand
+    from app.haptics.hand import read_hand
     from app.haptics.servo import real_time
     from app.haptics.servo_loop import LoopSettings
     from app.simulation import chosen_preset
@@ -138,7 +138,7 @@ def haptics(
         bed_seed=seed,
     )
     settings = LoopSettings(rate, scale, hold)
-    script = HandScript() if hand is None else read_hand(hand)
+    script = read_hand(hand)
     opened = [(device, DeviceOptions(address, settings.period, script))]
     if second_device is not None:
         opened.append(
@@ -162,13 +162,13 @@ def haptics(
 
 
 def _serve(address: str, hand: Path | None) -> None:
-    from app.haptics.hand import HandScript, read_hand
+    from app.haptics.hand import read_hand
     from app.haptics.haply_messages import websocket_address
     from app.haptics.haply_server import HaplyServer
     from app.haptics.servo import real_time
 
     host, port = websocket_address(address)
-    script = HandScript() if hand is None else read_hand(hand)
+    script = read_hand(hand)
 
     real_time()  # as even as a device's own clock, where that is allowed
 

@@ -102,12 +102,12 @@ def _servo(
 ) -> "Callable[[FeltSetting], ServoProcess]":
     """Return a function that starts the servo of devices, with their addresses."""
     from app.haptics.device import DeviceOptions
-    from app.haptics.hand import HandScript, read_hand
+    from app.haptics.hand import read_hand
     from app.haptics.servo_loop import LoopSettings
     from app.haptics.servo_process import ServoProcess
 
     settings = LoopSettings()
-    script = HandScript() if hand is None else read_hand(hand)
+    script = read_hand(hand)
     opened = [
         (name, DeviceOptions(address, settings.period, script))
         for name, address in devices

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 from app.haptics.device import Device, DeviceError, DeviceLimits, DeviceOptions, open_device
 from app.haptics.device_run import DeviceRun
@@ -35,14 +35,8 @@ def opened_devices(named: Sequence[tuple[str, DeviceOptions]]) -> Generator[list
 
 def least_limits(devices: Sequence[Device]) -> DeviceLimits:
     """Return the bounds that keep every device within its own."""
-    limits = [device.limits for device in devices]
-    return DeviceLimits(
-        min(each.force for each in limits),
-        min(each.force_rate for each in limits),
-        min(each.damping for each in limits),
-        min(each.added_damping for each in limits),
-        min(each.speed for each in limits),
-    )
+    limits = (astuple(device.limits) for device in devices)
+    return DeviceLimits(*map(min, zip(*limits, strict=True)))
 
 
 def felt_run(

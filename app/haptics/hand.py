@@ -73,7 +73,9 @@ class HandScript(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"the times of a path must grow, got {times} s")
 
 
-def read_hand(path: Path) -> HandScript:
-    """Return the hand in a TOML file."""
+def read_hand(path: Path | None) -> HandScript:
+    """Return the hand in a TOML file, or one at rest."""
+    if path is None:
+        return HandScript()
     content = read_bounded(path, MOST_BYTES, "hand")
     return decoded(msgspec.toml.decode, content, HandScript, f"{path} is no hand")

@@ -19,6 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from app.haptics.device import DeviceLimits
 from kernel_cache import njit
 
 __all__ = [
@@ -113,28 +114,18 @@ def regulate(
 class Regulator:
     """The regulator of one or more hands on one model.
 
-    `period` and `soft_seconds`, in which the force comes, are s; `force`, N, `force_rate`, N/s, and
-    `added_damping`, N s/m, are bounds. `given` are the (H, 3) forces for the devices, N, `books`
-    the (8,) energies, N mm; `state` is what `regulate` works on.
+    `given` are the (H, 3) forces for the devices, N, every `period`, s, and `books` the (8,)
+    energies, N mm; `state` is what `regulate` works on.
     """
 
-    def __init__(
-        self,
-        hands: int,
-        period: float,
-        *,
-        force: float,
-        force_rate: float,
-        added_damping: float,
-        soft_seconds: float = SOFT_SECONDS,
-    ) -> None:
+    def __init__(self, hands: int, period: float, limits: DeviceLimits) -> None:
         self.given = np.zeros((hands, 3))
         self.books = np.zeros(8)
-        self._figures = np.array(
-            [period, force, force_rate * period, added_damping, max(soft_seconds, period), 0.0]
-        )
+        most, slew = limits.force, limits.force_rate * period
+        soft = max(SOFT_SECONDS, period)
+        figures = np.array([period, most, slew, limits.added_damping, soft, 0.0])
         self._memory = np.zeros((4, hands, 3))
-        self.state = self._memory, self.given, self.books, self._figures
+        self.state = self._memory, self.given, self.books, figures
 
     def start(self, places: NDArray[np.float64]) -> None:
         """Begin where the hands are."""

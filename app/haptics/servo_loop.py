@@ -247,13 +247,7 @@ class ServoLoop:
         self.leaving()
         hands, hooks, limits = self.hands, len(model.forces), self._limits
         self.model = model
-        self.regulator = Regulator(
-            hands,
-            self.settings.period,
-            force=limits.force,
-            force_rate=limits.force_rate,
-            added_damping=limits.added_damping,
-        )
+        self.regulator = Regulator(hands, self.settings.period, limits)
         self.given = self.regulator.given
         self._ways = np.zeros((ROWS, hooks, 3))
         self.hooks_led, self._led_now = self._ways[LED], self._ways[LED_NOW]

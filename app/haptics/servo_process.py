@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from app.haptics.device import Device, DeviceError, DeviceOptions, DeviceState
 from app.haptics.duct_choice import passive_coupling
 from app.haptics.felt_bed import FeltBed
-from app.haptics.felt_duct import FeltDuct, FeltModel
+from app.haptics.felt_duct import FeltDuct
 from app.haptics.felt_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
@@ -53,22 +53,9 @@ OPEN_SECONDS = 30.0
 """Time in which a device must be open, s; compilation takes most of it."""
 
 
-class FeltSetting(Protocol):
-    """A duct that is to be felt, as it is sent to the servo."""
-
-    @property
-    def hold(self) -> bool:
-        """Whether hooks have the duct without a button."""
-        ...
-
-    def model(self, coupling: float, period: float, hands: int) -> FeltModel:
-        """Return it behind couplings, N/mm, for hands; a `ValueError` if it has no force."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class DuctSetting:
-    """A duct without a bed under one hook, which has it at once."""
+    """A duct without a bed under one hook, as it is sent to the servo; the hook has it at once."""
 
     theory: Theory
     beam: Beam
@@ -77,7 +64,7 @@ class DuctSetting:
     hold: bool = True
 
     def model(self, coupling: float, period: float, hands: int) -> FeltDuct:
-        """Return it; see `FeltSetting`."""
+        """Return it behind couplings, N/mm, for hands; a `ValueError` if it has no force."""
         del period
         return FeltDuct(
             self.theory, self.beam, (self.grasp,),
@@ -96,11 +83,15 @@ class BedSetting:
     hold: bool = False
 
     def model(self, coupling: float, period: float, hands: int) -> FeltBed:
-        """Return it; see `FeltSetting`."""
+        """Return it; see `DuctSetting`."""
         return FeltBed(
             self.beam, tuple(self.tips[:hands, 0].tolist()), tips=self.tips[:hands],
             threshold=self.threshold, coupling=coupling, period=period, touch=self.touch,
         )  # fmt: skip
+
+
+FeltSetting = DuctSetting | BedSetting
+"""A duct that is to be felt; `hold` says whether hooks have it without a button."""
 
 
 @dataclass(frozen=True, slots=True)
