@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from app.simulation import Preset
     from organ_geometry import Organ
-    from physics import Beam, Equilibrium, Theory
+    from physics import Theory
 
 PRESET_NAMES = (
     "thesis-bile-duct, assumed-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, "
@@ -44,7 +44,6 @@ __all__ = [
     "TheoryName",
     "chosen_theory",
     "duct_of",
-    "equilibrium",
     "organ_from",
     "shipped_organ",
     "theory_options",
@@ -108,24 +107,3 @@ def theory_options(theory: "Theory") -> dict[str, object]:
 def theory_words(theory: "Theory") -> str:
     """Return a theory's name with its options."""
     return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory_options(theory).items())])
-
-
-def equilibrium(
-    theory: "Theory",
-    beam: "Beam",
-    *,
-    grasp: float | None,
-    force: float | None,
-    deflection: float | None,
-) -> "Equilibrium":
-    """Return a beam under the load that the options ask for."""
-    from physics import critical_stations
-
-    if (force is None) == (deflection is None):
-        raise ValueError("give either --force (N) or --deflection (mm)")
-    at = 0.5 * beam.span if grasp is None else grasp
-    stations = critical_stations(beam, at)
-    if force is not None:
-        return theory.pull(beam, at).to_force(force).sample(stations)
-    assert deflection is not None  # noqa: S101
-    return theory.pull(beam, at).to_deflection(deflection).sample(stations)

@@ -17,7 +17,6 @@ from app.command_line.load import (
     TheoryName,
     chosen_theory,
     duct_of,
-    equilibrium,
     organ_from,
     theory_options,
     theory_words,
@@ -82,7 +81,7 @@ def solve(
         _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, as_json=as_json)
         return
     from app.simulation import ASSUMED_PRESET, Dissection, RoundBeam, chosen_preset
-    from physics import Beam, break_of, check_rupture
+    from physics import Beam, break_of, check_rupture, critical_stations
     from physics.quantity import positive
 
     for name, value, unit, most in (
@@ -134,7 +133,16 @@ def solve(
     if limit is not None:
         positive(limit, "threshold", "MPa")
 
-    pulled = equilibrium(chosen, beam, grasp=grasp, force=force, deflection=deflection)
+    if (force is None) == (deflection is None):
+        raise ValueError("give either --force (N) or --deflection (mm)")
+    at = 0.5 * beam.span if grasp is None else grasp
+    stations = critical_stations(beam, at)
+    pull = chosen.pull(beam, at)
+    if force is not None:
+        pull.to_force(force)
+    elif deflection is not None:
+        pull.to_deflection(deflection)
+    pulled = pull.sample(stations)
     # Without a threshold any will do to find the place of the highest stress.
     check = check_rupture(pulled, 1.0 if limit is None else limit)
     event = None if limit is None else break_of(chosen.pull(beam, pulled.grasp), limit)
