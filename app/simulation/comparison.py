@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
@@ -45,7 +44,8 @@ class GhostReading:
 class Ghost:
     """The session's dissection by another theory, under the session's load.
 
-    `surface` is the session's skin, named "ghost", deformed as the ghost is by `draw`.
+    `surface` is the session's skin, named "ghost", deformed as the ghost is by `draw`, and `axis`
+    the (D, 3) axis at the driving points, mm, in the organ's coordinates; both are overwritten.
     """
 
     def __init__(self, model: BeamModel, skin: Skin) -> None:
@@ -53,14 +53,9 @@ class Ghost:
         self.surface = Surface("ghost", skin, skin.vertices.copy())
         self._bound = skin.bound_to(model.dissection.driving)
         self._transforms = model.dissection.rest_transforms()
-        self._axis = model.dissection.driving.positions.copy()
+        self.axis = model.dissection.driving.positions.copy()
         self._beam: GraspedBeam | None = None
         self._ends = False
-
-    @property
-    def axis(self) -> NDArray[np.float64]:
-        """(D, 3) axis at the driving points, mm, in the organ's coordinates; overwritten."""
-        return self._axis
 
     def follow(self, grasp: float, load: Load) -> None:
         """Solve under the session's load; where there is no equilibrium, there is no reading."""
@@ -81,7 +76,7 @@ class Ghost:
         self._bound.deform(dissection.move(driven, self._transforms), self.surface.vertices)
         frame, positions = dissection.frame, dissection.driving.positions
         moved = np.outer(driven.along - driven.stations, frame[:, 0])
-        np.add(positions, moved + np.outer(driven.across, frame[:, 2]), out=self._axis)
+        np.add(positions, moved + np.outer(driven.across, frame[:, 2]), out=self.axis)
 
     def reading(self, force: float, deflection: float) -> GhostReading | None:
         """Return the ghost's reading; None where its theory has no equilibrium."""
@@ -98,7 +93,10 @@ class Ghost:
 
 
 class SwingingChain:
-    """A mass-spring chain for a beam grasped `grasp` mm from the first clamp, with inertia."""
+    """A mass-spring chain for a beam grasped `grasp` mm from the first clamp, with inertia.
+
+    `places` are the (N, 3) masses, mm along the clamps, lateral and along the pull; overwritten.
+    """
 
     def __init__(self, beam: Beam, grasp: float) -> None:
         light = MassSpringChain(beam, grasp, nodes=NODES, density=TISSUE_DENSITY)
@@ -113,18 +111,13 @@ class SwingingChain:
         )
         self._load: Load | None = None
         self._still = True
-        self._places = np.zeros((NODES, 3))
-        self._places[:, ::2] = self._chain.places
+        self.places = np.zeros((NODES, 3))
+        self.places[:, ::2] = self._chain.places
 
     @property
     def grasp(self) -> float:
         """Distance of the grasp from the first clamp, mm."""
         return self._chain.grasp
-
-    @property
-    def places(self) -> NDArray[np.float64]:
-        """(N, 3) the masses, mm along the clamps, lateral and along the pull; overwritten."""
-        return self._places
 
     @property
     def force(self) -> float:
@@ -152,9 +145,9 @@ class SwingingChain:
             else:
                 self._chain.hold(load.amount)
         self._chain.step(TICK_SECONDS)
-        before = self._places[:, ::2].copy()
-        self._places[:, ::2] = self._chain.places
-        moved = float(np.abs(self._places[:, ::2] - before).max())
+        before = self.places[:, ::2].copy()
+        self.places[:, ::2] = self._chain.places
+        moved = float(np.abs(self.places[:, ::2] - before).max())
         speed = float(np.abs(self._chain.velocities).max())
         self._still = max(speed, moved / TICK_SECONDS) < STILL_MM_PER_S
         return True

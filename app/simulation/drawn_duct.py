@@ -54,7 +54,7 @@ class DrawnDuct:
         self._seed = seed
         self._pieces: tuple[TornPiece, ...] = ()
         self._bound: tuple[BoundSkin, ...] = ()
-        self._stress: tuple[SurfaceStress, ...] | None = None
+        self._stress: list[SurfaceStress] | None = None
 
     def follow(self, dissection: Dissection) -> None:
         """Show the whole organ, moved from now on by a dissection's driving points."""
@@ -109,12 +109,8 @@ class DrawnDuct:
         surface: int = 0,
     ) -> NDArray[np.float32]:
         """Write the stress along the organ, MPa, at each vertex of a surface."""
-        if self._stress is None:
-            self._stress = tuple(
-                SurfaceStress(self._dissection, each.skin) for each in self.surfaces
-            )
         part = 1.0 if tear is None else tear.stress_left
-        return self._stress[surface].write(pulled, out, part=part)
+        return self._stress_of(surface).write(pulled, out, part=part)
 
     def write_bed_stress(
         self,
@@ -124,11 +120,12 @@ class DrawnDuct:
         surface: int = 0,
     ) -> NDArray[np.float32]:
         """Write the stress along the organ, MPa, at each vertex, from `BeamOnBed.stresses`."""
+        return self._stress_of(surface).write_in_space(stations, stresses, out)
+
+    def _stress_of(self, surface: int) -> "SurfaceStress":
         if self._stress is None:
-            self._stress = tuple(
-                SurfaceStress(self._dissection, each.skin) for each in self.surfaces
-            )
-        return self._stress[surface].write_in_space(stations, stresses, out)
+            self._stress = [SurfaceStress(self._dissection, each.skin) for each in self.surfaces]
+        return self._stress[surface]
 
     def _show(self, surfaces: tuple[Surface, ...], pieces: tuple[TornPiece, ...] = ()) -> None:
         self.surfaces, self._pieces = surfaces, pieces

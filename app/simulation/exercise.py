@@ -2,14 +2,13 @@
 
 import math
 from enum import StrEnum
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
-from physics import BreakEvent
+from app.simulation.grasped_beam import GraspedBeam
 
 __all__ = [
     "ApproachBreak",
@@ -245,24 +244,7 @@ class Outcome(msgspec.Struct, frozen=True):
     reason: str
 
 
-class DuctLimits(Protocol):
-    """What exercises are scaled by: where a grasped duct breaks, and its curve up to there."""
-
-    @property
-    def breaks_at(self) -> BreakEvent | None:
-        """Load at which it breaks; None if it cannot."""
-        ...
-
-    def load_at(self, part: float) -> BreakEvent | None:
-        """Return the load under which the highest stress is a part of the threshold."""
-        ...
-
-    def curve(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return deflections and forces, mm and N."""
-        ...
-
-
-def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
+def exercises_for(duct: GraspedBeam) -> tuple[Exercise, ...]:
     """Return the exercises for a duct, scaled by its break; none if it cannot break."""
     event = duct.breaks_at
     working, most = (duct.load_at(1.0 / each) for each in (WORKING_SAFETY, LEAST_SAFETY))
@@ -297,7 +279,7 @@ def exercises_for(duct: DuctLimits) -> tuple[Exercise, ...]:
     )
 
 
-def goal_band(exercise: Exercise, duct: DuctLimits) -> tuple[float, float] | None:
+def goal_band(exercise: Exercise, duct: GraspedBeam) -> tuple[float, float] | None:
     """Return the deflections between which the goal lies, mm; None without such a goal."""
     event = duct.breaks_at
     if not isinstance(exercise, ApproachBreak) or event is None:

@@ -51,16 +51,6 @@ class Grasper:
     `speed` is that of the grasp, mm/s, by hand or free.
     """
 
-    __slots__ = (
-        "_still",
-        "deflection",
-        "force",
-        "mode",
-        "speed",
-        "target_deflection",
-        "target_force",
-    )
-
     def __init__(self) -> None:
         self.reset()
 

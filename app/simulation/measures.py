@@ -74,32 +74,6 @@ class MeasureTaker:
     four places, within one hold; the length of a tick cancels.
     """
 
-    __slots__ = (
-        "_band",
-        "_distance",
-        "_farthest",
-        "_force_sum",
-        "_forces",
-        "_held",
-        "_jerk",
-        "_last",
-        "_loaded",
-        "_mean",
-        "_moving",
-        "_over",
-        "_path",
-        "_peak",
-        "_slowed",
-        "_spread",
-        "_start",
-        "_tear",
-        "_threshold",
-        "maximum_force",
-        "maximum_loading_rate",
-        "overshoot",
-        "ticks",
-    )
-
     def __init__(self, task_threshold: float, band: tuple[float, float] | None = None) -> None:
         self._threshold, self._band = task_threshold, band
         self.ticks = 0

@@ -278,7 +278,19 @@ class BeddedDuct:
     def reading(self) -> BedReading:
         """Return what the instruments show now."""
         if self._reading is None:
-            self._reading = self._read()
+            beam = self.beam
+            self._reading = BedReading(
+                strands=beam.strands.count,
+                parted=self.parted,
+                freed=self.freed,
+                stress_share=self.share,
+                station=self.station,
+                peak_share=self._peak,
+                forces=self.forces,
+                held=tuple(hand.node is not None for hand in self.hands),
+                books=beam.books,
+                torn_at=None if self.torn is None else self.torn.station,
+            )
         return self._reading
 
     @property
@@ -297,21 +309,6 @@ class BeddedDuct:
     def _forget_reading(self) -> None:
         self._reading: BedReading | None = None
         self._forces: Floats | None = None
-
-    def _read(self) -> BedReading:
-        beam = self.beam
-        return BedReading(
-            strands=beam.strands.count,
-            parted=self.parted,
-            freed=self.freed,
-            stress_share=self.share,
-            station=self.station,
-            peak_share=self._peak,
-            forces=self.forces,
-            held=tuple(hand.node is not None for hand in self.hands),
-            books=beam.books,
-            torn_at=None if self.torn is None else self.torn.station,
-        )
 
     def freed_at(self, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
