@@ -11,6 +11,7 @@ import base64
 import html
 import json
 import math
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -350,7 +351,8 @@ def _page(
     if left > 0:
         cells += f"<p>{left} more cells of the grid are in report.json.</p>"
     versions = ", ".join(f"{name} {each}" for name, each in report["versions"].items())
-    return _PAGE.format(
+    page = files("app.study").joinpath("report.html").read_text(encoding="utf-8")
+    return page.format(
         title=html.escape(plan.title),
         ducts=f"{report['ducts']:,}",
         independent=f"{report['independent']:,}",
@@ -362,39 +364,6 @@ def _page(
         versions=html.escape(versions),
         plan=html.escape(plan.text),
     )
-
-
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>{title}</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
-color: #1a1a1a; background: #fff }}
-figure {{ margin: 1.5rem 0 }} img {{ max-width: 100%; height: auto }}
-table {{ border-collapse: collapse; margin: .5rem 0 1.5rem }}
-td, th {{ border-bottom: 1px solid #ccc; padding: .25rem .75rem .25rem 0; text-align: left }}
-td.n, th.n {{ text-align: right; font-variant-numeric: tabular-nums }}
-pre {{ background: #f4f4f4; padding: 1rem; overflow: auto }}
-footer {{ color: #555; margin-top: 2rem }}
-</style></head><body>
-<h1>{title}</h1>
-<p>{ducts} ducts solved, {independent} of them drawn independently. Not clinically validated, not a
-medical device.</p>
-<ul>{said}</ul>
-{figures}
-<h2>Loads at which ducts are torn</h2>
-{cells}
-<h2>Inputs</h2>
-<table><tr><th>input</th><th>distribution</th><th>unit</th></tr>{inputs}</table>
-<h2>How to read this</h2>
-<p>The probability of a tear at a load is the share of ducts that break at a lower one. Bands are
-95 %, for as many independent draws. An input's first index is the part of an output's variance that
-would fall away, on average, if the input were known; its total index the part that would be left if
-all others were known. Where total is above first, the input acts together with others.</p>
-<details><summary>Plan, seed and versions</summary><pre>{plan}</pre>
-<p>Seed {seed}. {versions}.</p></details>
-<footer>Made by bluntdissect study report.</footer>
-</body></html>
-"""
 
 
 def _cell_table(cell: dict[str, Any]) -> str:

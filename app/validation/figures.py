@@ -36,14 +36,13 @@ DRAWN = {
 """Theories that are drawn, in Okabe and Ito's colours, which colour-blind readers tell apart."""
 
 
-def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> list[Path]:
+def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> None:
     """Draw the figures as PNG and SVG."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ValueError("figures need matplotlib: pip install 'bluntdissect[report]'") from error
     folder.mkdir(exist_ok=True)
-    written: list[Path] = []
     for name, title in FIGURES.items():
         figure = Figure(figsize=(7.0, 4.6), dpi=120, layout="constrained")
         axes = figure.add_subplot()
@@ -54,8 +53,7 @@ def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> list[Path]
         axes.set_title(title)
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
-        written += _saved(figure, folder / name)
-    return written
+        _save(figure, folder / name)
 
 
 def _deflections(axes: "Axes", comparison: Comparison) -> None:
@@ -93,15 +91,13 @@ def _normal_forces(axes: "Axes", table: Table) -> None:
     axes.set_ylabel("normal force at the clamp, lbf")
 
 
-def _saved(figure: "Figure", path: Path) -> list[Path]:
+def _save(figure: "Figure", path: Path) -> None:
     import matplotlib as mpl
 
-    files = [path.with_suffix(".png"), path.with_suffix(".svg")]
     png, svg = BytesIO(), BytesIO()
     # Without a date and with a fixed salt the same figure is the same file.
     with mpl.rc_context({"svg.hashsalt": path.name, "svg.fonttype": "none"}):
         figure.savefig(png, format="png")
         figure.savefig(svg, format="svg", metadata={"Date": None})
-    write_atomic(files[0], png.getvalue())
-    write_atomic(files[1], svg.getvalue())
-    return files
+    write_atomic(path.with_suffix(".png"), png.getvalue())
+    write_atomic(path.with_suffix(".svg"), svg.getvalue())
