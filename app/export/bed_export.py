@@ -1,6 +1,6 @@
 """A duct that a hook frees from its bed, as a file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 from app.export.bed_recorder import BedRecorder
 from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
-from app.export.snapshot import DissectedOrgan, Snapshot
+from app.export.snapshot import Snapshot, bed_snapshots
 from app.simulation import SETTLED_SECONDS, Phase, Reading
 from app.simulation.bed import BED_THEORY, BeddedSurface, BedPreset, beam_in_space
 from organ_geometry.mesh import TornPiece
@@ -125,18 +125,19 @@ class BedExport(OrganExport):
 
     def snapshot(self) -> Snapshot:
         """Return the duct at the end of the path, or its two pieces."""
-        return self._organ().at(len(self.motion.times) - 1)
+        return next(self._at([len(self.motion.times) - 1]))
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot]]:
         """Yield the duct at rest and after each step, with the time in the motion, s."""
-        organ, motion = self._organ(), self.motion
-        for key, time in enumerate(motion.times.tolist()):
-            if motion.fronts[key] != 0.0:  # the tear that has not begun to run is the whole organ
-                yield time, organ.at(key)
+        motion = self.motion
+        # The tear that has not begun to run is the whole organ.
+        keys = np.flatnonzero(motion.fronts != 0.0).tolist()
+        yield from zip(motion.times[keys].tolist(), self._at(keys), strict=True)
 
-    def _organ(self) -> DissectedOrgan:
-        pieces = self.pieces()
-        return DissectedOrgan(self.dissection, self.motion, pieces, edge_length=self.edge_length)
+    def _at(self, keys: Iterable[int]) -> Iterator[Snapshot]:
+        return bed_snapshots(
+            self.dissection, self.motion, self.pieces(), keys, edge_length=self.edge_length
+        )
 
     def written_table(self) -> tuple[bytes, ExportResult]:
         """Return the history of the path, as `solve --bed -o` writes it."""

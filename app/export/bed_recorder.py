@@ -72,20 +72,10 @@ class BedRecorder:
     def motion(self, name: str) -> Motion:
         """Return the motion that was taken down."""
         stations, ends, feet = self._surface.strands_at_rest()
-        damage, force, freed, at, stresses = map(np.array, zip(*self._states, strict=True))
         feet, ends = stubs(feet, ends)
+        states = map(np.array, zip(*self._states, strict=True))
         track = BedTrack(
-            self._surface,
-            stations,
-            feet,
-            ends,
-            damage,
-            force,
-            freed,
-            at,
-            stresses,
-            self._tear,
-            self._divided,
+            self._surface, stations, feet, ends, *states, tear=self._tear, divided=self._divided
         )
         return Motion.of(name, self._keys, track)
 

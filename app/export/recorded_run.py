@@ -7,7 +7,7 @@ import numpy as np
 from app.export.bed_recorder import BedRecorder
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
-from app.export.snapshot import DissectedOrgan, Snapshot
+from app.export.snapshot import Snapshot, bed_snapshots
 from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Reading, Replay
 from app.simulation.bed import BeddedDuct, DissectionReplay
 from organ_geometry.mesh import TornPiece, organ_skin
@@ -91,8 +91,10 @@ class RecordedRun:
     def at_end(self, *, edge_length: float) -> Snapshot:
         """Return the duct at the end of a dissection, whole or in two pieces, with its strands."""
         pieces = self.pieces(edge_length=edge_length)
-        organ = DissectedOrgan(self.dissection, self.motion, pieces, edge_length=edge_length)
-        return organ.at(len(self.motion.times) - 1)
+        keys = [len(self.motion.times) - 1]
+        return next(
+            bed_snapshots(self.dissection, self.motion, pieces, keys, edge_length=edge_length)
+        )
 
     def rigged(self, *, edge_length: float) -> bytes:
         """Return the run as a binary glTF (`rigged_organ`)."""

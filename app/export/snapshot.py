@@ -1,5 +1,6 @@
 """Snapshots: an organ pulled or torn, as closed surfaces that stand where the organ stands."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, Stresses, SurfaceStress
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
 
-__all__ = ["DissectedOrgan", "Snapshot"]
+__all__ = ["Snapshot", "bed_snapshots"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,42 +27,36 @@ class Snapshot:
     strands: StrandsSnapshot | None = None
 
 
-class DissectedOrgan:
-    """An organ's skin on its bed at the keys of a motion, with its stresses and its strands."""
-
-    def __init__(
-        self,
-        dissection: Dissection,
-        motion: Motion,
-        pieces: tuple[TornPiece, TornPiece] | None = None,
-        *,
-        edge_length: float,
-    ) -> None:
-        self._dissection, self._motion, self._pieces = dissection, motion, pieces or ()
-        skin = organ_skin(dissection.organ, edge_length=edge_length)
-        skins = [skin, *(piece.skin for piece in self._pieces)]
-        self._bound = [each.bound_to(dissection.driving) for each in skins]
-        self._stress = [SurfaceStress(dissection, each) for each in skins]
-
-    def at(self, key: int) -> Snapshot:
-        """Return the organ, or its two pieces, at a key of the motion."""
-        motion, dissection = self._motion, self._dissection
-        bed, reading = motion.bed, motion.readings[key]
-        assert bed is not None  # noqa: S101 (a motion on a bed has it)
-        whole = bool(motion.whole[key])
+def bed_snapshots(
+    dissection: Dissection,
+    motion: Motion,
+    pieces: tuple[TornPiece, TornPiece] | None,
+    keys: Iterable[int],
+    *,
+    edge_length: float,
+) -> Iterator[Snapshot]:
+    """Yield an organ on its bed, or its two pieces, at some keys of a motion."""
+    bed, torn = motion.bed, pieces or ()
+    assert bed is not None  # noqa: S101 (a motion on a bed has it)
+    skins = [organ_skin(dissection.organ, edge_length=edge_length)]
+    skins += [piece.skin for piece in torn]
+    bounds = [each.bound_to(dissection.driving) for each in skins]
+    stresses = [SurfaceStress(dissection, each) for each in skins]
+    for key in keys:
+        whole, reading = bool(motion.whole[key]), motion.readings[key]
         surfaces: list[Surface] = []
-        for number, bound in [(0, self._bound[0])] if whole else enumerate(self._bound[1:]):
+        for number, bound in [(0, bounds[0])] if whole else enumerate(bounds[1:]):
             pose = motion.of_piece(number).transforms[key]
             vertices = bound.deform(pose, np.empty_like(bound.skin.vertices))
             if not whole:
-                self._pieces[number].open(float(motion.fronts[key]), vertices)
+                torn[number].open(float(motion.fronts[key]), vertices)
             surfaces.append(Surface("organ" if whole else PIECES[number], bound.skin, vertices))
         stations = np.concatenate([surface.skin.stations for surface in surfaces])
-        return Snapshot(
+        yield Snapshot(
             tuple(surfaces),
             tuple(
                 stress.in_space(bed.stations[key], bed.stresses[key], reading.check.threshold)
-                for stress in (self._stress[:1] if whole else self._stress[1:])
+                for stress in (stresses[:1] if whole else stresses[1:])
             ),
             reading.force,
             reading.deflection,
