@@ -262,17 +262,10 @@ def loading_rates(series: Series) -> NDArray[np.float64]:
 def series_csv(series: Series) -> str:
     """Return a series as comma-separated values, its numbers to the last bit."""
     lines = [Series.HEADER]
-    for tick, phase in enumerate(series.phase):
-        numbers = (
-            series.time[tick],
-            series.force[tick],
-            series.deflection[tick],
-            series.stress[tick],
-            series.distance_to_break[tick],
-            *series.hook[tick],
-        )
-        figures = ",".join(repr(float(number)) for number in numbers)
-        lines.append(f"{figures},{int(series.held[tick])},{phase.value}")
+    columns = (series.time, series.force, series.deflection, series.stress)
+    table = np.column_stack([*columns, series.distance_to_break, series.hook])
+    for row, held, phase in zip(table.tolist(), series.held, series.phase, strict=True):
+        lines.append(",".join([*map(repr, row), str(int(held)), phase.value]))
     return "\n".join(lines) + "\n"
 
 

@@ -160,16 +160,11 @@ class DissectionReplay(BaseReplay[BedSession, DissectionInput]):
 def dissection_csv(series: DissectionSeries) -> str:
     """Return a series as comma-separated values, its numbers to the last bit."""
     lines = [",".join(COLUMNS)]
+    hands = np.concatenate([series.places, series.openings[..., None], series.forces], axis=2)
     for tick, time in enumerate(series.time):
         row = [repr(float(time))]
-        for hand in range(HANDS):
-            numbers = (
-                *series.places[tick, hand],
-                series.openings[tick, hand],
-                *series.forces[tick, hand],
-            )
-            row += [repr(float(number)) for number in numbers]
-            row.append(str(int(series.held[tick, hand])))
+        for numbers, held in zip(hands[tick].tolist(), series.held[tick], strict=True):
+            row += [*map(repr, numbers), str(int(held))]
         row += [repr(float(series.freed[tick])), str(int(series.parted[tick]))]
         row += [repr(float(each)) for each in (series.stress_share[tick], *series.energy[tick])]
         lines.append(",".join(row))
