@@ -19,7 +19,7 @@ from app.simulation import (
     Session,
     preset_named,
 )
-from app.simulation.bed import BedExercise, BedSession, bed_named
+from app.simulation.bed import TITLES, BedExercise, BedSession, bed_named
 from organ_geometry import Organ
 
 __all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "template"]
@@ -27,19 +27,12 @@ __all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "tem
 Goal = Literal[
     "window", "follow-front", "free-scar", "hold-stretch", "approach-break", "gentle-lifts"
 ]
-GOALS: dict[Goal, str] = {
-    "window": "Open a window",
-    "follow-front": "Follow the front",
-    "free-scar": "Free a scar with two hands",
-    "hold-stretch": "Hold a stretch",
-    "approach-break": "Approach the break",
-    "gentle-lifts": "Dissect gently",
-}
 PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
     "hold-stretch": HoldStretch,
     "approach-break": ApproachBreak,
     "gentle-lifts": GentleDissection,
 }
+GOALS: dict[Goal, str] = {**TITLES, **{goal: kind.title for goal, kind in PULLS.items()}}
 # Fields of an exercise that are no limits.
 FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided", "one_stretch"}
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000

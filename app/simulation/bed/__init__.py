@@ -16,7 +16,7 @@ from app.simulation.bed.bedded_duct import (
     Touch,
 )
 from app.simulation.bed.bedded_surface import BeddedSurface
-from app.simulation.bed.exercise import BedExercise
+from app.simulation.bed.exercise import TITLES, BedExercise
 from app.simulation.bed.exercise_limits import rehearsed
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.measures import DissectionMeasures
@@ -37,6 +37,7 @@ __all__ = [
     "JAW_RADIUS",
     "MANNERS",
     "SWAB_RADIUS",
+    "TITLES",
     "TOWARDS_HAND",
     "BedExercise",
     "BedManner",

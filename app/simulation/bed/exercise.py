@@ -18,9 +18,14 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import LONGEST_SECONDS, Outcome
 from app.simulation.trial import Trial
 
-__all__ = ["BedExercise", "BedExerciseName", "BedTrial"]
+__all__ = ["TITLES", "BedExercise", "BedExerciseName", "BedTrial"]
 
 BedExerciseName = Literal["window", "follow-front", "free-scar"]
+TITLES: dict[BedExerciseName, str] = {
+    "window": "Open a window",
+    "follow-front": "Follow the front",
+    "free-scar": "Free a scar with two hands",
+}
 
 # A pull within all three is not what a failed try is put down to: its angle to the bed's normal,
 # its distance behind the front and its speed.
@@ -77,11 +82,7 @@ class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def title(self) -> str:
         """Its title."""
-        return {
-            "window": "Open a window",
-            "follow-front": "Follow the front",
-            "free-scar": "Free a scar with two hands",
-        }[self.name]
+        return TITLES[self.name]
 
     @property
     def goal(self) -> str:
