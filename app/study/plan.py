@@ -2,10 +2,11 @@
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 """A study's plan: what is fixed, what is drawn from distributions, what is compared on a grid."""
 
+import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -51,10 +52,7 @@ class Plan:
     @property
     def cells(self) -> int:
         """Number of combinations of the grid's values."""
-        count = 1
-        for values in self.grid.values():
-            count *= len(values)
-        return count
+        return math.prod(len(values) for values in self.grid.values())
 
     @property
     def mixes(self) -> int:
@@ -179,8 +177,10 @@ def _plan(table: dict[str, object], text: str, lines: _Lines, folder: Path | Non
         fixed=fixed,
         drawn=drawn,
         grid=grid,
-        files={} if folder is None else _files(fixed, drawn, grid, folder, lines),
+        files={},
     )
+    if folder is not None:
+        plan = replace(plan, files=_files(plan, folder, lines))
     _check_whole(plan, lines)
     if folder is not None:
         _check_files(plan, lines)
@@ -287,23 +287,12 @@ def _distribution(kind: Input, table: dict[str, object], place: str, lines: _Lin
     return found
 
 
-def _files(
-    fixed: dict[str, Value],
-    drawn: dict[str, Distribution | Choices],
-    grid: dict[str, tuple[Value, ...]],
-    folder: Path,
-    lines: _Lines,
-) -> dict[str, bytes]:
+def _files(plan: Plan, folder: Path, lines: _Lines) -> dict[str, bytes]:
     """Read the organ and preset files that a plan names, from its own folder."""
     found: dict[str, bytes] = {}
     for name in ("preset", "organ"):
-        given = drawn.get(name)
-        values: tuple[object, ...] = (fixed[name],) if name in fixed else grid.get(name, ())
-        if isinstance(given, Choices):
-            values = given.values
-        place = f"duct.{name}" if name in fixed else f"inputs.{name}"
-        for each in values:
-            text = str(each)
+        place = _place(plan, name)
+        for text in map(str, plan.values_of(name)):
             if name == "preset" and text in presets():
                 continue
             if name == "preset" and not text.lower().endswith(".toml"):
