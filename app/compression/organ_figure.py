@@ -54,8 +54,8 @@ def draw_organ_figure(
     figure = Figure(figsize=(10.5, 8.0), dpi=130, layout="constrained")
     figure.suptitle(title)
     every, points, kept = figure.subplots(1, 3, sharex=True, sharey=True)
-    for edge in _far_first(edges):
-        every.fill(*edge[:, :2].T, facecolor=_WALL, edgecolor=_OUTER, linewidth=0.5)
+    for place in _far_order(edges):
+        every.fill(*edges[place][:, :2].T, facecolor=_WALL, edgecolor=_OUTER, linewidth=0.5)
     every.set_title(f"All {len(edges)} sections", fontsize="medium")
 
     keys = organ.key_points(KEY_POINTS) @ turn
@@ -112,10 +112,6 @@ def _turned(organ: Organ) -> NDArray[np.float64]:
 def _far_order(rings: list[NDArray[np.float64]]) -> list[int]:
     """Return the rings' places, from the farthest to the nearest."""
     return sorted(range(len(rings)), key=lambda place: float(rings[place][:, 2].mean()))
-
-
-def _far_first(rings: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    return [rings[place] for place in _far_order(rings)]
 
 
 def _add_scale_bar(axes: "Axes", points: NDArray[np.float64]) -> None:

@@ -149,11 +149,6 @@ class SimulatedDevice:
         self._steps += steps
 
     @property
-    def seconds(self) -> float:
-        """Time that has passed, s."""
-        return self._steps * STEP
-
-    @property
     def position(self) -> NDArray[np.float64]:
         """(3,) where the cursor is, m; its own array."""
         return self._motion[PLACE]
@@ -178,11 +173,6 @@ class SimulatedDevice:
         """Work done on the device by hand, motors and friction, J."""
         by_hand, by_motors, by_friction = self._motion[WORK].tolist()
         return by_hand, by_motors, by_friction
-
-    @property
-    def kinetic_energy(self) -> float:
-        """Energy of its motion, J."""
-        return 0.5 * self.script.device.mass_kg * float(self.velocity @ self.velocity)
 
 
 def _ring(milliseconds: float) -> int:
