@@ -101,12 +101,8 @@ class Recorder:
         """Keep a period."""
         place = self._count % CHUNK
         if place == 0:
-            self._chunks.append(
-                (
-                    np.empty((CHUNK, self._hands, 3), np.int32),
-                    np.empty((CHUNK, self._hands), np.uint8),
-                )
-            )
+            places = np.empty((CHUNK, self._hands, 3), np.int32)
+            self._chunks.append((places, np.empty((CHUNK, self._hands), np.uint8)))
         places, bits = self._chunks[-1]
         places[place], bits[place] = units, inputs
         self._digest.update(given.tobytes())
@@ -115,14 +111,13 @@ class Recorder:
     def packed(self) -> str:
         """Return the inputs for a `DeviceRun`."""
         table = np.zeros((4, self._hands, self._count), "<i4")
-        if not self._count:
-            return base64.b64encode(zlib.compress(table.tobytes(), 9)).decode()
-        places = np.concatenate([chunk[0] for chunk in self._chunks])[: self._count]
-        bits = np.concatenate([chunk[1] for chunk in self._chunks])[: self._count]
-        rows = places.transpose(2, 1, 0).astype(np.int64)
-        for _ in range(2):
-            rows = np.diff(rows, axis=2, prepend=0)
-        table[:3], table[3] = rows, bits.T
+        if self._chunks:
+            places = np.concatenate([chunk[0] for chunk in self._chunks])[: self._count]
+            bits = np.concatenate([chunk[1] for chunk in self._chunks])[: self._count]
+            rows = places.transpose(2, 1, 0).astype(np.int64)
+            for _ in range(2):
+                rows = np.diff(rows, axis=2, prepend=0)
+            table[:3], table[3] = rows, bits.T
         return base64.b64encode(zlib.compress(table.tobytes(), 9)).decode()
 
 

@@ -81,7 +81,6 @@ class Fit:
     condition: float | None  # of the scaled Jacobian, where both are sought
     residuals: list[Row]  # of each curve, N: measured less fitted
     alone: list[float]  # modulus of each curve by itself, MPa
-    breaks: list[float]  # stress at the break of each curve that has one, MPa
     said: list[str]  # what the data cannot tell, in plain words
 
     @property
@@ -164,7 +163,7 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
             f"a modulus of {modulus.value:.3g} MPa is none of soft tissue ({TISSUE[0]:g} to "
             f"{TISSUE[1]:g} MPa): are the units of force and length right?"
         )
-    strength, breaks = _strength(problem, modulus, ratio, said)
+    strength = _strength(problem, modulus, ratio, said)
     return Fit(
         theory.name,
         modulus,
@@ -175,7 +174,6 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
         condition,
         list(residuals),
         alone,
-        breaks,
         said,
     )
 
@@ -298,14 +296,14 @@ def _both(problem: _Problem, t: float, said: list[str]) -> tuple[Estimate, Estim
 
 def _strength(
     problem: _Problem, modulus: Estimate, ratio: Estimate, said: list[str]
-) -> tuple[Estimate | None, list[float]]:
-    """Return the strength by the curves that end with the break, and that of each."""
+) -> Estimate | None:
+    """Return the strength by the curves that end with the break."""
     broken = [each for each in problem.specimens if each.curve.broke]
     if not broken:
         said.append(
             "no curve ends with a break: they say nothing of the strength but a lower bound"
         )
-        return None, []
+        return None
     shares = np.array([problem.stress_at_end(each, ratio.value) for each in broken])
     breaks = modulus.value * shares
     mean = float(breaks.mean())
@@ -320,7 +318,7 @@ def _strength(
     else:
         scatter = float(breaks.std(ddof=1)) / math.sqrt(len(broken))
         half = math.hypot(student(len(broken) - 1) * scatter, shared)
-    return Estimate("strength", "MPa", mean, mean - half, mean + half), breaks.tolist()
+    return Estimate("strength", "MPa", mean, mean - half, mean + half)
 
 
 def _of_residuals(residuals: list[Row], measured: Row, theory: Theory) -> list[str]:
