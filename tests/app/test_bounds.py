@@ -348,7 +348,7 @@ def test_a_page_keeps_its_frames_whatever_another_does(served: str, attack: str)
     # Of what is not bounded a page has kept a thirtieth. `make soak` measures the share.
     with ThreadPoolExecutor(1) as pool:
         share = 0.0
-        for seconds in (3.0, 6.0, 12.0):
+        for seconds in (1.5, 6.0, 12.0):
             with suppress(RuntimeError):  # a machine so busy that no frame came in peace either
                 share = pool.submit(kept_share, served, attack, seconds).result()
             if share >= 1.0 / 3.0:
