@@ -64,7 +64,7 @@ class BedExport(OrganExport):
         surface = BeddedSurface(dissection, rest, bed.strands_under(rest))
         recorder = BedRecorder(dissection, surface)
         node = int(np.argmin(np.abs(rest.stations - self.hook)))
-        axis = (dissection.axis_point(self.hook) - dissection.axis_point(0.0)) @ dissection.frame
+        axis = dissection.in_frame(dissection.axis_point(self.hook))
         seconds = np.sqrt((np.diff(displaced, axis=0) ** 2).sum(axis=1)).sum() / HAND_SPEED
         times = np.linspace(0.0, max(SHORTEST, float(seconds)), self.steps + 1).tolist()
         deepest = [0.0]

@@ -122,8 +122,7 @@ class PullExport(OrganExport):
         driven, critical = dissection.beam_stations, critical_stations(dissection.beam, grasp)
         stations = np.concatenate([driven, critical])
         held = driven.size + int(np.searchsorted(critical, grasp))
-        rest = dissection.axis_point(grasp) - dissection.axis_point(0.0)
-        x, y, z = (dissection.frame.T @ rest).tolist()
+        x, y, z = dissection.in_frame(dissection.axis_point(grasp)).tolist()
         times = np.linspace(0.0, PULL_SECONDS, count).tolist()
         keys: list[MotionKey] = []
         for time, at in zip(times, np.linspace(0.0, force, count).tolist(), strict=True):

@@ -104,6 +104,12 @@ class Dissection:
         """Return the axis's point at rest, (3,) mm, at a distance from the first clamp, mm."""
         return self.organ.axis_at(np.array([self.clamps[0] + station]))[0]
 
+    def in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (..., 3) places of the organ along, beside and over the first clamp, mm."""
+        # Not BLAS's product, whose last digits differ between processors: runs begin from these.
+        away = places - self.axis_point(0.0)
+        return (away[..., np.newaxis] * self.frame).sum(axis=-2)
+
     def rest_transforms(self) -> NDArray[np.float64]:
         """Return (D, 3, 4) zeros: the driving points' transforms at rest."""
         return np.zeros((self.driving.stations.size, 3, 4))

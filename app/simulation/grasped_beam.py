@@ -84,8 +84,7 @@ class GraspedBeam:
         # (N,) mm: the driving points, then wherever the stress can be highest
         self.stations = np.concatenate([driving, critical])
         self._grasped = driving.size + int(np.searchsorted(critical, grasp))
-        place = dissection.axis_point(grasp) - dissection.axis_point(0.0)
-        along, sideways, up = (dissection.frame.T * place).sum(axis=1).tolist()
+        along, sideways, up = dissection.in_frame(dissection.axis_point(grasp)).tolist()
         self._rest = float(along), float(sideways), float(up)
         self._breaks_at: BreakEvent | None = None
         self._break_known = False

@@ -1,6 +1,7 @@
 """A beam on its bed: closed forms of peeling, books of energy, meshes, replays and bad input."""
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba.core.dispatcher import Dispatcher
 
 from benchmarks.random_pulls import OPEN, pulled_in_real_time, pulled_through_equilibria
 from kernel_cache import njit
@@ -546,3 +548,21 @@ def test_a_bed_outside_the_duct_is_named() -> None:
     beam = SpaceBeam.of(DUCT)
     with pytest.raises(ValueError, match="from 0 to 60 mm lies outside the beam"):
         Bed(stiffness=1.0, toughness=1.0, to_mm=60.0).strands_under(beam)
+
+
+def test_no_kernel_is_compiled_anew_for_a_constant() -> None:
+    """It took a third of a bed's compilation: a constant is handed over as int(constant)."""
+    beam = BeamOnBed(SpaceBeam.of(DUCT, elements=8))
+    beam.tick(1e-3)
+    beam.assemble_ahead(1e-3)
+    beam.advance()
+    modules = [module for name, module in sys.modules.items() if name.startswith(kernels.__name__)]
+    compiled = {
+        str(signature)
+        for module in modules
+        for each in vars(module).values()
+        if isinstance(each, Dispatcher)
+        for signature in each.signatures
+    }
+    assert compiled
+    assert not [signature for signature in compiled if "Literal[int]" in signature]

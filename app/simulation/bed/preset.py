@@ -128,8 +128,7 @@ def beam_in_space(
         return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)
     at = np.linspace(0.0, beam.span, SECTIONS_ALONG)
     places = dissection.organ.axis_at(dissection.clamps[0] + at)
-    from_clamp = places - dissection.axis_point(0.0)
-    axis = np.einsum("ni,ij->nj", from_clamp, dissection.frame)
+    axis = dissection.in_frame(places)
     up = dissection.sections_at(at, dissection.frame[:, 2])
     across = dissection.sections_at(at, dissection.frame[:, 1])
     e, nu = beam.modulus, beam.poisson_ratio

@@ -71,5 +71,5 @@ def _outline(dissection: Dissection, transforms: Any) -> list[tuple[float, float
     every = max(1, -(-len(places) // MOST_POINTS))
     places, moves = places[::every], transforms[::every]
     moved = places + np.einsum("dij,dj->di", moves[:, :, :3], places) + moves[:, :, 3]
-    seen = (moved - dissection.axis_point(0.0)) @ dissection.frame
+    seen = dissection.in_frame(moved)
     return [(round(float(x), 1), round(float(z), 1)) for x, _, z in seen]
