@@ -57,7 +57,7 @@ def ours(strands: int) -> tuple[Floats, int]:
         live.lead(node, start + np.array([0.0, 0.0, LIFT * number]))
         live.tick(SECONDS)
 
-    return timed(step), live.parted
+    return timed(step), live.broken
 
 
 @njit(cache=True)
@@ -123,7 +123,7 @@ def mass_spring(strands: int) -> tuple[Floats, int]:
     x = beam.places.copy()
     h = beam.span / ELEMENTS
     node = np.rint(each.stations / h).astype(np.int64)
-    law = np.stack([each.stiffness, each.length, each.yield_, each.part])
+    law = np.stack([each.stiffness, each.length, each.yield_elongation, each.failure_elongation])
     stretching, bending = DUCT.modulus * DUCT.area / h, DUCT.modulus * DUCT.second_moment / h**3
     mass = DENSITY * DUCT.area * h
     # Stable below 2 over the fastest mode, of alternate nodes.
@@ -146,7 +146,7 @@ def mujoco(strands: int) -> tuple[Floats, int]:
     each = layer(strands).strands_under(beam)
     model = peer.MjModel.from_xml_string(_model(beam, each))
     data = peer.MjData(model)
-    part = each.length + each.part
+    part = each.length + each.failure_elongation
 
     def step(number: int) -> None:
         data.mocap_pos[0, 2] = LIFT * number
@@ -165,7 +165,7 @@ def elastica(strands: int) -> tuple[Floats, int]:
     beam = SpaceBeam.of(DUCT, elements=ELEMENTS)
     each = layer(strands).strands_under(beam)
     node = np.rint(each.stations / (beam.span / ELEMENTS)).astype(np.int64)
-    law = np.stack([each.stiffness, each.length, each.yield_, each.part])
+    law = np.stack([each.stiffness, each.length, each.yield_elongation, each.failure_elongation])
     most, arm, middle = np.zeros(each.count), each.ends - beam.places[node], ELEMENTS // 2
 
     parts = (peer.BaseSystemCollection, peer.Constraints, peer.Forcing, peer.Damping)

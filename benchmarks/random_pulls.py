@@ -36,7 +36,7 @@ EVERY = 20.0
 
 def bed(random: np.random.Generator, strands: int) -> Bed:
     """Return a bed of any stiffness, toughness, scatter and direction of its strands."""
-    two_sided = bool(random.random() < 0.2)
+    bilateral = bool(random.random() < 0.2)
     return Bed(
         strands=int(random.integers(1, strands)),
         stiffness=float(10 ** random.uniform(-2.0, 0.5)),
@@ -45,10 +45,10 @@ def bed(random: np.random.Generator, strands: int) -> Bed:
         floor=float(random.choice([0.0, 0.3, 3.0])),
         around=float(random.uniform(0.0, 2.0)),
         fan=float(random.uniform(0.0, 0.8)),
-        slack=0.0 if two_sided else float(random.uniform(0.0, 2.0)),
+        slack=0.0 if bilateral else float(random.uniform(0.0, 2.0)),
         scatter=float(random.uniform(0.0, 0.8)),
         jitter=float(random.uniform(0.0, 1.0)),
-        two_sided=two_sided,
+        bilateral=bilateral,
         seed=int(random.integers(1_000_000)),
     )
 
@@ -104,7 +104,7 @@ def pulled_through_equilibria(seed: int, *, rods: bool = True) -> float:
     history = pull(beam, bed(random, 80), hands, rods=swept)
     if not (np.isfinite(history.shape).all() and np.isfinite(history.work).all()):
         raise ArithmeticError("a place or an energy is not finite")
-    return history.open_share
+    return history.residual_ratio
 
 
 def pulled_in_real_time(seed: int) -> float:
@@ -135,14 +135,14 @@ def pulled_in_real_time(seed: int) -> float:
         if step == let_go and hooks:
             live.let_go(hooks.popitem()[0])
         live.tick(1e-3)
-    if not (np.isfinite(live.places).all() and np.isfinite(live.books.stored)):
+    if not (np.isfinite(live.places).all() and np.isfinite(live.energy.stored)):
         raise ArithmeticError("a place or an energy is not finite")
     far = float(np.abs(live.places).max())
     if far > 10.0 * beam.span:
         raise ArithmeticError(f"a node is {far:g} mm away")
-    books = live.books
-    gross = abs(books.work) + books.stored + books.dissipated + abs(books.snap)
-    return abs(books.open) / gross if gross > ROUNDING else 0.0
+    energy = live.energy
+    gross = abs(energy.work) + energy.stored + energy.dissipated + abs(energy.snap)
+    return abs(energy.residual) / gross if gross > ROUNDING else 0.0
 
 
 def played(work: tuple[str, int]) -> tuple[float, str]:

@@ -11,7 +11,7 @@ from physics.bed.peel_theory import peel_force
 AXIAL, TOUGHNESS = 8.0, 0.12  # E A, N; mJ to part a mm of strip
 
 stiffness = np.array([AXIAL, 50.0, 50.0, 1.5, 1.5, 1.5])  # E A, 2 G A; G J, 2 E I: N, N mm2
-strip = SpaceBeam.made(span=160.0, elements=240, stiffness=stiffness, ends=("clamped", "free"))
+strip = SpaceBeam.from_axis(span=160.0, elements=240, stiffness=stiffness, ends=("clamped", "free"))
 bed = Bed(to_mm=130.0, strands=500, stiffness=0.3, toughness=TOUGHNESS, floor=2.0)
 # It holds the end in height only, so that its force is straight up.
 hook = Hand(at=160.0, path=((0.0, 0.0, 60.0),), along=(False, False, True), steps=200)

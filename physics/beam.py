@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from physics.quantity import finite, positive
 from physics.section import Ring
 
-__all__ = ["Beam", "Sections", "Stations", "parts"]
+__all__ = ["Beam", "Sections", "Stations", "pieces"]
 
 Stations = NDArray[np.float64]
 """(N,) distances from the first clamp at rest, mm."""
@@ -133,12 +133,12 @@ class Beam:
         return Sections(*(np.full(at.shape, value) for value in values))
 
     def grasped_at(self, grasp: float) -> tuple[float, float]:
-        """Return the lengths of the two parts that a grasp divides the span into."""
-        return parts(self.span, grasp)
+        """Return the lengths of the two pieces that a grasp divides the span into."""
+        return pieces(self.span, grasp)
 
 
-def parts(span: float, grasp: float) -> tuple[float, float]:
-    """Return the lengths of the two parts that a grasp divides a span into."""
+def pieces(span: float, grasp: float) -> tuple[float, float]:
+    """Return the lengths of the two pieces that a grasp divides a span into."""
     if not 0.0 < finite(grasp, "grasp", "mm") < span:
         raise ValueError(
             f"grasp must lie between the clamps, above 0 and below {span:g} mm, got {grasp:g} mm"

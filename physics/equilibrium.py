@@ -39,7 +39,7 @@ class Equilibrium:
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
 
-    def part(self, where: slice) -> "Equilibrium":
+    def subset(self, where: slice) -> "Equilibrium":
         """Return the same equilibrium at some of its stations."""
         arrays: dict[str, NDArray[np.float64]] = {
             field.name: getattr(self, field.name)[where]

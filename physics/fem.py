@@ -51,8 +51,8 @@ class FemPull(Pull):
         count = int(theory.elements)
         # A symmetric beam is solved by halves, each with half the force.
         self._halved = a == b
-        parts = [a / count] if self._halved else [a / count, b / count]
-        self._rest = np.repeat(parts, count)  # (elements,) rest lengths, mm
+        lengths = [a / count] if self._halved else [a / count, b / count]
+        self._rest = np.repeat(lengths, count)  # (elements,) rest lengths, mm
         # (elements + 1, 3) displacements along and across, mm, and rotations, rad.
         self._moved = np.zeros((self._rest.size + 1, 3))
 
@@ -66,16 +66,16 @@ class FemPull(Pull):
     def to_deflection(self, deflection: float) -> Self:
         """Find the equilibrium at a displacement of the grasp, mm."""
         deflection = finite(deflection, "deflection", "mm")
-        share = self._solve(deflection, by_force=False)
-        parts = 2.0 if self._halved else 1.0
-        self.force, self.deflection = math.copysign(parts * share, deflection), deflection
+        half_force = self._solve(deflection, by_force=False)
+        halves = 2.0 if self._halved else 1.0
+        self.force, self.deflection = math.copysign(halves * half_force, deflection), deflection
         return self
 
     def _solve(self, load: float, *, by_force: bool) -> float:
         """Move the nodes and return the force on them, N, of one half where it is solved by it."""
         beam, theory = self.beam, self._theory
         moved = np.empty_like(self._moved)
-        share = pull_from_rest(
+        half_force = pull_from_rest(
             self._rest,
             beam.modulus * beam.area,
             beam.modulus * beam.second_moment,
@@ -86,7 +86,7 @@ class FemPull(Pull):
             by_force,
             moved,
         )
-        if math.isnan(share):
+        if math.isnan(half_force):
             kind, unit = ("force", "N") if by_force else ("deflection", "mm")
             raise NoEquilibrium(
                 f"{kind} must be one at which the elements can balance, got {load:g} {unit}: the "
@@ -96,7 +96,7 @@ class FemPull(Pull):
         # Pulled the other way the beam does the same in the mirror, to the last digit.
         moved[:, 1:] = np.copysign(1.0, load) * moved[:, 1:]
         self._moved = moved
-        return share
+        return half_force
 
     def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
         """Return the present equilibrium at stations, mm from the first clamp."""
@@ -115,13 +115,13 @@ class FemPull(Pull):
             nodes = np.concatenate([nodes, np.linspace(a, span, count + 1)[1:]])
         # A node belongs to the element that ends there.
         e = np.maximum(np.searchsorted(nodes, x) - 1, 0)
-        part = (x - nodes[e]) / (nodes[e + 1] - nodes[e])
+        u = (x - nodes[e]) / (nodes[e + 1] - nodes[e])
         chord, t1, t2, shear = state[e, 1], state[e, 2], state[e, 3], state[e, 5]
         places = np.column_stack([nodes, np.zeros_like(nodes)]) + self._moved[:, :2]
-        straight = (1.0 - part)[:, None] * places[e] + part[:, None] * places[e + 1]
-        bulge = self._rest[e] * part * (1.0 - part) * (t1 * (1.0 - part) - t2 * part)
-        rotation = chord + (t1 * (1.0 - part) * (1.0 - 3.0 * part) + t2 * part * (3.0 * part - 2.0))
-        moment = ei / self._rest[e] * (t1 * (6.0 * part - 4.0) + t2 * (6.0 * part - 2.0))
+        straight = (1.0 - u)[:, None] * places[e] + u[:, None] * places[e + 1]
+        bulge = self._rest[e] * u * (1.0 - u) * (t1 * (1.0 - u) - t2 * u)
+        rotation = chord + (t1 * (1.0 - u) * (1.0 - 3.0 * u) + t2 * u * (3.0 * u - 2.0))
+        moment = ei / self._rest[e] * (t1 * (6.0 * u - 4.0) + t2 * (6.0 * u - 2.0))
         normal_force = _tension(state, e, rotation)
         if not halved:
             # The pull has a part along a section that is turned where it is grasped: half counts.

@@ -97,13 +97,13 @@ def _law(
     """Return q and d(ln q)/d(ln delta)."""
     square = slope * slope
     h = math.sqrt(1.0 + square)
-    part = ratio / crossover
-    t = math.sqrt(1.0 + part * part)
+    relative = ratio / crossover
+    t = math.sqrt(1.0 + relative * relative)
     curved = (STRING - 1.0) / t
     # 2 (1 - 1/h) / u^2 without the cancellation that it has as written.
     q = 2.0 / (STRING * h * (h + 1.0)) * (1.0 + curved)
     power = -(2.0 * h + 1.0) * square / (h * h * (h + 1.0))
-    power -= curved / (1.0 + curved) * part * part / (t * t)
+    power -= curved / (1.0 + curved) * relative * relative / (t * t)
     return q * math.exp(-decline * stoutness * stoutness), power
 
 

@@ -138,11 +138,11 @@ def _exact_of_shapes(
     ends = np.cumsum(np.bincount(group.ravel(), minlength=alike.shape[1]))
     found = np.empty((exact.SOLVED_ROWS, beams.grasp.size))
     unit, span = np.empty(beams.grasp.size), beams.span
-    made: dict[tuple[float, float], Beam] = {}
+    built: dict[tuple[float, float], Beam] = {}
     for (which, grasp, ratio), rows in zip(alike.T.tolist(), np.split(order, ends), strict=False):
-        beam = made.get((which, ratio))
+        beam = built.get((which, ratio))
         if beam is None:
-            beam = made[which, ratio] = beams.shapes[int(which)].of_material(1.0, ratio)
+            beam = built[which, ratio] = beams.shapes[int(which)].of_material(1.0, ratio)
         unit[rows] = beams.modulus[rows] * beam.mean_section[0]
         found[:, rows] = theory.pull(beam, grasp).solve_loads(
             limit[rows] / beams.modulus[rows],

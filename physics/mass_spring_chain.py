@@ -122,12 +122,12 @@ class MassSpringChain:
                 np.linspace(a, beam.span, segments - before + 1)[1:],
             ]
         )
-        shares = np.zeros(int(nodes))
-        shares[:-1] += 0.5 * self._rest
-        shares[1:] += 0.5 * self._rest
-        self._mass = density * beam.area * shares
+        tributary = np.zeros(int(nodes))
+        tributary[:-1] += 0.5 * self._rest
+        tributary[1:] += 0.5 * self._rest
+        self._mass = density * beam.area * tributary
         self._axial = beam.modulus * beam.area / self._rest
-        self._angular = beam.modulus * beam.second_moment / shares
+        self._angular = beam.modulus * beam.second_moment / tributary
         axial, bending = self._frequencies_at_rest()
         self._axial_frequency = float(axial[-1])
         self._bending_frequency = float(bending[-1])
@@ -246,8 +246,8 @@ class MassSpringChain:
         """Advance by steps of a given length, stable or not."""
         positive(step, "step", "s")
         if self._goal is not None:
-            way = self._goal - self._moved[self._grasped, 1]
-            self._velocity[self._grasped, 1] = way / (step * count)
+            displacement = self._goal - self._moved[self._grasped, 1]
+            self._velocity[self._grasped, 1] = displacement / (step * count)
         INTEGRATORS[self._integrator](
             self._rest,
             self._axial,

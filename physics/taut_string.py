@@ -98,9 +98,9 @@ class StringPull(Pull):
         )
 
 
-def _eased(part: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return 0 to 1, level at both ends, while the part grows from 0 to 1 and beyond."""
-    held: NDArray[np.float64] = np.minimum(part, 1.0)
+def _eased(progress: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 0 to 1, level at both ends, while `progress` grows from 0 to 1 and beyond."""
+    held: NDArray[np.float64] = np.minimum(progress, 1.0)
     return held * held * (3.0 - 2.0 * held)
 
 

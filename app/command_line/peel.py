@@ -52,7 +52,7 @@ def report_history(
         write_atomic(output, history.csv(threshold).encode())
     rows = history.rows(threshold)
     last = rows[-1]
-    result: dict[str, object] = {"steps": rows, "open_share": history.open_share}
+    result: dict[str, object] = {"steps": rows, "open_share": history.residual_ratio}
     if history.notes:
         result["notes"] = history.notes
     if threshold is not None:
@@ -70,12 +70,12 @@ def report_history(
             ("largest force", f"{np.nanmax(size):.6g} N, in step {int(np.nanargmax(size)) + 1}"),
         ]
     lines += [
-        ("freed", f"{history.freed[-1]:.6g} mm, {history.parted[-1]} strands parted"),
+        ("freed", f"{history.freed[-1]:.6g} mm, {history.broken[-1]} strands parted"),
         ("work", f"{history.work[-1]:.6g} mJ"),
         ("stored", f"{history.stored[-1]:.6g} mJ"),
         ("dissipated", f"{history.dissipated[-1]:.6g} mJ"),
         ("snap", f"{history.snap[-1]:.6g} mJ"),
-        ("not explained", f"{history.open_share:.1e} of the work"),
+        ("not explained", f"{history.residual_ratio:.1e} of the work"),
     ]
     if threshold is not None:
         lines += [

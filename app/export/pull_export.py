@@ -129,13 +129,13 @@ class PullExport(OrganExport):
             pulled = pull.to_force(at).sample(stations)
             transforms = dissection.rest_transforms()
             if keys:  # the first stays the identity to the bit
-                dissection.move(pulled.part(slice(None, driven.size)), transforms)
+                dissection.move(pulled.subset(slice(None, driven.size)), transforms)
             lifted = pulled.deflection
             reading = Reading(
                 phase=Phase.INTACT,
                 force=pulled.force,
                 deflection=lifted,
-                check=check_rupture(pulled.part(slice(driven.size, None)), self.threshold),
+                check=check_rupture(pulled.subset(slice(driven.size, None)), self.threshold),
                 breaks_at=self.break_event,
                 deepest=lifted,
                 hook=(x + float(pulled.along[held]) - grasp, y, z + lifted),
@@ -177,9 +177,9 @@ class PullExport(OrganExport):
         for force in forces:
             pulled = pull.to_force(force).sample(np.concatenate([driven, loaded]))
             transforms = dissection.rest_transforms()
-            dissection.move(pulled.part(slice(None, driven.size)), transforms)
+            dissection.move(pulled.subset(slice(None, driven.size)), transforms)
             vertices = bound.deform(transforms, np.empty_like(skin.vertices))
-            stresses = stress.at(pulled.part(slice(driven.size, None)), self.threshold)
+            stresses = stress.at(pulled.subset(slice(driven.size, None)), self.threshold)
             surface = Surface("organ", skin, vertices)
             yield Snapshot((surface,), (stresses,), pulled.force, pulled.deflection)
 

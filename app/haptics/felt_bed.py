@@ -143,7 +143,7 @@ class FeltBed:
         self._touch, self._touched, self._touch_steps = self._touch_at_first, None, 0
         if self._touch is not None and self._touch.station is not None:
             self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
-        books = self.beam.books
+        books = self.beam.energy
         self._spent_at_first = books.stored + books.dissipated + books.drag
         self._snap_at_first = books.snap
         self._booked = self._booked_at_first = books.work  # by the couplings, and before
@@ -203,7 +203,7 @@ class FeltBed:
         )  # fmt: skip
         self._booked += booked
         self.elastic_forces[:] = self.forces
-        books = beam.books
+        books = beam.energy
         self.stored = books.stored + work
         self._felt += work
         # Not `books.snap`: a tick moves the coupling's end before the beam follows, and books the
@@ -239,15 +239,15 @@ class FeltBed:
     @property
     def parted(self) -> int:
         """How many strands have parted."""
-        return self.beam.parted
+        return self.beam.broken
 
     def _change_hold(self, hook: int, holds: bool) -> int | None:
         """Take the duct or let go of it; return the node that is held."""
         beam, node = self.beam, self._nodes[hook]
         if node is not None and not holds:
-            before = beam.books.snap
+            before = beam.energy.snap
             beam.let_go(node)
-            self._let_go += beam.books.snap - before
+            self._let_go += beam.energy.snap - before
             self._nodes[hook] = None
         elif node is None and holds and not self._slipped[hook]:
             tip = self.tips[hook]

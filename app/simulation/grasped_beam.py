@@ -104,8 +104,8 @@ class GraspedBeam:
         else:
             pulled = self._pull.to_deflection(load.amount).sample(self.stations)
         self.pulled = pulled
-        self.driven = pulled.part(self._driving)
-        self.check = check_rupture(pulled.part(self._critical), self.threshold)
+        self.driven = pulled.subset(self._driving)
+        self.check = check_rupture(pulled.subset(self._critical), self.threshold)
 
     @property
     def breaks_at(self) -> BreakEvent | None:

@@ -155,4 +155,4 @@ def _lifted(specimen: Specimen, beam: SpaceBeam, bed: BedPreset) -> tuple[Row, i
     steps = np.concatenate([[0.0], history.hands[:, 0, 2]])
     # What a gauge along the lift reads.
     forces = np.concatenate([[0.0], history.forces[:, 0, 2]])
-    return np.interp(lifts, steps, forces), int(history.parted[-1])
+    return np.interp(lifts, steps, forces), int(history.broken[-1])

@@ -59,7 +59,7 @@ def bathe() -> BedCheck:
     angles = np.linspace(0.0, math.pi / 4.0, 33)
     axis = 100.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles), 0.0 * angles], axis=1)
     rows = np.array([1e7, 5e6, 5e6, 1e7 / 12.0, 1e7 / 12.0, 1e7 / 12.0])
-    beam = SpaceBeam.made(axis=axis, elements=32, ends=("clamped", "free"), stiffness=rows)
+    beam = SpaceBeam.from_axis(axis=axis, elements=32, ends=("clamped", "free"), stiffness=rows)
     hand = Hand(at=beam.span, path=((0.0, 0.0, 600.0),), by="force", steps=2)
     history = pull(beam, None, [hand])
     return BedCheck(
@@ -67,7 +67,7 @@ def bathe() -> BedCheck:
         "height of its end under 600",
         float(history.shape[-1, 2]),
         53.37,
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -88,7 +88,7 @@ def elastica() -> BedCheck:
         "deflection of its end turned by 80 degrees, mm",
         abs(float(history.hands[-1, 0, 2])),
         2.0 * math.sin(half) / complete * span,
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -104,7 +104,7 @@ def pushed() -> BedCheck:
         "force, N",
         -float(history.forces[-1, 0, 0]),
         critical * (1.0 + 0.5 * way / span),
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -120,7 +120,7 @@ def taut() -> BedCheck:
         "force across, N",
         math.hypot(*history.forces[-1, 0, 1:]),
         across * math.hypot(*off),
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -151,7 +151,7 @@ def resolutions() -> list[BedCheck]:
             "work, mJ",
             float(coarse.work[-1]),
             float(fine.work[-1]),
-            coarse.open_share,
+            coarse.residual_ratio,
         )
         for name, coarse in (
             ("half the elements", peeled(80, 480, 20)),
@@ -183,7 +183,7 @@ def mirrored() -> BedCheck:
         "force across, N",
         float(one.forces[-1, 0, 1]),
         -float(other.forces[-1, 0, 1]),
-        one.open_share,
+        one.residual_ratio,
     )
 
 
@@ -191,7 +191,7 @@ def hetenyi(shear: float, elements: int = 240) -> BedCheck:
     """Lift the free end of a long beam on springs [Hetenyi 1946]; `shear` stiffness, N."""
     force, bed, bending = 1e-3, 0.05, 100.0
     beam = _beam(120.0, elements, (1e3, shear, bending), ends=("free", "clamped"))
-    springs = Bed(stiffness=bed, toughness=1e6, strands=4 * elements, two_sided=True, gap=1e3)
+    springs = Bed(stiffness=bed, toughness=1e6, strands=4 * elements, bilateral=True, gap=1e3)
     hand = Hand(at=0.0, path=((0, 0, force),), by="force", steps=1)
     history = pull(beam, springs, [hand], plane=True)
     return BedCheck(
@@ -199,7 +199,7 @@ def hetenyi(shear: float, elements: int = 240) -> BedCheck:
         "deflection of its end, mm",
         float(history.hands[-1, 0, 2]),
         end_deflection(force, bed, bending, shear),
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -207,7 +207,7 @@ def kanninen() -> BedCheck:
     """Open a double cantilever a little: its compliance at a crack of 20 mm [Kanninen 1973]."""
     crack, bed, bending, opened = 20.0, 0.05, 100.0, 1e-3
     beam = _beam(150.0, 240, (1e3, 1e5, bending), ends=("free", "clamped"))
-    springs = Bed(from_mm=crack, stiffness=bed, toughness=1e6, strands=800, two_sided=True, gap=1e3)
+    springs = Bed(from_mm=crack, stiffness=bed, toughness=1e6, strands=800, bilateral=True, gap=1e3)
     hand = Hand(at=0.0, path=((0, 0, opened),), steps=1, along=(False, False, True))
     history = pull(beam, springs, [hand], plane=True)
     return BedCheck(
@@ -215,7 +215,7 @@ def kanninen() -> BedCheck:
         "compliance at a crack of 20 mm, mm/N",
         opened / float(history.forces[-1, 0, 2]),
         cantilever_compliance(crack, bed, bending),
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -247,7 +247,7 @@ def kendall(degrees: int, stretching: float) -> BedCheck:
         "toughness that its force stands for, N",
         float(np.mean(apparent)),
         toughness,
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -273,7 +273,7 @@ def double_peel() -> BedCheck:
         "force, N",
         float(history.forces[-8:, 0, 2].mean()),
         double_peel_force(toughness, stretching)[0],
-        history.open_share,
+        history.residual_ratio,
     )
 
 
@@ -287,7 +287,7 @@ def _beam(
 ) -> SpaceBeam:
     axial, shear, bending = stiffness
     rows = np.array([axial, shear, shear, bending, bending, bending])
-    return SpaceBeam.made(
+    return SpaceBeam.from_axis(
         span=span,
         elements=elements,
         stiffness=rows,

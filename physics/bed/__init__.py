@@ -1,6 +1,6 @@
 """A beam in space on a bed of strands that part: blunt dissection, in mm, N and MPa."""
 
-from physics.bed.beam_on_bed import BeamOnBed, Books, WorstStress
+from physics.bed.beam_on_bed import BeamOnBed, EnergyBalance, WorstStress
 from physics.bed.bed import Bed, Patch
 from physics.bed.pull import Hand, History, Rod, pull, step_places
 from physics.bed.space_beam import End, SpaceBeam
@@ -9,8 +9,8 @@ from physics.bed.strands import Strands
 __all__ = [
     "BeamOnBed",
     "Bed",
-    "Books",
     "End",
+    "EnergyBalance",
     "Hand",
     "History",
     "Patch",

@@ -29,7 +29,7 @@ from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite
 
-__all__ = ["BeamOnBed", "Books", "WorstStress"]
+__all__ = ["BeamOnBed", "EnergyBalance", "WorstStress"]
 
 Floats = NDArray[np.float64]
 
@@ -60,8 +60,8 @@ EVERYWHERE = (True, True, True)
 
 
 @dataclass(frozen=True, slots=True)
-class Books:
-    """The energy balance, mJ: work = stored + dissipated + snap + drag + open.
+class EnergyBalance:
+    """The energy balance, mJ: work = stored + dissipated + snap + drag + residual.
 
     In real time it stands at the beginning of the last tick.
     """
@@ -71,7 +71,7 @@ class Books:
     dissipated: float  # in strands that yielded and parted, by their law
     snap: float  # released in jumps while the hands stand still, by letting go and by tearing
     drag: float  # taken by the drag in real time
-    open: float  # what the trapezoidal rule leaves unexplained
+    residual: float  # what the trapezoidal rule leaves unexplained
     rod_work: float  # the part of the work that was done on rods
     rod_dissipated: float  # the part dissipated in strands that lay against a rod
 
@@ -169,9 +169,9 @@ class BeamOnBed:
         for row, values in (
             (kernels.STIFF, strands.stiffness),
             (kernels.LENGTH, strands.length),
-            (kernels.YIELD, strands.yield_),
-            (kernels.PART, strands.part),
-            (kernels.PUSHES, strands.pushes),
+            (kernels.YIELD, strands.yield_elongation),
+            (kernels.FAILURE, strands.failure_elongation),
+            (kernels.BILATERAL, strands.bilateral),
         ):
             table[row] = values[order]
         table[kernels.FOOT_X : kernels.FOOT_Z + 1] = strands.feet[order].T
@@ -206,7 +206,7 @@ class BeamOnBed:
             floor=ground,
             thick=thick,
             rods=blank((rods, kernels.ROD_ROWS)),
-            side=np.full((rods, strands.count), kernels.UNMET, dtype=np.int64),
+            side=np.full((rods, strands.count), kernels.NO_CONTACT, dtype=np.int64),
             pull=blank((rods, 3)),
             section=blank((elements, 11)),
             g=blank(six),
@@ -226,8 +226,8 @@ class BeamOnBed:
             hold=blank(six),
             react=blank(three),
             press=blank((rods, 3)),
-            shed=blank(six),
-            rods_shed=blank((rods, 3)),
+            damage_correction=blank(six),
+            rods_damage_correction=blank((rods, 3)),
             moved=blank(six),
             g_before=blank(six),
             load_before=blank(three),
@@ -262,8 +262,8 @@ class BeamOnBed:
         for shear, bending in ((1, 5), (2, 4)):
             within = s.h[whole] ** 2 / (12.0 * self._elastic[whole, bending])
             s.stiff[whole, shear] = 1.0 / (1.0 / self._elastic[whole, shear] + within)
-            part = s.stiff[whole, shear] * within
-            s.chord[whole, shear - 1] = np.where(part > THIN, part * part, 0.0)
+            inner = s.stiff[whole, shear] * within
+            s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
         ends = self.strands.ends[self._order] - self._rest_x[self._node]
         w, x, y, z = self._rest_q[self._node].T
         turn = np.stack(
@@ -349,14 +349,14 @@ class BeamOnBed:
     def set_rod(
         self, rod: int, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
     ) -> None:
-        """Place a rod: its tip, mm, way back along the shaft, radius, mm."""
+        """Place a rod: its tip, mm, direction back along the shaft, radius, mm."""
         self._account()
-        way = np.asarray(shaft, dtype=np.float64)
-        row = np.array([*tip, *(way / np.sqrt((way**2).sum())), radius, 1.0])
+        direction = np.asarray(shaft, dtype=np.float64)
+        row = np.array([*tip, *(direction / np.sqrt((direction**2).sum())), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
-        self.state.side[rod] = kernels.UNMET
-        kernels.meet_rods(self.state, True)
+        self.state.side[rod] = kernels.NO_CONTACT
+        kernels.update_rod_contacts(self.state, True)
         # Should it touch anything already, that is the hand's work.
         work = self._changed()
         self.state.sums[kernels.WORK] += work
@@ -371,22 +371,22 @@ class BeamOnBed:
         self._account()
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod, kernels.IN_USE] = 0.0
-        self.state.side[rod] = kernels.UNMET
+        self.state.side[rod] = kernels.NO_CONTACT
         self.state.sums[kernels.SNAP] -= self._changed()
 
     def rod_force(self, rod: int) -> Floats:
         """(3,) force of the hand on a rod, N."""
         return self.state.pull[rod].copy()
 
-    def touched_by(self, rod: int, *, unmet: bool = False) -> NDArray[np.bool_]:
+    def touched_by(self, rod: int, *, including_no_contact: bool = False) -> NDArray[np.bool_]:
         """(S,) whether each strand touches a rod, or did so when it parted."""
-        # `unmet`: also those that it has not met, or that have slipped off.
+        # `including_no_contact`: also those that it has not met, or that have slipped off.
         out = np.empty(self.strands.count, dtype=np.bool_)
         side = self.state.side[rod]
-        out[self._order] = side != 0 if unmet else np.abs(side) == 1
+        out[self._order] = side != 0 if including_no_contact else np.abs(side) == 1
         return out
 
-    def part_between(self, from_mm: float, to_mm: float) -> None:
+    def break_between(self, from_mm: float, to_mm: float) -> None:
         """Part the strands of a stretch beforehand, with no work; its beam is at rest."""
         at = self.strands.stations[self._order]
         self.state.damage[(at >= from_mm) & (at <= to_mm)] = 1.0
@@ -419,7 +419,7 @@ class BeamOnBed:
 
     def _account(self) -> None:
         """Bring the energy balance up to now, before hands or the beam change."""
-        kernels.account(self.state, kernels.STANDING, 0.0)
+        kernels.account(self.state, kernels.FROZEN, 0.0)
 
     def _changed(self) -> float:
         """Account for a change without motion; return the energy that it has added, mJ."""
@@ -443,8 +443,9 @@ class BeamOnBed:
         # A rod goes no farther at once than half its radius, lest it should jump over a strand.
         for a, b in zip(s.rods_from, s.rods_to, strict=True):
             if b[kernels.IN_USE]:
-                way = float(np.sqrt(((b[:3] - a[:3]) ** 2).sum()))
-                largest = min(largest, 0.5 * b[kernels.RADIUS] / way) if way > 0.0 else largest
+                distance = float(np.sqrt(((b[:3] - a[:3]) ** 2).sum()))
+                if distance > 0.0:
+                    largest = min(largest, 0.5 * b[kernels.RADIUS] / distance)
         while done < 1.0:
             size = min(size, largest, 1.0 - done)
             back = tuple(each.copy() for each in (s.x, s.q, s.damage, s.side, s.sums))
@@ -456,7 +457,7 @@ class BeamOnBed:
                     size *= 0.5
                     continue
                 self._set_goals(done)
-                kernels.assemble(s, kernels.STANDING, 0.0)
+                kernels.assemble(s, kernels.FROZEN, 0.0)
                 doubt = ""
                 lost = self.rounding / (float(s.stiff[:, 4:].max()) / self.beam.span**2)
                 if lost > TOO_STIFF:
@@ -473,24 +474,24 @@ class BeamOnBed:
             lost, entered, slipped = settled
             after = self._balance()
             # The trapezoidal rule and its uncertainty, if the forces jumped in between.
-            way = (
+            moved = (
                 after.goals - before.goals,
                 after.places - before.places,
                 after.tips - before.tips,
             )
             sides = (
-                (before.holds, after.holds, way[0]),
-                (before.loads, after.loads, way[1]),
-                (before.pulls, after.pulls, way[2]),
+                (before.holds, after.holds, moved[0]),
+                (before.loads, after.loads, moved[1]),
+                (before.pulls, after.pulls, moved[2]),
             )
             each = [0.5 * (a + b) * w for a, b, w in sides]
-            work = sum(float(part.sum()) for part in each) + entered
-            gross = entered + sum(float(np.abs(part).sum()) for part in each)
+            work = sum(float(term.sum()) for term in each) + entered
+            gross = entered + sum(float(np.abs(term).sum()) for term in each)
             unsure = sum(0.5 * float(np.abs((b - a) * w).sum()) for a, b, w in sides)
             missing = work - (after.stored - before.stored) - lost - slipped
             total = self._gross + gross
             # Noise of forces works where hands lead: free nodes stay where they balance.
-            led = (way[0], way[1][after.loads != 0.0], way[2])
+            led = (moved[0], moved[1][after.loads != 0.0], moved[2])
             far_each = sum(float(np.abs(w).sum()) for w in led)
             least = 0.01 * OPEN * OPEN * total + noise * far_each + 1e-14 * after.stored
             close = abs(missing) <= OPEN * gross + least
@@ -518,12 +519,12 @@ class BeamOnBed:
         s.moved[:] = 0.0
         s.goal_from[:], s.rods_from[:], s.pull_before[:] = s.goal, s.rods, s.pull
 
-    def _set_goals(self, part: float) -> None:
+    def _set_goals(self, fraction: float) -> None:
         """Interpolate goals, dead forces and rods towards their targets."""
         s = self.state
-        s.goal[:] = s.goal_from + part * (s.goal_to - s.goal_from)
-        s.load[:] = s.load_from + part * (s.load_to - s.load_from)
-        s.rods[:] = s.rods_from + part * (s.rods_to - s.rods_from)
+        s.goal[:] = s.goal_from + fraction * (s.goal_to - s.goal_from)
+        s.load[:] = s.load_from + fraction * (s.load_to - s.load_from)
+        s.rods[:] = s.rods_from + fraction * (s.rods_to - s.rods_from)
 
     def _settle(self) -> tuple[float, float, float] | None:
         """Find equilibrium and damage at the goals, None if lost."""
@@ -547,10 +548,10 @@ class BeamOnBed:
         s = self.state
         if not s.rods[:, kernels.IN_USE].any():
             return 0.0, 0.0
-        before = kernels.assemble(s, kernels.POTENTIAL, 0.0)
-        if kernels.meet_rods(s, first) == 0:
+        before = kernels.assemble(s, kernels.INCREMENTAL, 0.0)
+        if kernels.update_rod_contacts(s, first) == 0:
             return 0.0, 0.0
-        change = kernels.assemble(s, kernels.POTENTIAL, 0.0) - before
+        change = kernels.assemble(s, kernels.INCREMENTAL, 0.0) - before
         return max(change, 0.0), max(-change, 0.0)
 
     def _balanced(self) -> float | None:
@@ -558,12 +559,12 @@ class BeamOnBed:
         s = self.state
         # The tangent of strands that end near a rod is not exact: the last digits come slowly.
         floor = self.rounding + (1e-9 if s.rods[:, kernels.IN_USE].any() else 0.0)
-        if kernels.equilibrium(s, kernels.POTENTIAL, TOLERANCE, floor, 2000) >= 0:
+        if kernels.equilibrium(s, kernels.INCREMENTAL, TOLERANCE, floor, 2000) >= 0:
             return kernels.yielded(s)
         # Slower and more robust: equilibrium under fixed damage, then damage by its law, in turn.
         lost = 0.0
         for _ in range(4000):
-            if kernels.equilibrium(s, kernels.STANDING, TOLERANCE, floor, 2000) < 0:
+            if kernels.equilibrium(s, kernels.FROZEN, TOLERANCE, floor, 2000) < 0:
                 return None
             more = kernels.yielded(s)
             lost += more
@@ -574,7 +575,7 @@ class BeamOnBed:
     def _balance(self) -> "_Balance":
         """Return forces, places and stored energy at the present state, with damage fixed."""
         s = self.state
-        kernels.assemble(s, kernels.STANDING, 0.0)
+        kernels.assemble(s, kernels.FROZEN, 0.0)
         stored = s.sums[kernels.BEAM] + s.sums[kernels.STRANDS] + s.sums[kernels.CONTACT]
         bits = (s.held[:, None] >> np.arange(3)) & 1
         holds = np.where(bits, s.g[:, :3], s.spring * (s.goal - s.x))
@@ -649,21 +650,21 @@ class BeamOnBed:
         return out
 
     @property
-    def parted(self) -> int:
+    def broken(self) -> int:
         """How many strands have parted."""
         return int((self.state.damage >= 1.0).sum())
 
     @property
-    def parted_by_rods(self) -> int:
+    def broken_by_rods(self) -> int:
         """How many of them lay against a rod when they parted."""
-        return int(self.state.sums[kernels.ROD_PARTED])
+        return int(self.state.sums[kernels.ROD_BROKEN])
 
     @property
     def freed(self) -> float:
-        """Length of beam whose strands have parted, mm: the sum of their shares."""
-        if not hasattr(self, "_shares"):
-            self._shares = self.strands.shares[self._order]
-        return float(self._shares[self.state.damage >= 1.0].sum())
+        """Length of beam whose strands have parted, mm: the sum of their tributary lengths."""
+        if not hasattr(self, "_tributary"):
+            self._tributary = self.strands.tributary_lengths[self._order]
+        return float(self._tributary[self.state.damage >= 1.0].sum())
 
     def strand_ends(self) -> Floats:
         """(S, 3) where strands hold the beam now, mm, in the order of `strands`."""
@@ -691,18 +692,18 @@ class BeamOnBed:
         return float(self.state.sums[kernels.BEAM])
 
     @property
-    def books(self) -> Books:
+    def energy(self) -> EnergyBalance:
         """The energy balance."""
         sums: list[float] = self.state.sums.tolist()
         work, stored = sums[kernels.WORK], sums[kernels.STORED]
         dissipated, snap, drag = sums[kernels.DISSIPATED], sums[kernels.SNAP], sums[kernels.DRAG]
-        return Books(
+        return EnergyBalance(
             work,
             stored,
             dissipated,
             snap,
             drag,
-            open=work - (stored + dissipated + snap + drag),
+            residual=work - (stored + dissipated + snap + drag),
             rod_work=sums[kernels.ROD_WORK],
             rod_dissipated=sums[kernels.ROD_DISSIPATED],
         )
@@ -737,15 +738,15 @@ class BeamOnBed:
         if not 0 < node < old.size - 1:
             return
         neighbour = node + 1 if station > old[node] else node - 1
-        part = (station - old[node]) / (old[neighbour] - old[node])
+        fraction = (station - old[node]) / (old[neighbour] - old[node])
         for x, q in ((self.state.x, self.state.q), (self._rest_x, self._rest_q)):
-            x[node] = _between(x, q, old, node, neighbour, part)
+            x[node] = _between(x, q, old, node, neighbour, fraction)
             turned = q[neighbour] if (q[neighbour] * q[node]).sum() >= 0.0 else -q[neighbour]
-            q[node] += part * (turned - q[node])
+            q[node] += fraction * (turned - q[node])
             q[node] /= np.sqrt((q[node] ** 2).sum())
         self._stations[node] = station
         self._measure_rest()
-        # The discrete energy changes slightly with the nodes: it stays `open`, no hand's work.
+        # The discrete energy changes slightly with the nodes: that is residual, no work.
         self._changed()
 
 
@@ -769,20 +770,20 @@ def _worst(section: Floats, wall: Floats) -> tuple[int, float, float, float]:
 
 
 def _between(
-    x: Floats, q: Floats, stations: Floats, node: int, neighbour: int, part: float
+    x: Floats, q: Floats, stations: Floats, node: int, neighbour: int, fraction: float
 ) -> Floats:
     """Return a place between two nodes on the cubic curve along both their frames."""
-    way = abs(stations[neighbour] - stations[node])
+    distance = abs(stations[neighbour] - stations[node])
     sign = 1.0 if neighbour > node else -1.0
     ends: list[Floats] = []
     for n in (node, neighbour):
         w, a, b, c = q[n]
         ends.append(
             sign
-            * way
+            * distance
             * np.array([1 - 2 * (b * b + c * c), 2 * (a * b + w * c), 2 * (a * c - w * b)])
         )
-    u = part
+    u = fraction
     return (
         x[node] * (1 + 2 * u) * (1 - u) ** 2
         + ends[0] * u * (1 - u) ** 2

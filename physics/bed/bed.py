@@ -53,7 +53,7 @@ class Bed:
     softening: float = 2.0  # u_f / u_0: elongation at parting over that at yield; 1 is brittle
     # where stiffness and toughness are given, mm; linear between them
     stations: tuple[float, ...] | None = None
-    two_sided: bool = False  # whether strands also push when they are shorter than at rest
+    bilateral: bool = False  # whether strands also push when they are shorter than at rest
     # stiffness with which the bed pushes back a beam deeper than at rest, N/mm^2
     floor: float = 0.0
     gap: float = 3.0  # length of a strand straight down, mm
@@ -101,12 +101,12 @@ class Bed:
             value = finite(getattr(self, name), f"{name} of a bed", unit)
             if not 0.0 <= value <= most:
                 limit = "0 or more" if most == math.inf else f"from 0 to {most:g}"
-                said = f"{limit} {unit}".strip()
-                raise ValueError(f"{name} of a bed must be {said}, got {value:g}")
+                allowed = f"{limit} {unit}".strip()
+                raise ValueError(f"{name} of a bed must be {allowed}, got {value:g}")
         if self.around is not None and not 0.0 <= self.around <= math.pi:
             raise ValueError(f"around of a bed must be from 0 to pi rad, got {self.around}")
-        if self.two_sided and self.slack > 0.0:
-            raise ValueError(f"a two_sided bed cannot be slack, got slack {self.slack:g} mm")
+        if self.bilateral and self.slack > 0.0:
+            raise ValueError(f"a bilateral bed cannot be slack, got slack {self.slack:g} mm")
         if self.seed < 0:
             raise ValueError(f"seed of a bed must be 0 or more, got {self.seed}")
 
@@ -138,7 +138,7 @@ class Bed:
         tough = _scattered(drawn[9:12], self.scatter)
         energy *= tough
         stiffness *= tough * _scattered(drawn[12:15], self.stiffness_scatter)
-        yield_ = np.sqrt(2.0 * energy / (stiffness * self.softening))
+        yield_elongation = np.sqrt(2.0 * energy / (stiffness * self.softening))
         return Strands.between(
             beam,
             stations,
@@ -148,9 +148,9 @@ class Bed:
             lean=lean,
             slack=self.slack * drawn[8],
             stiffness=stiffness,
-            yield_=yield_,
-            part=self.softening * yield_,
-            pushes=self.two_sided,
+            yield_elongation=yield_elongation,
+            failure_elongation=self.softening * yield_elongation,
+            bilateral=self.bilateral,
         )
 
     def floor_under(self, beam: SpaceBeam) -> Floats:

@@ -126,8 +126,8 @@ class History:
     forces: Floats  # (T, H, 3) of the hands on the beam, N; NaN likewise
     rods: Floats  # (T, R, 3) forces of the hands on the rods, N
     freed: Floats  # (T,) lengths of beam whose strands have parted, mm
-    parted: NDArray[np.int64]  # (T,) numbers of strands parted
-    work: Floats  # (T,) this and the next three: the energy balance, mJ; see `Books`
+    broken: NDArray[np.int64]  # (T,) numbers of strands broken
+    work: Floats  # (T,) this and the next three: the energy balance, mJ; see `EnergyBalance`
     stored: Floats
     dissipated: Floats
     snap: Floats
@@ -144,7 +144,7 @@ class History:
         return self.freed.size
 
     @property
-    def open_share(self) -> float:
+    def residual_ratio(self) -> float:
         """Part of all work that the energy balance does not explain, in absolute value."""
         missing = self.work - self.stored - self.dissipated - self.snap
         most, left = (float(np.abs(each).max(initial=0.0)) for each in (self.work, missing))
@@ -158,7 +158,7 @@ class History:
                 "hand_mm": _triple(self.hands[t, 0]) if self.hands.shape[1] else None,
                 "force_N": _triple(self.forces[t, 0]) if self.hands.shape[1] else None,
                 "freed_mm": float(self.freed[t]),
-                "strands_parted": int(self.parted[t]),
+                "strands_parted": int(self.broken[t]),
                 "work_mJ": float(self.work[t]),
                 "stored_mJ": float(self.stored[t]),
                 "dissipated_mJ": float(self.dissipated[t]),
@@ -204,7 +204,7 @@ class History:
                 line += [_cell(v) for v in (*self.hands[t, h], *self.forces[t, h])]
             for m in range(self.rods.shape[1]):
                 line += [_cell(v) for v in self.rods[t, m]]
-            line += [_cell(self.freed[t]), int(self.parted[t])]
+            line += [_cell(self.freed[t]), int(self.broken[t])]
             line += [_cell(b[t]) for b in (self.work, self.stored, self.dissipated, self.snap)]
             if self.stress is not None:
                 line.append(_cell(self.stress[t]))
@@ -232,8 +232,8 @@ def pull(
     Parameters
     ----------
     beam, bed
-        The beam at rest, with nodes where hands take hold (`SpaceBeam.made(nodes_at=...)`), and its
-        bed or beds, or strands made by hand.
+        The beam at rest, with nodes where hands take hold (`SpaceBeam.from_axis(nodes_at=...)`),
+        and its bed or beds, or strands made by hand.
     hands, rods
         What moves.
     plane
@@ -266,11 +266,11 @@ def pull(
     for each in beds:
         ground += each.floor_under(beam)
     held = BeamOnBed(beam, strands, floor=ground, rods=len(rods), plane=plane)
-    ways = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
+    paths = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
     sweeps = [step_places(rod.path, rod.steps, "a rod's path", begin=False) for rod in rods]
     total = max(
-        [hand.from_step + len(way) for hand, way in zip(hands, ways, strict=True)]
-        + [rod.from_step + len(way) for rod, way in zip(rods, sweeps, strict=True)],
+        [hand.from_step + len(path) for hand, path in zip(hands, paths, strict=True)]
+        + [rod.from_step + len(path) for rod, path in zip(rods, sweeps, strict=True)],
         default=0,
     )
     if total == 0:
@@ -281,8 +281,8 @@ def pull(
     at, force = np.full(shape, np.nan), np.full(shape, np.nan)
     pushed = np.zeros((total, len(rods), 3))
     stress = None if beam.wall is None else np.empty(total)
-    books = np.empty((total, 5))
-    freed, parted = np.empty(total), np.empty(total, dtype=np.int64)
+    energy = np.empty((total, 5))
+    freed, broken = np.empty(total), np.empty(total, dtype=np.int64)
     for t in range(total):
         for h, hand in enumerate(hands):
             if t == hand.from_step:
@@ -296,7 +296,7 @@ def pull(
                 held.let_go(node)
                 nodes[h] = None
                 continue
-            place = ways[h][min(t - hand.from_step, len(ways[h]) - 1)]
+            place = paths[h][min(t - hand.from_step, len(paths[h]) - 1)]
             if hand.by == "displacement":
                 held.lead(node, taken[h] + place)
             else:
@@ -318,9 +318,9 @@ def pull(
                 force[t, h] = held.hand_force(node)
         for m in range(len(rods)):
             pushed[t, m] = held.rod_force(m)
-        freed[t], parted[t] = held.freed, held.parted
-        now = held.books
-        books[t] = now.work, now.stored, now.dissipated, now.snap, now.open
+        freed[t], broken[t] = held.freed, held.broken
+        now = held.energy
+        energy[t] = now.work, now.stored, now.dissipated, now.snap, now.residual
         if stress is not None:
             stress[t] = held.worst_stress().total
         if watch is not None and watch(held):
@@ -333,11 +333,11 @@ def pull(
         force[:total],
         pushed[:total],
         freed[:total],
-        parted[:total],
-        books[:total, 0],
-        books[:total, 1],
-        books[:total, 2],
-        books[:total, 3],
+        broken[:total],
+        energy[:total, 0],
+        energy[:total, 1],
+        energy[:total, 2],
+        energy[:total, 3],
         None if stress is None else stress[:total],
         held.places.copy(),
         held.damage,
@@ -345,8 +345,8 @@ def pull(
         tuple(
             f"the force at {hand.at:g} mm moves nothing: in this beam forces below "
             f"{held.rounding:.1g} N are rounding"
-            for hand, way in zip(hands, ways, strict=True)
-            if hand.by == "force" and 0.0 < np.abs(way).max() <= held.rounding
+            for hand, path in zip(hands, paths, strict=True)
+            if hand.by == "force" and 0.0 < np.abs(path).max() <= held.rounding
         ),
     )
 

@@ -68,7 +68,7 @@ class SpaceBeam:
         return float(self.stations[-1])
 
     @classmethod
-    def made(
+    def from_axis(
         cls,
         *,
         elements: int,
@@ -186,7 +186,7 @@ class SpaceBeam:
             ],
             axis=1,
         )
-        return cls.made(
+        return cls.from_axis(
             elements=elements,
             stiffness=stiffness,
             span=beam.span if axis is None else None,
@@ -206,16 +206,16 @@ class SpaceBeam:
         e = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
         h = x[e + 1] - x[e]
         u = ((at - x[e]) / h)[:, None]
-        way = tangents(self.rotations)
+        tangent = tangents(self.rotations)
         h = h[:, None]
-        a, b, ta, tb = self.places[e], self.places[e + 1], way[e] * h, way[e + 1] * h
+        a, b, ta, tb = self.places[e], self.places[e + 1], tangent[e] * h, tangent[e + 1] * h
         place = (
             a * (1 + 2 * u) * (1 - u) ** 2
             + ta * u * (1 - u) ** 2
             + b * u * u * (3 - 2 * u)
             - tb * u * u * (1 - u)
         )
-        along = way[e] * (1 - u) + way[e + 1] * u
+        along = tangent[e] * (1 - u) + tangent[e + 1] * u
         along /= np.sqrt((along**2).sum(axis=1))[:, None]
         across = np.stack([-along[:, 1], along[:, 0], np.zeros(at.size)], axis=1)
         size = np.sqrt((across**2).sum(axis=1))
@@ -255,8 +255,8 @@ def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
             f"points {where + 1} and {where + 2} of the axis are on top of one another"
         )
     slopes = _spline_slopes(t, p)
-    part = np.arange(64) / 64.0
-    fine = np.append((t[:-1, None] + np.diff(t)[:, None] * part).ravel(), t[-1])
+    fraction = np.arange(64) / 64.0
+    fine = np.append((t[:-1, None] + np.diff(t)[:, None] * fraction).ravel(), t[-1])
     e = np.clip(np.searchsorted(t, fine, side="right") - 1, 0, t.size - 2)
     h = (t[e + 1] - t[e])[:, None]
     u = ((fine - t[e]) / h[:, 0])[:, None]
@@ -267,10 +267,10 @@ def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
         + b * u * u * (3 - 2 * u)
         - tb * u * u * (1 - u)
     )
-    way = (6 * (b - a) * u * (1 - u) + ta * (1 - u) * (1 - 3 * u) - tb * u * (2 - 3 * u)) / h
-    speed = np.sqrt((way**2).sum(axis=1))
+    slope = (6 * (b - a) * u * (1 - u) + ta * (1 - u) * (1 - 3 * u) - tb * u * (2 - 3 * u)) / h
+    speed = np.sqrt((slope**2).sum(axis=1))
     length = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))])
-    return length, place, way / speed[:, None]
+    return length, place, slope / speed[:, None]
 
 
 def _spline_slopes(t: Floats, p: Floats) -> Floats:
@@ -303,18 +303,18 @@ def _spline_slopes(t: Floats, p: Floats) -> Floats:
     return right
 
 
-def _frames(way: Floats) -> Floats:
+def _frames(directions: Floats) -> Floats:
     """Return quaternions that turn x into the tangents, without twist from node to node."""
-    along = way[0]
+    along = directions[0]
     up = np.array([0.0, 0.0, 1.0]) - along[2] * along
     if np.sqrt((up**2).sum()) < 1e-3:
         up = np.array([1.0, 0.0, 0.0]) - along[0] * along
     up /= np.sqrt((up**2).sum())
     columns = np.stack([along, np.cross(up, along), up], axis=1)
-    out = np.empty((way.shape[0], 4))
+    out = np.empty((directions.shape[0], 4))
     out[0] = _quaternion(columns)
-    for i in range(1, way.shape[0]):
-        a, b = way[i - 1], way[i]
+    for i in range(1, directions.shape[0]):
+        a, b = directions[i - 1], directions[i]
         # The smallest rotation from one tangent to the next.
         turn = np.concatenate([[1.0 + (a * b).sum()], np.cross(a, b)])
         turn /= np.sqrt((turn**2).sum())
@@ -403,8 +403,8 @@ def _node_stations(
     counts = np.ones(lengths.size, dtype=np.int64)
     for _ in range(elements - lengths.size):
         counts[int(np.argmax(lengths / counts))] += 1
-    parts = [
+    pieces = [
         np.linspace(a, b, count + 1)[:-1]
         for a, b, count in zip(anchors, anchors[1:], counts.tolist(), strict=False)
     ]
-    return np.concatenate([*parts, [span]])
+    return np.concatenate([*pieces, [span]])

@@ -29,8 +29,9 @@ class Strands:
     """S strands: where they are at rest, and their law.
 
     A strand carries nothing while it is shorter than `length`, then `stiffness` for each mm more;
-    from the elongation `yield_` on it softens, and at `part` it has parted: the energy to part it
-    is stiffness yield_ part / 2. Arrays are copied, rounded to `GRAIN` and locked.
+    from `yield_elongation` on it softens, and at `failure_elongation` it has parted: the energy to
+    part it is stiffness yield_elongation failure_elongation / 2. Arrays are copied, rounded to
+    `GRAIN` and locked.
     """
 
     stations: Floats  # (S,) where they hold the beam, mm from its first end
@@ -38,9 +39,9 @@ class Strands:
     feet: Floats  # (S, 3) places on the bed, mm
     stiffness: Floats  # (S,) k, N/mm
     length: Floats  # (S,) L, at which they come taut, mm
-    yield_: Floats  # (S,) elongations u_0 at which they begin to soften, mm
-    part: Floats  # (S,) elongations u_f at which they have parted, mm
-    pushes: Floats  # (S,) 1 for a strand that also pushes when it is shorter, else 0
+    yield_elongation: Floats  # (S,) elongations u_0 at which they begin to soften, mm
+    failure_elongation: Floats  # (S,) elongations u_f at which they have parted, mm
+    bilateral: Floats  # (S,) 1 for a strand that also pushes when it is shorter, else 0
 
     def __post_init__(self) -> None:
         count = np.asarray(self.stations).size
@@ -56,21 +57,21 @@ class Strands:
             rounded = np.where(np.abs(value) < 1e-4, value, rounded)
             rounded.setflags(write=False)
             object.__setattr__(self, each.name, rounded)
-        for name, unit in (("stiffness", "N/mm"), ("length", "mm"), ("yield_", "mm")):
+        for name, unit in (("stiffness", "N/mm"), ("length", "mm"), ("yield_elongation", "mm")):
             value: Floats = getattr(self, name)
             if count and not value.min() > 0.0:
                 at = float(self.stations[int(np.argmin(value))])
-                word = {"yield_": "elongation at which it yields"}.get(name, name)
+                word = {"yield_elongation": "elongation at which it yields"}.get(name, name)
                 raise ValueError(
                     f"a strand's {word} must be above 0 {unit}, got {value.min():g} {unit} "
                     f"at {at:g} mm: it would have no strength"
                 )
-        if count and not np.all(self.part >= self.yield_):
+        if count and not np.all(self.failure_elongation >= self.yield_elongation):
             raise ValueError("a strand must part at an elongation beyond that at which it yields")
         # A strand that parts at once still softens, within a millionth of its elongation.
-        part = np.maximum(self.part, self.yield_ * (1.0 + 1e-6))
-        part.setflags(write=False)
-        object.__setattr__(self, "part", part)
+        failure = np.maximum(self.failure_elongation, self.yield_elongation * (1.0 + 1e-6))
+        failure.setflags(write=False)
+        object.__setattr__(self, "failure_elongation", failure)
 
     @property
     def count(self) -> int:
@@ -80,15 +81,15 @@ class Strands:
     @property
     def toughness(self) -> Floats:
         """(S,) energies to part them, mJ."""
-        return 0.5 * self.stiffness * self.yield_ * self.part
+        return 0.5 * self.stiffness * self.yield_elongation * self.failure_elongation
 
     @property
     def strength(self) -> Floats:
         """(S,) largest forces they bear, N."""
-        return self.stiffness * self.yield_
+        return self.stiffness * self.yield_elongation
 
     @property
-    def shares(self) -> Floats:
+    def tributary_lengths(self) -> Floats:
         """(S,) lengths of beam that they stand for, mm: half-way to the next stations either way.
 
         At the first and the last station as far out as in; strands at one station share alike.
@@ -104,7 +105,7 @@ class Strands:
     def forces(self, ends: Floats, damage: Floats) -> Floats:
         """(S,) forces with their ends on the beam at (S, 3), mm, and (S,) damage, N."""
         elongation = np.sqrt(((ends - self.feet) ** 2).sum(axis=1)) - self.length
-        taut = (elongation > 0.0) | (self.pushes > 0.0)
+        taut = (elongation > 0.0) | (self.bilateral > 0.0)
         return np.where(taut, (1.0 - damage) * self.stiffness * elongation, 0.0)
 
     @classmethod
@@ -114,12 +115,12 @@ class Strands:
         return cls(row, np.zeros((0, 3)), np.zeros((0, 3)), row, row, row, row, row)
 
     @classmethod
-    def joined(cls, parts: Sequence["Strands"]) -> "Strands":
+    def joined(cls, beds: Sequence["Strands"]) -> "Strands":
         """Return the strands of several beds as one."""
-        if not parts:
+        if not beds:
             return cls.none()
         return cls(
-            *(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(cls))
+            *(np.concatenate([getattr(bed, each.name) for bed in beds]) for each in fields(cls))
         )
 
     @classmethod
@@ -134,9 +135,9 @@ class Strands:
         lean: Floats,
         slack: Floats,
         stiffness: Floats,
-        yield_: Floats,
-        part: Floats,
-        pushes: bool = False,
+        yield_elongation: Floats,
+        failure_elongation: Floats,
+        bilateral: bool = False,
     ) -> "Strands":
         """Return strands from a beam at rest down to the bed under it.
 
@@ -153,7 +154,7 @@ class Strands:
             (S, 2) how far feet are off the point below, along the axis and across it, mm.
         slack
             (S,) mm before they come taut.
-        stiffness, yield_, part, pushes
+        stiffness, yield_elongation, failure_elongation, bilateral
             (S,) and one for all; see the class.
 
         Returns
@@ -175,5 +176,12 @@ class Strands:
         length = np.sqrt(((ends - feet) ** 2).sum(axis=1)) + slack
         ones = np.ones(np.asarray(stations).size)
         return cls(
-            stations, ends, feet, stiffness, length, yield_, part, ones if pushes else 0.0 * ones
+            stations,
+            ends,
+            feet,
+            stiffness,
+            length,
+            yield_elongation,
+            failure_elongation,
+            ones if bilateral else 0.0 * ones,
         )

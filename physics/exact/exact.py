@@ -149,26 +149,26 @@ class ExactPull(Pull):
             )
         central = abs(self.grasp - 0.5 * beam.span) <= 1e-12 * beam.span
         self._half = self._second is None and central and beam.is_symmetric
-        self._part = theory.intervals // 2
+        self._per_piece = theory.intervals // 2
         area, _ = beam.mean_section
         self._force_unit = beam.modulus * area
         ends = [0.0, 0.5] if self._half else [0.0, self.grasp / self._span, 1.0]
         if self._second is not None:
             ends.insert(2, self._second / self._span)
-        self._bounds = element_bounds(beam, ends, self._part)
+        self._bounds = element_bounds(beam, ends, self._per_piece)
         lengths = np.diff(self._bounds)
         count = lengths.size
         law = theory.law
         self._state, self._fibres = new_state(count, law.point_rows, law.fibre_rows)
         # Half a symmetric beam has no grasp inside it.
-        self._grasp = None if self._half else self._part
+        self._grasp = None if self._half else self._per_piece
         _, elements, _, self._line, _, _ = self._state
         elements[at.LENGTH] = lengths
         line = self._line
-        line[at.SECOND] = count if self._second is None else 2 * self._part
-        parts = lengths[: self._part], lengths[self._part :]
+        line[at.SECOND] = count if self._second is None else 2 * self._per_piece
+        parts = lengths[: self._per_piece], lengths[self._per_piece :]
         # One after the other, as each part is as long as its elements to the last digit.
-        line[at.SHORTER_PART] = min(float(np.cumsum(part)[-1]) for part in parts if part.size)
+        line[at.SHORTER_PIECE] = min(float(np.cumsum(part)[-1]) for part in parts if part.size)
         law.fill(self._state, beam, self._bounds)
         self.rest()
 
@@ -219,7 +219,7 @@ class ExactPull(Pull):
             line = self._line
             line[at.TARGET_2], line[at.CONTROL_2] = self._set(second, at.COMPLIANCE_2)
             outcome = newton.solve_both(
-                self._state, self._fibres, self._part, 2 * self._part, control, load
+                self._state, self._fibres, self._per_piece, 2 * self._per_piece, control, load
             )
             words = f"{_words(first)} with a {_words(second)} at the second grasp"
         self._read()
@@ -232,7 +232,7 @@ class ExactPull(Pull):
         # `deflection`, mm, is that of the grip, of a `compliance`, mm/N.
         self._line[at.COMPLIANCE] = compliance * self._force_unit / self._span
         outcome, energy = _lift(
-            self._state, self._fibres, self._grasp, self._part, deflection / self._span
+            self._state, self._fibres, self._grasp, self._per_piece, deflection / self._span
         )
         self._read()
         if outcome != at.FOUND:
@@ -305,13 +305,13 @@ class ExactPull(Pull):
     def strain_energy(self) -> float:
         """Strain energy of the beam, N mm."""
         self._fill_points()
-        return self._energy(sampling.strain_energy(self._state, self._fibres, self._part))
+        return self._energy(sampling.strain_energy(self._state, self._fibres, self._per_piece))
 
     def _energy(self, energy: float) -> float:
         return energy * self._force_unit * self._span * (2.0 if self._half else 1.0)
 
     def _fill_points(self) -> None:
-        fill_points(self._state, self._fibres, self._part, 4)
+        fill_points(self._state, self._fibres, self._per_piece, 4)
 
     def _no_equilibrium(self, outcome: int, load: str) -> BeyondLaw:
         reason, words = REASONS[outcome]
@@ -353,7 +353,7 @@ class ExactPull(Pull):
         self._fill_points()
         ends = np.zeros((2, self._bounds.size))
         if not sampling.sample(
-            self._state, self._fibres, self._part, self._bounds, folded, ends, samples
+            self._state, self._fibres, self._per_piece, self._bounds, folded, ends, samples
         ):
             raise self._no_equilibrium(at.GIVES_WAY, f"deflection of {self.deflection:g} mm")
         along: NDArray[np.float64] = samples[sampling.ALONG]

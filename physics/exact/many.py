@@ -104,11 +104,11 @@ def _set_up(
     gyration = math.sqrt(second_moment)
     if grasp is None:
         _graded(bounds, int(0), count, 0.0, 0.5, gyration)
-        line[SHORTER_PART] = 0.5
+        line[SHORTER_PIECE] = 0.5
     else:
         _graded(bounds, int(0), grasp, 0.0, at, gyration)
         _graded(bounds, grasp, count - grasp, at, 1.0, gyration)
-        line[SHORTER_PART] = min(at, 1.0 - at)
+        line[SHORTER_PIECE] = min(at, 1.0 - at)
     for e in range(count):
         elements[LENGTH, e] = bounds[e + 1] - bounds[e]
     line[SECOND], line[ECCENTRIC], line[COMPLIANCE] = count, 0.0, 0.0
@@ -223,7 +223,7 @@ def _pull_up(
 ) -> tuple[float, float, float]:
     """Return a deflection before the first break, its stress, and one at the break or beyond."""
     d0, s0, d1, s1 = 0.0, 0.0, 0.0, 0.0
-    d2 = FIRST_STEP * state[3][SHORTER_PART]
+    d2 = FIRST_STEP * state[3][SHORTER_PIECE]
     while d1 <= FARTHEST:
         s2 = _stress_at(state, fibres, grasp, bounds, room, solved, i, d2)
         if not s2 < limit:

@@ -293,7 +293,7 @@ def _whole_step(
 
 
 @njit(**KERNEL)
-def _three_part_step(
+def _three_piece_step(
     nodes: Array,
     elements: Array,
     points: Array,
@@ -422,7 +422,7 @@ def newton(
         elif second is None:
             forces, turns = _whole_step(nodes, elements, points, line, grasp, control, target)
         else:
-            forces, turns = _three_part_step(
+            forces, turns = _three_piece_step(
                 nodes, elements, points, line, grasp, second, control, target
             )
         if not (forces + turns < 1e6):
@@ -499,7 +499,7 @@ def climb(
     # at most double. A force is solved for on the first step that reaches it, so that no other
     # branch can be taken for it. A step that fails is tried again at a quarter of its length.
     sign = 1.0 if target > 0.0 else -1.0
-    first = FIRST_STEP * line[SHORTER_PART]
+    first = FIRST_STEP * line[SHORTER_PIECE]
     here, step = 0.0, first
     while here < FARTHEST:
         _copy(memory, kept)

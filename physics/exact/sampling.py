@@ -139,12 +139,12 @@ def sample(
             end, side = place // 2, 2 * (place % 2) - 1
             here = place == 4
             reach = f - end
-            part = f if here else end + reach * (0.5 + side * GAUSS)
-            theta = left + part * (right - left) + 4.0 * part * (1.0 - part) * bubble
-            kappa = (right - left + 4.0 * (1.0 - 2.0 * part) * bubble) / elements[LENGTH, e]
+            u = f if here else end + reach * (0.5 + side * GAUSS)
+            theta = left + u * (right - left) + 4.0 * u * (1.0 - u) * bubble
+            kappa = (right - left + 4.0 * (1.0 - 2.0 * u) * bubble) / elements[LENGTH, e]
             sin, cos = math.sin(theta), math.cos(theta)
             n, q = h * cos + p * sin, p * cos - h * sin
-            b = (part - 0.5 + GAUSS) / (2.0 * GAUSS)
+            b = (u - 0.5 + GAUSS) / (2.0 * GAUSS)
             if b < 0.0:
                 b = 0.0
             elif b > 1.0:
@@ -166,7 +166,7 @@ def sample(
                     bending = a * points[BENDING, i] + b * points[BENDING, j]
                     kappa = (moment + offset * n) / bending
             else:
-                nearer = i if part < 0.5 else j
+                nearer = i if u < 0.5 else j
                 lam, gam, kappa = _neo_hooke_strains(
                     points, fibres, line, nearer, n, q, kappa, moment + offset * n, here
                 )

@@ -102,7 +102,7 @@ def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
     taut = whole & (past > 0.0)
     assert taut.sum() > 20
     np.testing.assert_allclose(
-        rows[taut, 3], (past / beam.state.strand[kernels.PART])[taut], atol=1e-4
+        rows[taut, 3], (past / beam.state.strand[kernels.FAILURE])[taut], atol=1e-4
     )
     assert (rows[whole & (past <= 0.0), 3] <= 0.0).all()
 

@@ -94,8 +94,8 @@ def test_the_motion_is_solve_s_history() -> None:
     )
     assert motion.bed is not None
     assert motion.bed.freed[1:] == pytest.approx(history.freed)
-    assert (motion.bed.damage[1:] >= 1.0).sum(axis=1).tolist() == history.parted.tolist()
-    assert 30 < history.parted[-1] < 110
+    assert (motion.bed.damage[1:] >= 1.0).sum(axis=1).tolist() == history.broken.tolist()
+    assert 30 < history.broken[-1] < 110
     assert not motion.transforms[0].any()
     # The bed is below the duct, and force is only where a strand is taut and whole.
     last = strands(12)
@@ -289,7 +289,7 @@ def test_a_curved_duct_is_freed_as_it_lies() -> None:
     solved = pull(rest, bed.bed(rest, strands=200), [Hand(at=27.0, path=path, steps=10)])
     history = export.dissected[1]
     assert np.array_equal(history.forces, solved.forces)
-    assert 30 < history.parted[-1] < 150
+    assert 30 < history.broken[-1] < 150
     start, end = (moment for _, moment in list(export.snapshots())[::10])
     (before,), (after,) = start.surfaces, end.surfaces
     assert np.array_equal(before.vertices, before.skin.vertices)

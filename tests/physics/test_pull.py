@@ -51,9 +51,9 @@ def same(one: Equilibrium, other: Equilibrium) -> None:
 
 def test_part_of_an_equilibrium_is_the_same_at_fewer_stations() -> None:
     whole = Cubic().pull(DUCT, 25.4).to_force(2.0).sample(STATIONS)
-    part = whole.part(slice(1, 3))
-    same(part, Cubic().pull(DUCT, 25.4).to_force(2.0).sample(STATIONS[1:3]))
-    assert part.stations.tolist() == [12.0, 25.4]
+    some = whole.subset(slice(1, 3))
+    same(some, Cubic().pull(DUCT, 25.4).to_force(2.0).sample(STATIONS[1:3]))
+    assert some.stations.tolist() == [12.0, 25.4]
 
 
 def test_grasp_lies_between_the_clamps() -> None:

@@ -19,7 +19,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from kernel_cache import njit
 from physics import Exact, Linear, RuptureCheck
-from physics.bed import BeamOnBed, Books
+from physics.bed import BeamOnBed, EnergyBalance
 
 __all__ = [
     "BED_THEORY", "ELEMENTS", "HANDS", "SUBSTEPS", "BedReading", "BeddedDuct", "Rod", "Touch",
@@ -68,7 +68,7 @@ class BedReading:
     peak_share: float  # largest share since the duct was whole and at rest
     forces: Floats  # (HANDS, 3) of each hand on duct or strands, N
     held: tuple[bool, ...]  # whether each hand holds the duct
-    books: Books
+    books: EnergyBalance
     torn_at: float | None  # mm from the first clamp
 
     @property
@@ -142,7 +142,7 @@ class BeddedDuct:
             rods=2 * HANDS,
         )
         if opened is not None:
-            self.beam.part_between(self._scale * opened[0], self._scale * opened[1])
+            self.beam.break_between(self._scale * opened[0], self._scale * opened[1])
         self.hands = tuple(
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
         )
@@ -150,7 +150,7 @@ class BeddedDuct:
         self.torn_element = -1  # of the beam, which is none any more
         self.share = self.station = 0.0  # of the threshold, largest, and mm from the first clamp
         self._peak = 0.0
-        self.parted = self.beam.parted
+        self.parted = self.beam.broken
         self.freed = self.beam.freed  # mm
         self._before = np.empty_like(self.beam.places)
         self._still = True
@@ -270,7 +270,7 @@ class BeddedDuct:
         if self.share > 1.0 and self.torn is None:
             self.torn = check
             self.torn_element = beam.tear(beam.worst_stress().station)
-            self.parted, self.freed = beam.parted, beam.freed
+            self.parted, self.freed = beam.broken, beam.freed
             for number in range(HANDS):  # a duct in two slips off what holds it
                 self.release(number)
         return True
@@ -288,7 +288,7 @@ class BeddedDuct:
                 peak_share=self._peak,
                 forces=self.forces,
                 held=tuple(hand.node is not None for hand in self.hands),
-                books=beam.books,
+                books=beam.energy,
                 torn_at=None if self.torn is None else self.torn.station,
             )
         return self._reading

@@ -91,14 +91,14 @@ class DissectionMeasureTaker:
         self._duct = duct
         self._damage = duct.beam.damage.copy()
         self._before = self._parted = duct.parted
-        self._books = duct.beam.books
+        self._books = duct.beam.energy
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
 
     def _measure_freed(self) -> None:
         self.freed = self._duct.freed
-        self._parted_by_rods = self._duct.beam.parted_by_rods
+        self._parted_by_rods = self._duct.beam.broken_by_rods
         self.stretches = self._duct.freed_stretches()
 
     def take(self, *, moved: bool) -> None:
@@ -141,7 +141,7 @@ class DissectionMeasureTaker:
         """Divide the tick's work, as it is in the books, between the hands."""
         # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
         # both do the same, in proportion to force times way of each.
-        duct, books = self._duct, self._duct.beam.books
+        duct, books = self._duct, self._duct.beam.energy
         swept = books.rod_work - self._books.rod_work
         held = books.work - self._books.work - swept
         self._books = books
@@ -183,7 +183,7 @@ class DissectionMeasureTaker:
                 seen |= away <= WORKING_DISTANCE
             touched = np.zeros(new.size, dtype=np.bool_)
             for rod in rods:
-                touched |= beam.touched_by(rod, unmet=not self.by_touch)[new]
+                touched |= beam.touched_by(rod, including_no_contact=not self.by_touch)[new]
             # A strand is its instrument's if one touches it, else that of the nearest hand that
             # acts on the duct.
             acts = hand in self._acting if self.by_touch else holder.node is not None

@@ -147,7 +147,7 @@ def beam_in_space(
     fibres = np.stack([up.fibre_distance, across.fibre_distance])
     chords = np.sqrt((np.diff(axis, axis=0) ** 2).sum(axis=1))
     along = np.concatenate([[0.0], np.cumsum(chords)])
-    return SpaceBeam.made(
+    return SpaceBeam.from_axis(
         elements=elements,
         stiffness=stiffness,
         axis=axis,

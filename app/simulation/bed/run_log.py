@@ -112,8 +112,8 @@ def strands_digest(strands: Strands) -> str:
         strands.feet,
         strands.stiffness,
         strands.length,
-        strands.yield_,
-        strands.part,
+        strands.yield_elongation,
+        strands.failure_elongation,
     ):
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return digest.hexdigest()

@@ -109,7 +109,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         radius = 2.0 * np.sqrt(np.maximum(ratio, 1e-30))
         if self.radius_mm is not None:
             radius = _row(self.radius_mm, stations, "radius_mm of [beam]")
-        return SpaceBeam.made(
+        return SpaceBeam.from_axis(
             elements=self.elements,
             stiffness=stiffness,
             span=None if self.span_mm is None else float(self.span_mm),
@@ -156,7 +156,7 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def made(self, beam: SpaceBeam) -> Bed:
         """Return the bed under a beam."""
         patches = tuple(Patch(each.from_mm, each.to_mm, each.factor) for each in self.patch)
-        own: dict[str, float] = {"two_sided": True} if self.two_sided else {}
+        own: dict[str, float] = {"bilateral": True} if self.two_sided else {}
         for name, field, value in (
             ("softening", "softening", self.softening),
             ("floor_N_mm2", "floor", self.floor_N_mm2),

@@ -273,7 +273,7 @@ class _PageStrands:
             scene,
             self._numbers(0),
             feet=(run.bed.feet[:, 0] - self._first) @ duct.frame,
-            toughness=strands.stiffness * strands.yield_ * strands.part,
+            toughness=strands.stiffness * strands.yield_elongation * strands.failure_elongation,
             pairs=film_pairs(strands.stations, surface.strand_angles()),
             rods=0,
             header=0,
@@ -292,7 +292,8 @@ class _PageStrands:
         elongation = np.sqrt((way**2).sum(axis=1)) - strands.length
         out = np.zeros((len(way), NUMBERS), np.float32)
         out[:, :3] = (now.ends[:, 0] - self._first) @ self._duct.frame
-        out[:, 3] = elongation / np.where(elongation > 0.0, strands.part, strands.length)
+        failure = strands.failure_elongation
+        out[:, 3] = elongation / np.where(elongation > 0.0, failure, strands.length)
         out[now.parted, 3] = PARTED
         return _rounded(out).ravel()
 

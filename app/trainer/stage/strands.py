@@ -124,7 +124,7 @@ class StrandsInBed(DrawnStrands):
             scene,
             self._new,
             feet=strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T + self._aside,
-            toughness=strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.PART],
+            toughness=strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.FAILURE],
             pairs=film_pairs(beam.stations[nodes] + arm[0], np.arctan2(arm[1], -arm[2])),
             rods=rods.shape[0],
             header=rods.size,
@@ -192,14 +192,14 @@ def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32
             for m in range(s.rods.shape[0]):
                 if s.rods[m, kernels.IN_USE] == 0.0 or s.side[m, i] & 1 == 0:
                     continue
-                side, way, _, _, _ = kernels.way_round(end, foot, s.rods[m], s.side[m, i], False)
+                side, way, _, _, _ = kernels.path_round(end, foot, s.rods[m], s.side[m, i], False)
                 if side & 1 == 1:
                     length = way
                     out[at + 4] = 1 + 2 * m + (1 if side > 0 else 0)
                     break
             # Elongation over that at which it parts; below zero how slack it is, over its length.
             elongation = length - s.strand[kernels.LENGTH, i]
-            row = kernels.PART if elongation > 0.0 else kernels.LENGTH
+            row = kernels.FAILURE if elongation > 0.0 else kernels.LENGTH
             out[at + 3] = elongation / s.strand[row, i]
 
 

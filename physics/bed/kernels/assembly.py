@@ -8,8 +8,8 @@ from physics.bed.kernels.state import (
     BEAM,
     BENT_NOW,
     CONTACT,
-    DELAYED,
     LOADS,
+    RELAXED,
     RETRACED,
     SLIPPED_NOW,
     STRANDS,
@@ -44,41 +44,41 @@ def node_pass(s: State) -> None:
 
 
 @inner
-def shape_pass(s: State, kind: int, mix: float) -> None:
+def shape_pass(s: State, kind: int, relaxation: float) -> None:
     """Write all that follows from the shape alone, wherever forces and springs go."""
     s.g[:] = 0.0
     s.diagonal[:] = 0.0
     s.upper[:] = 0.0
     s.pull[:] = 0.0
     s.press[:] = 0.0
-    s.shed[:] = 0.0
-    s.rods_shed[:] = 0.0
+    s.damage_correction[:] = 0.0
+    s.rods_damage_correction[:] = 0.0
     s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
     beam_pass(s)
-    strand_pass(s, kind, mix)
+    strand_pass(s, kind, relaxation)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def assemble(s: State, kind: int, mix: float) -> float:
+def assemble(s: State, kind: int, relaxation: float) -> float:
     """Write all energies, the gradient and the tangent; return the energy to minimise."""
-    if kind == DELAYED and mix > 0.0 and s.sums[AHEAD] == mix:
+    if kind == RELAXED and relaxation > 0.0 and s.sums[AHEAD] == relaxation:
         copy_values(s.damage, s.damage_ahead)
     else:
-        shape_pass(s, kind, mix)
+        shape_pass(s, kind, relaxation)
     s.sums[AHEAD] = 0.0
     node_pass(s)
     return s.sums[BEAM] + s.sums[STRANDS] + s.sums[CONTACT] + s.sums[LOADS]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def assemble_ahead(s: State, mix: float) -> None:
-    """Assemble the next real-time tick with this `mix` as far as its hands do not matter."""
+def assemble_ahead(s: State, relaxation: float) -> None:
+    """Assemble the next real-time tick with this `relaxation` as far as its hands do not matter."""
     # Damage stands until that tick, and any other assembly before it begins anew. Rods change what
     # the strands do, and a tick that is retraced needs its damage of before.
-    if any_rod(s) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == mix:
+    if any_rod(s) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == relaxation:
         return
     copy_values(s.damage_before, s.damage)
-    shape_pass(s, int(DELAYED), mix)
+    shape_pass(s, int(RELAXED), relaxation)
     copy_values(s.damage_ahead, s.damage)
     copy_values(s.damage, s.damage_before)
-    s.sums[AHEAD] = mix
+    s.sums[AHEAD] = relaxation

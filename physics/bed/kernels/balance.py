@@ -23,15 +23,15 @@ from physics.bed.kernels.state import (
     DISSIPATED,
     DRAG,
     DRAG_NOW,
+    FROZEN,
     LOST_NOW,
     MOVED,
     RETRACED,
+    ROD_BROKEN,
     ROD_DISSIPATED,
-    ROD_PARTED,
     ROD_WORK,
     SLIPPED_NOW,
     SNAP,
-    STANDING,
     STORED,
     STRANDS,
     WORK,
@@ -54,7 +54,7 @@ are tried before all are `LONG` at least, whether they close or not: a bound of 
 
 
 @inner
-def account_part(s: State, size: float, first: float, middle: float, least: bool) -> bool:
+def account_motion(s: State, size: float, first: float, middle: float, least: bool) -> bool:
     """Account for the motion since the assembly before if it closes, or is the `least` part."""
     # Weights of the forces at both ends and in the middle: the trapezoidal rule's, or Simpson's.
     sums = s.sums
@@ -62,14 +62,15 @@ def account_part(s: State, size: float, first: float, middle: float, least: bool
     for n in range(s.x.shape[0]):
         mask = s.held[n]
         for r in range(6):
-            f = first * (s.g_before[n, r] + s.g[n, r] + s.shed[n, r]) + middle * s.g_middle[n, r]
-            part = f * s.moved[n, r]
-            gross += abs(part)
+            correction = s.damage_correction[n, r]
+            f = first * (s.g_before[n, r] + s.g[n, r] + correction) + middle * s.g_middle[n, r]
+            term = f * s.moved[n, r]
+            gross += abs(term)
             if (mask >> r) & 1:
-                work += part
+                work += term
             else:
-                lost -= part
-                change = s.g[n, r] + s.shed[n, r] - s.g_before[n, r]
+                lost -= term
+                change = s.g[n, r] + correction - s.g_before[n, r]
                 unsure += 0.5 * abs(change * s.moved[n, r])
             if r < 3:
                 work += 0.5 * (s.load_before[n, r] + s.load[n, r]) * s.moved[n, r]
@@ -78,11 +79,11 @@ def account_part(s: State, size: float, first: float, middle: float, least: bool
                     work += 0.5 * (s.react[n, r] + f) * (s.goal[n, r] - s.goal_from[n, r])
     for m in range(s.rods.shape[0]):
         for r in range(3):
-            way = s.rods[m, r] - s.rods_from[m, r]
-            f = s.pull_before[m, r] + s.pull[m, r] + s.rods_shed[m, r]
-            part = (first * f + middle * s.pull_middle[m, r]) * way
-            gross += abs(part)
-            swept += part
+            displacement = s.rods[m, r] - s.rods_from[m, r]
+            f = s.pull_before[m, r] + s.pull[m, r] + s.rods_damage_correction[m, r]
+            term = (first * f + middle * s.pull_middle[m, r]) * displacement
+            gross += abs(term)
+            swept += term
     swept += sums[BENT_NOW]
     lost += sums[SLIPPED_NOW]
     stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
@@ -138,17 +139,17 @@ def retrace(s: State) -> None:
         size = min(size, 1.0 - done)
         middle = done + 0.5 * size
         for half in range(2):
-            part = done + size if half else middle
+            fraction = done + size if half else middle
             if turned > 0.0:
-                move(s, part * turned)
+                move(s, fraction * turned)
             for n in range(s.x.shape[0]):
                 for r in range(3):
-                    s.goal[n, r] = goal_0[n, r] + part * (goal[n, r] - goal_0[n, r])
-                    s.load[n, r] = load_0[n, r] + part * (load[n, r] - load_0[n, r])
+                    s.goal[n, r] = goal_0[n, r] + fraction * (goal[n, r] - goal_0[n, r])
+                    s.load[n, r] = load_0[n, r] + fraction * (load[n, r] - load_0[n, r])
             for m in range(rods.shape[0]):
                 for r in range(3):
-                    s.rods[m, r] = rods_0[m, r] + part * (rods[m, r] - rods_0[m, r])
-            assemble(s, int(STANDING), 0.0)
+                    s.rods[m, r] = rods_0[m, r] + fraction * (rods[m, r] - rods_0[m, r])
+            assemble(s, int(FROZEN), 0.0)
             if not half:
                 copy_rows(s.g_middle, s.g)
                 copy_rows(s.pull_middle, s.pull)
@@ -159,7 +160,7 @@ def retrace(s: State) -> None:
                 s.moved[n, r] = size * moved[n, r]
                 s.moved[n, 3 + r] = size * slower * moved[n, 3 + r]
         least = size <= SHORTEST or tries > MOST_TRIES
-        if account_part(s, size, 1.0 / 6.0, 2.0 / 3.0, least):
+        if account_motion(s, size, 1.0 / 6.0, 2.0 / 3.0, least):
             done += size
             size *= 2.0
         else:
@@ -172,20 +173,20 @@ def retrace(s: State) -> None:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def account(s: State, kind: int, mix: float) -> None:
+def account(s: State, kind: int, relaxation: float) -> None:
     """Assemble, and account for all since the assembly before."""
     sums = s.sums
     retraced = sums[RETRACED] != 0.0
-    dissipated, parted = sums[ROD_DISSIPATED], sums[ROD_PARTED]
+    dissipated, broken = sums[ROD_DISSIPATED], sums[ROD_BROKEN]
     if retraced:
         copy_values(s.damage_before, s.damage)
         copy_rows(s.side_before, s.side)
-    assemble(s, kind, mix)
-    if account_part(s, 1.0, 0.5, 0.0, not retraced):
+    assemble(s, kind, relaxation)
+    if account_motion(s, 1.0, 0.5, 0.0, not retraced):
         return
-    sums[ROD_DISSIPATED], sums[ROD_PARTED] = dissipated, parted
+    sums[ROD_DISSIPATED], sums[ROD_BROKEN] = dissipated, broken
     copy_values(s.damage, s.damage_before)
     copy_rows(s.side, s.side_before)
     retrace(s)
-    assemble(s, kind, mix)
-    account_part(s, 0.0, 0.5, 0.0, retraced)
+    assemble(s, kind, relaxation)
+    account_motion(s, 0.0, 0.5, 0.0, retraced)

@@ -151,11 +151,11 @@ def beam_pass(s: State) -> None:
         f2, f3 = s.chord[e, 0], s.chord[e, 1]
         thin = f2 > 0.0 or f3 > 0.0
         e1, e2, e3 = 1.0, 0.0, 0.0
-        way, dyad = t1, 0.0  # e in space, and EA - N/L
+        direction, dyad = t1, 0.0  # e in space, and EA - N/L
         if thin:
             length = math.sqrt((1.0 + g1) ** 2 + f2 * g2**2 + f3 * g3**2)
             e1, e2, e3 = (1.0 + g1) / length, f2 * g2 / length, f3 * g3 / length
-            way = added(added(scaled(t1, e1), scaled(t2, e2)), scaled(t3, e3))
+            direction = added(added(scaled(t1, e1), scaled(t2, e2)), scaled(t3, e3))
             g1 = length - 1.0
             tight = c1 * g1 / length
             dyad = c1 - tight
@@ -204,7 +204,7 @@ def beam_pass(s: State) -> None:
         # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
         big_c = turned(c1, c2, c3, t1, t2, t3)
         if thin:
-            big_c = with_dyad(big_c, dyad, way)
+            big_c = with_dyad(big_c, dyad, direction)
         big_m = turned(stiff[e, 3], stiff[e, 4], stiff[e, 5], t1, t2, t3)
         cd = times_cross(big_c, d)  # C [d]
         p = (

@@ -43,7 +43,7 @@ def nudge(s: State, size: float) -> None:
 
 
 @inner
-def way_to_goal(s: State) -> float:
+def distance_to_goals(s: State) -> float:
     """Return the largest distance of a held freedom to its goal, mm."""
     most = 0.0
     for n in range(s.x.shape[0]):
@@ -98,7 +98,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
     for it in range(most):
         if not math.isfinite(energy):
             return -1
-        going = way_to_goal(s)
+        going = distance_to_goals(s)
         arrived = going <= 1e-13 * span
         out_of_balance = residual(s, length)
         # Balanced once held places are where they should be and free forces are small; the tangent
@@ -143,18 +143,18 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             continue
         if not found:
             return -1
-        part = 1.0
+        fraction = 1.0
         turn = largest(s, int(3))
         if turn > TURN_LIMIT:
-            part = TURN_LIMIT / turn
+            fraction = TURN_LIMIT / turn
         far = largest(s, int(0))
         # Nor does any node go farther in one step than a quarter of the beam.
-        if part * far > 0.25 * span:
-            part = 0.25 * span / far
+        if fraction * far > 0.25 * span:
+            fraction = 0.25 * span / far
         if not arrived:  # held places still move: their work is no part of the energy searched
-            move(s, part)
+            move(s, fraction)
             energy = assemble(s, kind, 0.0)
-            if part * far > FAR_BEYOND_HANDS * going:
+            if fraction * far > FAR_BEYOND_HANDS * going:
                 # Nearly unstable: it may have left for a far shape of more energy. Then they alone
                 # move, and the rest follows downhill.
                 taken = energy
@@ -167,7 +167,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                 energy = assemble(s, kind, 0.0)
                 if not energy < taken:
                     copy_rows(s.step, s.hold)
-                    move(s, part)
+                    move(s, fraction)
                     energy = assemble(s, kind, 0.0)
             continue
         slope = slope_along(s)
@@ -178,9 +178,9 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         # Armijo's rule: at least 1e-4 of the fall that the slope promises. 0.4^30 is no step.
         accepted = False
         for _ in range(30):
-            move(s, part)
+            move(s, fraction)
             energy = assemble(s, kind, 0.0)
-            if energy <= before + 1e-4 * part * slope + rounding:
+            if energy <= before + 1e-4 * fraction * slope + rounding:
                 accepted = True
                 if energy <= before - rounding:
                     break
@@ -188,27 +188,27 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                 beyond = slope_along(s)
                 if beyond <= -slope:
                     break
-                part *= max(0.01, slope / (slope - beyond))
+                fraction *= max(0.01, slope / (slope - beyond))
                 continue
             accepted = False
-            part *= 0.4
+            fraction *= 0.4
         # Where the energy falls as steeply as it began, as along a mode that is not stable, a step
         # four times as long is tried, and so on: by the shift alone it would take thousands.
-        while accepted and shift > 0.0 and before - energy > -0.75 * part * slope:
-            if 4.0 * part * turn > TURN_LIMIT or 4.0 * part * far > 0.25 * span:
+        while accepted and shift > 0.0 and before - energy > -0.75 * fraction * slope:
+            if 4.0 * fraction * turn > TURN_LIMIT or 4.0 * fraction * far > 0.25 * span:
                 break
             lowest = energy
-            move(s, 4.0 * part)
+            move(s, 4.0 * fraction)
             energy = assemble(s, kind, 0.0)
             if not energy < lowest:
-                move(s, part)
+                move(s, fraction)
                 energy = assemble(s, kind, 0.0)
                 break
-            part *= 4.0
+            fraction *= 4.0
         # The shift fades while full steps are taken, and grows steeply where none is.
         if accepted:
-            shift = 0.0 if part >= 1.0 and shift < 16.0 * least_shift else 0.0625 * shift
-            if part < 0.1:
+            shift = 0.0 if fraction >= 1.0 and shift < 16.0 * least_shift else 0.0625 * shift
+            if fraction < 0.1:
                 shift = max(shift, least_shift)
         else:
             copy_rows(s.x, s.x_kept)

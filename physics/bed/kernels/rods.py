@@ -6,7 +6,7 @@ length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_
 l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
 There is no friction. A strand is met when the tip has gone past it, and slips off past 3 rad or
 past the tip: these two jump, so that in a search for equilibrium they stand as they are
-(`meet_rods`). The duct, a round bar about the axis, is kept off by a penalty contact.
+(`update_rod_contacts`). The duct, a round bar about the axis, is kept off by a penalty contact.
 """
 
 import math
@@ -16,14 +16,14 @@ from physics.bed.kernels.state import (
     ARM_Y,
     ARM_Z,
     CONTACT,
-    DELAYED,
     FOOT_X,
     FOOT_Y,
     FOOT_Z,
     IN_USE,
+    INCREMENTAL,
     LENGTH,
-    POTENTIAL,
     RADIUS,
+    RELAXED,
     SHAFT,
     SLIPPED_NOW,
     STIFF,
@@ -34,7 +34,7 @@ from physics.bed.kernels.vectors import Floats, Three, added, columns, cross, do
 
 # Angle, rad: wrapped by more a strand slips off a rod.
 SLIPS = 3.0
-UNMET, SLIPPED = 2, 4
+NO_CONTACT, SLIPPED = 2, 4
 """In `side`: a strand that is out of a rod's reach, or past its tip; one that has just slipped off,
 and is straight until it meets the rod again. Odd ones touch it."""
 
@@ -69,7 +69,7 @@ def angle(across: float, along: float) -> float:
 
 
 @inner
-def way_round(
+def path_round(
     a: Three, b: Three, rod: Floats, side: int, live: bool
 ) -> tuple[int, float, Three, Three, float]:
     """Return side, length, its derivatives by a and b, and its curvature across the rod."""
@@ -77,7 +77,7 @@ def way_round(
     # strand has just slipped off it, else 0. To a strand with an end inside it the rod is only as
     # thick as leaves that end on its surface: so lengths never jump.
     none = (0.0, 0.0, 0.0)
-    if side >= UNMET and not live:
+    if side >= NO_CONTACT and not live:
         return side, 0.0, none, none, 0.0
     bent = side == 1 or side == -1
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
@@ -90,18 +90,18 @@ def way_round(
     ra, rb = math.sqrt(dot(a, a)), math.sqrt(dot(b, b))
     inside_a, inside_b = ra < r and ra <= rb, rb < r and rb < ra
     r = min(r, ra, rb)
-    way = added(b, scaled(a, -1.0))
-    square = dot(way, way)
-    nearest = -dot(a, way) / square if square > 0.0 else 0.0
+    chord = added(b, scaled(a, -1.0))
+    square = dot(chord, chord)
+    nearest = -dot(a, chord) / square if square > 0.0 else 0.0
     nearest = min(1.0, max(0.0, nearest))
     slipped = live and a0 + nearest * (b0 - a0) < 0.0  # past the tip
     if slipped and not bent:
-        return UNMET, 0.0, none, none, 0.0
+        return NO_CONTACT, 0.0, none, none, 0.0
     turn = dot(u, cross(a, b))
     axial = b0 - a0
     if not bent:
         side = 1 if turn > 0.0 else -1
-        foot = added(a, scaled(way, nearest))
+        foot = added(a, scaled(chord, nearest))
         bent = dot(foot, foot) < r * r
     la, lb = math.sqrt(ra * ra - r * r), math.sqrt(rb * rb - r * r)
     arc = -1.0
@@ -118,7 +118,7 @@ def way_round(
     plane = la + lb + r * arc
     length = math.sqrt(plane * plane + axial * axial)
     if slipped:
-        return UNMET, length, none, none, 0.0
+        return NO_CONTACT, length, none, none, 0.0
     if live and arc > SLIPS:
         return SLIPPED, length, none, none, 0.0
     f = plane / length
@@ -149,9 +149,9 @@ def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
 
 
 @inner
-def energy_round(s: State, i: int, way: float, straight: float) -> float:
-    """Return by how much more strand i stores along a way round a rod than straight, mJ."""
-    bent = max(way - s.strand[LENGTH, i], 0.0)
+def energy_round(s: State, i: int, path: float, straight: float) -> float:
+    """Return by how much more strand i stores along a path round a rod than straight, mJ."""
+    bent = max(path - s.strand[LENGTH, i], 0.0)
     short = max(straight - s.strand[LENGTH, i], 0.0)
     return 0.5 * (1.0 - s.damage[i]) * s.strand[STIFF, i] * (bent * bent - short * short)
 
@@ -190,7 +190,7 @@ def rods_near(s: State, n: int, kind: int) -> bool:
             d = scaled(d, 1.0 / away)
             push = s.thick[n, 1]
             b = s.diagonal[n]
-            aside = push * deep / away if kind == POTENTIAL else 0.0
+            aside = push * deep / away if kind == INCREMENTAL else 0.0
             u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
             before = s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2]
             along = aside if dot(before, u) > 0.0 else 0.0  # past the tip it is round
@@ -204,15 +204,15 @@ def rods_near(s: State, n: int, kind: int) -> bool:
                         b[r, col] += aside * d[r] * d[col] + along * u[r] * u[col]
                 b[r, r] -= aside
             s.sums[CONTACT] += 0.5 * push * deep * deep
-        if near or kind != DELAYED:
+        if near or kind != RELAXED:
             any_near = True
         else:  # out of reach: strands forget on which side they touched it
             for i in range(s.first[n], s.first[n + 1]):
                 if s.side[m, i] & 1 and s.damage[i] < 1.0:
                     end, foot = strand_ends(s, n, i)
-                    way = way_round(end, foot, s.rods[m], s.side[m, i], False)[1]
-                    if way > 0.0:
+                    path = path_round(end, foot, s.rods[m], s.side[m, i], False)[1]
+                    if path > 0.0:
                         d = added(end, scaled(foot, -1.0))
-                        s.sums[SLIPPED_NOW] += energy_round(s, i, way, math.sqrt(dot(d, d)))
-                s.side[m, i] = UNMET
+                        s.sums[SLIPPED_NOW] += energy_round(s, i, path, math.sqrt(dot(d, d)))
+                s.side[m, i] = NO_CONTACT
     return any_near

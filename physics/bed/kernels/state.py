@@ -5,7 +5,7 @@ from typing import NamedTuple
 from physics.bed.kernels.vectors import Floats, Ints, inner
 
 # Rows of `strand`.
-ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, PART, PUSHES = range(11)
+ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, FAILURE, BILATERAL = range(11)
 
 
 STRAND_ROWS = 11
@@ -13,15 +13,15 @@ STRAND_ROWS = 11
 
 # Entries of `sums`. Of the last assembly: energies of beam, strands, contacts and dead loads, mJ;
 # energy dissipated now, mJ; strands not parted; largest strand force and force scale, N. Since the
-# beginning: the energy balance of `Books`, mJ; and how many strands parted that lay on a
+# beginning: the energy balance of `EnergyBalance`, mJ; and how many strands parted that lay on a
 # rod. Since the last assembly: the drag's share, and the
 # energy of strands that a rod's tip has come upon, or that have slipped off one, mJ; and the part
 # of `step` by which nodes have moved. Whether the balance follows the way of a tick that is open;
-# `mix` of the tick that is assembled ahead, or 0.
+# `relaxation` of the tick that is assembled ahead, or 0.
 BEAM, STRANDS, CONTACT, LOADS, LOST_NOW, WHOLE, MOST, FORCE_SCALE = range(8)
 
 
-WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_PARTED, DRAG_NOW = range(8, 17)
+WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_BROKEN, DRAG_NOW = range(8, 17)
 
 
 BENT_NOW, SLIPPED_NOW, MOVED, RETRACED, AHEAD = range(17, 22)
@@ -38,7 +38,7 @@ ROD_ROWS = 8
 
 
 # What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
-STANDING, POTENTIAL, DELAYED = 0, 1, 2
+FROZEN, INCREMENTAL, RELAXED = 0, 1, 2
 
 
 class State(NamedTuple):
@@ -68,7 +68,7 @@ class State(NamedTuple):
     floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
     thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
     rods: Floats  # (M, ROD_ROWS) mm
-    # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `UNMET`
+    # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `NO_CONTACT`
     side: Ints
     pull: Floats  # (M, 3) forces of hands on rods, N
     press: Floats  # (M, 3) their part against the beam itself, N
@@ -89,8 +89,8 @@ class State(NamedTuple):
     rods_to: Floats
     hold: Floats
     react: Floats  # (N, 3) forces of hands that hold, N
-    shed: Floats  # (N, 6) what damage has taken off the gradient in the last assembly
-    rods_shed: Floats  # (M, 3) and off the hands' forces on rods, N
+    damage_correction: Floats  # (N, 6) what damage has taken off the gradient in the last assembly
+    rods_damage_correction: Floats  # (M, 3) and off the hands' forces on rods, N
     moved: Floats  # (N, 6) displacements since the assembly before, mm and rad
     g_before: Floats  # (N, 6) its gradient
     load_before: Floats  # (N, 3) its dead forces, N

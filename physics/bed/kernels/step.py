@@ -18,14 +18,14 @@ def keep_shape(s: State) -> None:
 
 
 @inner
-def move(s: State, part: float) -> None:
-    """Move from the saved places and rotations by a part of the step."""
+def move(s: State, fraction: float) -> None:
+    """Move from the saved places and rotations by a fraction of the step."""
     for n in range(s.x.shape[0]):
         for r in range(3):
-            s.x[n, r] = s.x_kept[n, r] + part * s.step[n, r]
-        a = 0.5 * part * s.step[n, 3]
-        b = 0.5 * part * s.step[n, 4]
-        c = 0.5 * part * s.step[n, 5]
+            s.x[n, r] = s.x_kept[n, r] + fraction * s.step[n, r]
+        a = 0.5 * fraction * s.step[n, 3]
+        b = 0.5 * fraction * s.step[n, 4]
+        c = 0.5 * fraction * s.step[n, 5]
         w, x, y, z = s.q_kept[n, 0], s.q_kept[n, 1], s.q_kept[n, 2], s.q_kept[n, 3]
         q0 = w - a * x - b * y - c * z
         q1 = x + a * w + b * z - c * y

@@ -19,35 +19,35 @@ import math
 
 from kernel_cache import njit
 from physics.bed.kernels.rods import (
+    NO_CONTACT,
     SLIPPED,
-    UNMET,
     any_rod,
     energy_round,
+    path_round,
     reached,
     rods_near,
     strand_ends,
-    way_round,
 )
 from physics.bed.kernels.state import (
     ARM_X,
     ARM_Y,
     ARM_Z,
     BENT_NOW,
-    DELAYED,
+    BILATERAL,
+    FAILURE,
     FOOT_X,
     FOOT_Y,
     FOOT_Z,
+    FROZEN,
     IN_USE,
     LENGTH,
     LOST_NOW,
     MOST,
-    PART,
-    PUSHES,
+    RELAXED,
+    ROD_BROKEN,
     ROD_DISSIPATED,
-    ROD_PARTED,
     SHAFT,
     SLIPPED_NOW,
-    STANDING,
     STIFF,
     STRANDS,
     WHOLE,
@@ -59,15 +59,15 @@ from physics.bed.kernels.vectors import Three, added, columns, cross, dot, inner
 
 @inner
 def push_straight(
-    s: State, n: int, way: Three, arm: Three, stiff: float, u: float, kind: int
+    s: State, n: int, chord: Three, arm: Three, stiff: float, u: float, kind: int
 ) -> float:
     """Add the push of a strand of node n that lies round a rod; return its energy, mJ."""
-    length = math.sqrt(dot(way, way))
-    t = scaled(way, 1.0 / length)
+    length = math.sqrt(dot(chord, chord))
+    t = scaled(chord, 1.0 / length)
     v = cross(arm, t)
-    e = added(way, scaled(arm, -1.0))
+    e = added(chord, scaled(arm, -1.0))
     f = stiff * u
-    b = max(f / length, 0.0) if kind == DELAYED else f / length
+    b = max(f / length, 0.0) if kind == RELAXED else f / length
     a = stiff - b
     both = (t[0], t[1], t[2], v[0], v[1], v[2])
     c = s.diagonal[n]
@@ -90,8 +90,8 @@ def push_straight(
 
 
 @inner
-def strand_pass(s: State, kind: int, mix: float) -> None:
-    """Add the strands' energy, gradient and tangent; damage goes by `mix` where it is DELAYED."""
+def strand_pass(s: State, kind: int, relaxation: float) -> None:
+    """Add the strands' energy, gradient and tangent; damage goes by `relaxation` if RELAXED."""
     strand, damage, side = s.strand, s.damage, s.side
     energy = lost = most = 0.0
     whole = 0
@@ -102,7 +102,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
         x0, x1, x2 = s.x[n, 0], s.x[n, 1], s.x[n, 2]
-        shed = s.shed[n]
+        correction = s.damage_correction[n]
         fx = fy = fz = gx = gy = gz = 0.0
         h00 = h11 = h22 = h01 = h02 = h12 = 0.0
         p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
@@ -120,38 +120,38 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             lz = x2 + rz - strand[FOOT_Z, i]
             rod = -1
             pull = by_a = (0.0, 0.0, 0.0)
-            way = bow = short = 0.0
+            path = bow = short = 0.0
             if near:
                 foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] == 0.0:
                         continue
                     was = side[m, i]
-                    touch, way, by_a, by_b, bow = way_round(
-                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == DELAYED
+                    touch, path, by_a, by_b, bow = path_round(
+                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == RELAXED
                     )
                     bent = touch & 1 == 1
-                    if kind == DELAYED and way > 0.0 and (was >= UNMET or not bent):
+                    if kind == RELAXED and path > 0.0 and (was >= NO_CONTACT or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
-                        jump = energy_round(s, i, way, math.sqrt(lx * lx + ly * ly + lz * lz))
+                        jump = energy_round(s, i, path, math.sqrt(lx * lx + ly * ly + lz * lz))
                         if was == SLIPPED:  # it meets the rod's other side
                             s.sums[SLIPPED_NOW] -= jump
                         else:
                             s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
-                    if kind == DELAYED:
+                    if kind == RELAXED:
                         side[m, i] = touch
                     if bent:
                         rod = m
                         pull = added(by_a, by_b)
                         break
             if rod >= 0:
-                length = way
+                length = path
                 il = 1.0 / length
                 tx, ty, tz = by_a
                 il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
                 ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
-                if strand[PUSHES, i] != 0.0:
+                if strand[BILATERAL, i] != 0.0:
                     short = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
                     short = min(short, 0.0)
             else:
@@ -160,21 +160,21 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                 tx, ty, tz = lx * il, ly * il, lz * il
                 ux, uy, uz = lx - rx, ly - ry, lz - rz
             u = length - strand[LENGTH, i]
-            k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[PART, i]
+            k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[FAILURE, i]
             d = damage[i]
             if short < 0.0:
                 stiff, straight, arm = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
                 energy += push_straight(s, n, straight, arm, stiff, short, kind)
-            if u <= 0.0 and (rod >= 0 or strand[PUSHES, i] == 0.0):
+            if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
             slope = (1.0 - d) * k
             stored = 0.5 * f * u
-            if u > u0 and kind != STANDING:
+            if u > u0 and kind != FROZEN:
                 goal = 1.0 if u >= uf else uf * (u - u0) / (u * (uf - u0))
                 if goal > d:
-                    if kind == DELAYED:
-                        new = d + mix * (goal - d)
+                    if kind == RELAXED:
+                        new = d + relaxation * (goal - d)
                         if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
                             new = 1.0
                         gone = 0.5 * k * u * u * (new - d)
@@ -186,21 +186,21 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
                         lost += gone
                         damage[i] = new
                         fall = k * u * (new - d)
-                        shed[0] += fall * tx
-                        shed[1] += fall * ty
-                        shed[2] += fall * tz
-                        shed[3] += fall * (ry * tz - rz * ty)
-                        shed[4] += fall * (rz * tx - rx * tz)
-                        shed[5] += fall * (rx * ty - ry * tx)
+                        correction[0] += fall * tx
+                        correction[1] += fall * ty
+                        correction[2] += fall * tz
+                        correction[3] += fall * (ry * tz - rz * ty)
+                        correction[4] += fall * (rz * tx - rx * tz)
+                        correction[5] += fall * (rx * ty - ry * tx)
                         if rod >= 0:
                             s.sums[ROD_DISSIPATED] += gone
-                            s.rods_shed[rod, 0] -= fall * pull[0]
-                            s.rods_shed[rod, 1] -= fall * pull[1]
-                            s.rods_shed[rod, 2] -= fall * pull[2]
+                            s.rods_damage_correction[rod, 0] -= fall * pull[0]
+                            s.rods_damage_correction[rod, 1] -= fall * pull[1]
+                            s.rods_damage_correction[rod, 2] -= fall * pull[2]
                         if new >= 1.0:
                             whole -= 1
                             if rod >= 0:
-                                s.sums[ROD_PARTED] += 1.0
+                                s.sums[ROD_BROKEN] += 1.0
                             continue
                         slope = (1.0 - new) * k
                         f = slope * u
@@ -225,7 +225,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
             b = f * il
             # A pushing strand's geometric stiffness is negative: left out in a tick, so that the
             # tangent stays definite. The gradient stays exact.
-            if kind == DELAYED and b < 0.0:
+            if kind == RELAXED and b < 0.0:
                 b = 0.0
             a = slope - b
             # The second derivative by the end of the strand is a t t^T + b I; with v = r x t and
@@ -328,7 +328,7 @@ def strand_pass(s: State, kind: int, mix: float) -> None:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def meet_rods(s: State, meet: bool) -> int:
+def update_rod_contacts(s: State, meet: bool) -> int:
     """Let strands slip off rods, and be met by them if `meet`; return how many have jumped."""
     jumps = 0
     for n in range(s.x.shape[0]):
@@ -338,12 +338,12 @@ def meet_rods(s: State, meet: bool) -> int:
             near = reached(s, n, m)[0]
             for i in range(s.first[n], s.first[n + 1]):
                 was = s.side[m, i]
-                if not near or (was == UNMET and not meet):
-                    s.side[m, i] = UNMET
+                if not near or (was == NO_CONTACT and not meet):
+                    s.side[m, i] = NO_CONTACT
                     continue
                 end, foot = strand_ends(s, n, i)
-                before = way_round(end, foot, s.rods[m], was, False)[0]
-                now = way_round(end, foot, s.rods[m], was, True)[0]
+                before = path_round(end, foot, s.rods[m], was, False)[0]
+                now = path_round(end, foot, s.rods[m], was, True)[0]
                 s.side[m, i] = 0 if now == SLIPPED else now  # it may meet the other side at once
                 if (before ^ now) & 1 and s.damage[i] < 1.0:
                     jumps += 1
@@ -361,18 +361,18 @@ def yielded(s: State) -> float:
             if d >= 1.0:
                 continue
             end, foot = strand_ends(s, n, i)
-            way = added(end, scaled(foot, -1.0))
-            length = math.sqrt(dot(way, way))
+            chord = added(end, scaled(foot, -1.0))
+            length = math.sqrt(dot(chord, chord))
             on_rod = False
             if rods:
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] != 0.0:
-                        touch, bent, _, _, _ = way_round(end, foot, s.rods[m], s.side[m, i], False)
+                        touch, bent, _, _, _ = path_round(end, foot, s.rods[m], s.side[m, i], False)
                         if touch & 1 == 1:
                             length, on_rod = bent, True
                             break
             u = length - s.strand[LENGTH, i]
-            u0, uf = s.strand[YIELD, i], s.strand[PART, i]
+            u0, uf = s.strand[YIELD, i], s.strand[FAILURE, i]
             if u <= u0:
                 continue
             goal = 1.0 if u >= uf else uf * (u - u0) / (u * (uf - u0))
@@ -380,12 +380,12 @@ def yielded(s: State) -> float:
                 full = 0.5 * s.strand[STIFF, i] * u0 * uf / (uf - u0)
                 before = u0 * uf / (uf - d * (uf - u0))
                 gone = full * (min(u, uf) - before)
-                if on_rod and s.strand[PUSHES, i] != 0.0:
-                    short = min(math.sqrt(dot(way, way)) - s.strand[LENGTH, i], 0.0)
+                if on_rod and s.strand[BILATERAL, i] != 0.0:
+                    short = min(math.sqrt(dot(chord, chord)) - s.strand[LENGTH, i], 0.0)
                     gone += 0.5 * s.strand[STIFF, i] * short * short * (goal - d)
                 lost += gone
                 s.damage[i] = goal
                 if on_rod:
                     s.sums[ROD_DISSIPATED] += gone
-                    s.sums[ROD_PARTED] += goal >= 1.0
+                    s.sums[ROD_BROKEN] += goal >= 1.0
     return lost

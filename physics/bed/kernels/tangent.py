@@ -16,8 +16,8 @@ def copy_blocks(to: Floats, of: Floats) -> None:
 
 
 @inner
-def hold_nodes(s: State, part: float) -> None:
-    """Constrain held freedoms: `step` gets minus their distance to the goal, times `part`."""
+def hold_nodes(s: State, fraction: float) -> None:
+    """Constrain held freedoms: `step` gets minus their distance to the goal, times `fraction`."""
     n = s.x.shape[0]
     for i in range(n):
         mask = s.held[i]
@@ -27,16 +27,16 @@ def hold_nodes(s: State, part: float) -> None:
         for r in range(6):
             if not (mask >> r) & 1:
                 continue
-            way = part * (s.goal[i, r] - s.x[i, r]) if r < 3 else 0.0
-            if way != 0.0:
+            displacement = fraction * (s.goal[i, r] - s.x[i, r]) if r < 3 else 0.0
+            if displacement != 0.0:
                 for c in range(6):
-                    s.step[i, c] += way * (b[r, c] if c <= r else b[c, r])
+                    s.step[i, c] += displacement * (b[r, c] if c <= r else b[c, r])
                 if i + 1 < n:
                     for c in range(6):
-                        s.step[i + 1, c] += way * s.upper[i, r, c]
+                        s.step[i + 1, c] += displacement * s.upper[i, r, c]
                 if i > 0:
                     for c in range(6):
-                        s.step[i - 1, c] += way * s.upper[i - 1, c, r]
+                        s.step[i - 1, c] += displacement * s.upper[i - 1, c, r]
             for c in range(6):
                 if c < r:
                     b[r, c] = 0.0
@@ -47,7 +47,7 @@ def hold_nodes(s: State, part: float) -> None:
                 if i > 0:
                     s.upper[i - 1, c, r] = 0.0
             b[r, r] = 1.0
-            s.hold[i, r] = -way
+            s.hold[i, r] = -displacement
     for i in range(n):
         mask = s.held[i]
         for r in range(6):

@@ -9,11 +9,11 @@ from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.state import (
-    DELAYED,
     DRAG_NOW,
+    FROZEN,
     MOVED,
+    RELAXED,
     ROD_ROWS,
-    STANDING,
     State,
     copy_rows,
 )
@@ -22,21 +22,21 @@ from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
+def tick(s: State, ticks: int, relaxation: float, drag: float) -> bool:
     """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
-    # A tick lets damage go the part `mix` = dt / (tau + dt) of its way to the law (implicit Euler),
-    # then takes a Newton step with a drag (N/mm at each node: c / dt) against the motion. Energy is
-    # accounted for up to the last assembly.
+    # A tick lets damage go the fraction `relaxation` = dt / (tau + dt) towards the law (implicit
+    # Euler), then takes a Newton step with a drag (N/mm at each node: c / dt) against the motion.
+    # Energy is accounted for up to the last assembly.
     for now in range(ticks):
-        part = 1.0 / (ticks - now)
+        fraction = 1.0 / (ticks - now)
         for n in range(s.x.shape[0]):
             for r in range(3):
-                s.goal[n, r] += part * (s.goal_to[n, r] - s.goal[n, r])
-                s.load[n, r] += part * (s.load_to[n, r] - s.load[n, r])
+                s.goal[n, r] += fraction * (s.goal_to[n, r] - s.goal[n, r])
+                s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
         for m in range(s.rods.shape[0]):
             for r in range(ROD_ROWS):
-                s.rods[m, r] += part * (s.rods_to[m, r] - s.rods[m, r])
-        account(s, int(DELAYED), mix)
+                s.rods[m, r] += fraction * (s.rods_to[m, r] - s.rods[m, r])
+        account(s, int(RELAXED), relaxation)
         used = drag
         add_drag(s, used)
         copy_rows(s.step, s.g)
@@ -46,21 +46,21 @@ def tick(s: State, ticks: int, mix: float, drag: float) -> bool:
             used = 16.0 * used + 1e-3
             if used > 1e9:
                 return False
-            assemble(s, int(STANDING), 0.0)
+            assemble(s, int(FROZEN), 0.0)
             add_drag(s, used)
             copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
         keep_shape(s)
         turn = largest(s, int(3))
-        part_ = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
-        move(s, part_)
+        taken = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
+        move(s, taken)
         dragged = 0.0
         for n in range(s.x.shape[0]):
             size = s.thick[n, 0] * s.thick[n, 0]
             for r in range(6):
-                way = part_ * s.step[n, r]
-                s.moved[n, r] = way
+                displacement = taken * s.step[n, r]
+                s.moved[n, r] = displacement
                 if not (s.held[n] >> r) & 1:
-                    dragged += used * way * way * (1.0 if r < 3 else size)
-        s.sums[DRAG_NOW], s.sums[MOVED] = dragged, part_
+                    dragged += used * displacement * displacement * (1.0 if r < 3 else size)
+        s.sums[DRAG_NOW], s.sums[MOVED] = dragged, taken
     return True
