@@ -166,9 +166,9 @@ class ExactPull(Pull):
         elements[at.LENGTH] = lengths
         line = self._line
         line[at.SECOND] = count if self._second is None else 2 * self._per_piece
-        parts = lengths[: self._per_piece], lengths[self._per_piece :]
-        # One after the other, as each part is as long as its elements to the last digit.
-        line[at.SHORTER_PIECE] = min(float(np.cumsum(part)[-1]) for part in parts if part.size)
+        pieces = lengths[: self._per_piece], lengths[self._per_piece :]
+        # One after the other, as each piece is as long as its elements to the last digit.
+        line[at.SHORTER_PIECE] = min(float(np.cumsum(piece)[-1]) for piece in pieces if piece.size)
         law.fill(self._state, beam, self._bounds)
         self.rest()
 
@@ -346,9 +346,9 @@ class ExactPull(Pull):
             If a section between those that the solution is found at gives way.
         """
         places = stations_on(self._span, stations)
-        parts = places / self._span
-        far = parts > 0.5 if self._half else np.zeros(places.shape, dtype=np.bool_)
-        folded = np.where(far, 1.0 - parts, parts)
+        fractions = places / self._span
+        far = fractions > 0.5 if self._half else np.zeros(places.shape, dtype=np.bool_)
+        folded = np.where(far, 1.0 - fractions, fractions)
         samples = np.zeros((sampling.SAMPLE_ROWS, places.size))
         self._fill_points()
         ends = np.zeros((2, self._bounds.size))
@@ -384,14 +384,14 @@ class ExactPull(Pull):
 
 @njit(nogil=True, **KERNEL)
 def _lift(
-    state: State, fibres: Array | None, grasp: int | None, part: int, target: float
+    state: State, fibres: Array | None, grasp: int | None, grasp_node: int, target: float
 ) -> tuple[int, float]:
     """Solve for a deflection; return the outcome and the strain energy."""
     outcome = newton.solve(state, fibres, grasp, at.BY_DEFLECTION, target)
     if outcome != at.FOUND:
         return outcome, 0.0
-    fill_points(state, fibres, part, int(4))
-    return outcome, sampling.strain_energy(state, fibres, part)
+    fill_points(state, fibres, grasp_node, int(4))
+    return outcome, sampling.strain_energy(state, fibres, grasp_node)
 
 
 def _words(hold: Hold) -> str:

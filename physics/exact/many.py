@@ -147,7 +147,7 @@ def _higher_inside(state: State, reach: float, highest: float) -> bool:
 def _read_stress(
     state: State,
     fibres: Array | None,
-    part: int,
+    grasp_node: int,
     bounds: Array,
     room: Room,
     solved: Array,
@@ -157,10 +157,10 @@ def _read_stress(
     """Write force, deflection and highest stress; return that, nan where a section gives way."""
     line = state[3]
     ends = room[4]
-    fill_points(state, fibres, part, int(4))
+    fill_points(state, fibres, grasp_node, int(4))
     highest = -math.inf
     for stations, sections, samples in ((room[0], room[2], room[5]), (room[1], room[3], room[6])):
-        if not sampling.sample(state, fibres, part, bounds, stations, ends, samples):
+        if not sampling.sample(state, fibres, grasp_node, bounds, stations, ends, samples):
             return math.nan
         for k in range(stations.size):
             tension, reach = samples[sampling.TENSION, k], sections[OUTER, k]
@@ -206,8 +206,8 @@ def _stress_at(
     # It is written into the rows of the load, which are free as yet.
     if newton.solve(state, fibres, grasp, int(BY_DEFLECTION), there) != FOUND:
         return math.nan
-    part = state[1].shape[1] if grasp is None else grasp
-    return _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
+    grasp_node = state[1].shape[1] if grasp is None else grasp
+    return _read_stress(state, fibres, grasp_node, bounds, room, solved, int(LOADED), i)
 
 
 @njit(**KERNEL)
@@ -333,7 +333,7 @@ def solve_ducts(
     set_up: bool,
 ) -> None:
     """Fill the solved from the ducts, each set up first unless all are the beam of the state."""
-    part = state[1].shape[1] if grasp is None else grasp
+    grasp_node = state[1].shape[1] if grasp is None else grasp
     for i in range(ducts.shape[1]):
         if set_up:
             _set_up(state, fibres, grasp, bounds, room, ducts, i)
@@ -346,7 +346,9 @@ def solve_ducts(
         if load == load:
             newton.rest(state, fibres)
             if newton.solve(state, fibres, grasp, control, load) == FOUND:
-                stress = _read_stress(state, fibres, part, bounds, room, solved, int(LOADED), i)
+                stress = _read_stress(
+                    state, fibres, grasp_node, bounds, room, solved, int(LOADED), i
+                )
                 if stress != stress:
                     for row in range(LOADED, SOLVED_ROWS):
                         solved[row, i] = math.nan
@@ -383,8 +385,8 @@ def solve_exact_ducts(
     for half, which in ((True, central), (False, ~central)):
         if not which.any():
             continue
-        part = intervals // 2
-        elements = part if half else 2 * part
+        per_piece = intervals // 2
+        elements = per_piece if half else 2 * per_piece
         state, fibres = new_state(elements, law.point_rows, law.fibre_rows)
         even = np.linspace(0.0, 1.0, 41)
         # The clamps and the grasp, whose place is written for each duct; and all the way along.
@@ -395,7 +397,7 @@ def solve_exact_ducts(
         solve_ducts(
             state,
             fibres,
-            None if half else part,
+            None if half else per_piece,
             BY_FORCE if by_force else BY_DEFLECTION,
             np.zeros(elements + 1),
             room,

@@ -25,10 +25,10 @@ def element_bounds(beam: Beam, ends: list[float], count: int) -> NDArray[np.floa
     gyration = math.sqrt(second_moment / area) / beam.span
     bounds = np.zeros(1)
     for first, last in itertools.pairwise(ends):
-        part = first + _graded(count, last - first, gyration)
-        if last == 1.0:  # measured from its clamp, as the first part from its own
-            part = 1.0 - _graded(count, last - first, gyration)[::-1]
-        bounds = np.concatenate([bounds, part[1:]])
+        piece = first + _graded(count, last - first, gyration)
+        if last == 1.0:  # measured from its clamp, as the first piece from its own
+            piece = 1.0 - _graded(count, last - first, gyration)[::-1]
+        bounds = np.concatenate([bounds, piece[1:]])
     return _at_steps(bounds, count, beam)
 
 

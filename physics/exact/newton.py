@@ -414,9 +414,9 @@ def newton(
     # Halley's steps on the fibres' volumes: one near the last solution, four where it is farther.
     nodes, elements, points, line, _, _ = state
     rounds = 1 if accuracy == WARM else 4
-    part = elements.shape[1] if grasp is None else grasp
+    grasp_node = elements.shape[1] if grasp is None else grasp
     for _ in range(MOST_STEPS):
-        fill_points(state, fibres, part, rounds)
+        fill_points(state, fibres, grasp_node, rounds)
         if grasp is None:
             forces, turns = _half_step(nodes, elements, points, line, control, target)
         elif second is None:
@@ -428,7 +428,7 @@ def newton(
         if not (forces + turns < 1e6):
             return LOST
         if forces < accuracy and turns < accuracy:
-            return _verdict(points, fibres, line, part)
+            return _verdict(points, fibres, line, grasp_node)
     return LOST
 
 

@@ -80,14 +80,14 @@ def fill_points(state: State, fibres: Array | None, grasp: int, rounds: int) -> 
                 points[KT, i] = points[KH, i] = points[KP, i] = 0.0
     else:
         last = int(0)
-        for part in range(3):
-            first, last = last, _end(line, grasp, count, part)
-            fill_strains(points, fibres, first, last, h, line[P1 + part], shrink, poisson)
+        for piece in range(3):
+            first, last = last, _end(line, grasp, count, piece)
+            fill_strains(points, fibres, first, last, h, line[P1 + piece], shrink, poisson)
         fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
     last = int(0)
-    for part in range(3):
-        first, last = last, _end(line, grasp, count, part)
-        p = line[P1 + part]
+    for piece in range(3):
+        first, last = last, _end(line, grasp, count, piece)
+        p = line[P1 + piece]
         if fibres is None:
             fill_linear(points, first, last, h, p)
         else:
@@ -97,8 +97,8 @@ def fill_points(state: State, fibres: Array | None, grasp: int, rounds: int) -> 
 
 
 @njit(**KERNEL, inline="always")
-def _end(line: Array, grasp: int, count: int, part: int) -> int:
-    """Return the first point behind a part of the beam."""
-    if part == 0:
+def _end(line: Array, grasp: int, count: int, piece: int) -> int:
+    """Return the first point behind a piece of the beam."""
+    if piece == 0:
         return 2 * grasp
-    return 2 * int(line[SECOND]) if part == 1 else count
+    return 2 * int(line[SECOND]) if piece == 1 else count
