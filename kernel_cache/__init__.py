@@ -12,13 +12,13 @@ and looking through them again and again was a sixth of its time.
 import gc
 import hashlib
 import re
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numba
-from numba import njit
 from numba.core import caching, config, event
 
 __all__ = ["SameTypes", "njit", "sources"]
@@ -55,43 +55,62 @@ def _stamp(file: Path) -> bytes:
     return digest.digest()
 
 
-class _Stamped(caching._CacheLocator):  # pyright: ignore[reportPrivateUsage, reportUntypedBaseClass]
-    """A locator of numba's for our files, with the stamp of all their sources."""
+def _stamped_locators() -> str:
+    """Make numba's locators for our files, by the stamp of all sources; return their names."""
+    # They rest on names of numba's that are not public: where these are missing or have changed, an
+    # `AttributeError` or a `TypeError` says so here.
 
-    _py_file: str
+    class Stamped(caching._CacheLocator):  # pyright: ignore[reportPrivateUsage, reportUntypedBaseClass]
+        _py_file: str
 
-    @classmethod
-    def from_function(cls, py_func: object, py_file: str) -> Any:
-        """Return the locator of a function's machine code, None if the function is not ours."""
-        if not any(Path(py_file).is_relative_to(ROOT / package) for package in PACKAGES):
-            return None
-        return super().from_function(py_func, py_file)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+        @classmethod
+        def from_function(cls, py_func: object, py_file: str) -> Any:
+            """Return the locator of a function's machine code, None if it is not ours."""
+            if not any(Path(py_file).is_relative_to(ROOT / package) for package in PACKAGES):
+                return None
+            return super().from_function(py_func, py_file)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
 
-    def get_source_stamp(self) -> Any:
-        """Return what changes with anything that the machine code comes from."""
-        return _stamp(Path(self._py_file))
+        def get_source_stamp(self) -> Any:
+            """Return what changes with anything that the machine code comes from."""
+            return _stamp(Path(self._py_file))
+
+    names: list[str] = []
+    # In the folder that NUMBA_CACHE_DIR names, in the `__pycache__` beside the source, and in the
+    # user's own folder, where the source's cannot be written.
+    for base in ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"):
+        parent = getattr(caching, base)
+        for needed in ("from_function", "get_source_stamp"):
+            if not callable(getattr(parent, needed)):
+                raise TypeError(f"numba's {base}.{needed} is no function")
+        globals()[f"Stamped{base}"] = type(
+            f"Stamped{base}", (Stamped, parent), {"__module__": __name__}
+        )
+        names.append(f"{__name__}.Stamped{base}")
+    return ",".join(names)
 
 
-class InGivenFolder(_Stamped, caching.UserProvidedCacheLocator):
-    """In the folder that NUMBA_CACHE_DIR names."""
+njit = numba.njit
+try:
+    _own = _stamped_locators()
+    _given: str = getattr(config, "CACHE_LOCATOR_CLASSES")  # noqa: B009
+except (AttributeError, TypeError) as _error:
+    warnings.warn(
+        f"numba {numba.__version__} keeps machine code in a manner that is not known here "
+        f"({_error}): kernels are compiled anew at each start",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
-
-class InTree(_Stamped, caching.InTreeCacheLocator):
-    """In the `__pycache__` beside the source."""
-
-
-class InUserFolder(_Stamped, caching.UserWideCacheLocator):
-    """In the user's own folder, where the source's cannot be written."""
-
-
-# Numba asks these first, and its own for all other files.
-_OWN = ",".join(f"{__name__}.{each.__name__}" for each in (InGivenFolder, InTree, InUserFolder))
-_OTHERS = (
-    "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
-    "IPythonCacheLocator,ZipCacheLocator"
-)
-_given: str = getattr(config, "CACHE_LOCATOR_CLASSES", "")
-config.CACHE_LOCATOR_CLASSES = f"{_OWN},{_given or _OTHERS}"  # pyright: ignore[reportAttributeAccessIssue]
+    def njit(**options: Any) -> Any:
+        """Compile a kernel; its machine code is not kept."""
+        return cast(Any, numba.njit)(**(options | {"cache": False}))
+else:
+    # Numba asks these first, and its own for all other files.
+    _others = (
+        "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,"
+        "IPythonCacheLocator,ZipCacheLocator"
+    )
+    config.CACHE_LOCATOR_CLASSES = f"{_own},{_given or _others}"  # pyright: ignore[reportAttributeAccessIssue]
 
 
 _type_of = cast(Callable[[object], Any], numba.typeof)  # pyright: ignore[reportUnknownMemberType]

@@ -1,5 +1,6 @@
 """Machine code that is kept: it follows every file that it comes from, and is used again."""
 
+import ast
 import gc
 import re
 import shutil
@@ -14,6 +15,7 @@ import kernel_cache
 from organ_geometry.encoder import jacobian
 from physics.exact import newton
 
+ROOT = Path(kernel_cache.__file__).parents[1]
 CALLER = """from kernel_cache import njit
 
 from physics.callee import twice
@@ -136,3 +138,54 @@ def test_cycles_are_not_collected_while_a_kernel_is_compiled(
     with pytest.raises(TypingError):
         _no_kernel(1.0)
     assert calls == ["disable", "enable"] * 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "del caching._CacheLocator",
+        "del caching._SourceFileBackedLocatorMixin.get_source_stamp, "
+        "caching._CacheLocator.get_source_stamp",
+        "del config.CACHE_LOCATOR_CLASSES",
+    ],
+)
+def test_another_numba_costs_time_and_one_warning(change: str) -> None:
+    """Where numba's private names are others, kernels are compiled and not kept."""
+    main = f"""from numba.core import caching, config
+{change}
+from kernel_cache import njit
+
+@njit(cache=True, nogil=True)
+def twice(x):
+    return 2.0 * x
+
+print(twice(21.0), type(twice._cache).__name__)
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", main], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert found.stdout == "42.0 NullCache\n"
+    assert found.stderr.count("RuntimeWarning: numba ") == 1
+
+
+def test_no_module_imports_in_a_manner_that_its_stamp_misses() -> None:
+    """What Python's own parser finds that a module imports of ours is among its sources."""
+    files = [file for package in kernel_cache.PACKAGES for file in (ROOT / package).rglob("*.py")]
+    kernels = [file for file in files if "njit" in file.read_text("utf-8")]
+    assert len(kernels) > 20
+    for file in {source for kernel in kernels for source in kernel_cache.sources(kernel)}:
+        named: set[str] = set()
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                named |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{file} imports from a relative module"
+                module = node.module or ""
+                named |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+        read = kernel_cache.sources(file)
+        for name in named:
+            if name.split(".")[0] not in kernel_cache.PACKAGES:
+                continue
+            place = ROOT.joinpath(*name.split("."))
+            for source in (place.with_suffix(".py"), place / "__init__.py"):
+                assert not source.is_file() or source in read, f"{file} imports {name}"

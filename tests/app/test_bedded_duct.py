@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.simulation.bed import BedSession
+from app.simulation.bed import BedSession, DissectionReplay
 from assets import BILE_DUCT
 from organ_geometry import read_organ
 
@@ -51,6 +51,38 @@ def test_a_lift_parts_strands_about_the_hook_and_the_skin_follows(session: BedSe
     assert moved[middle].mean(axis=0) == pytest.approx([0.0, 0.0, 10.0], abs=0.3)
     assert np.abs(moved[places <= 0.0]).max() < 1e-6
     assert np.abs(moved[places >= 50.8]).max() < 1e-6
+
+
+def test_only_a_dissector_opens(session: BedSession) -> None:
+    """A hook that is told to open sees no farther along the duct than one that is not."""
+    session.grab(0, 25.0)
+    session.open_jaws(0, 40.0)
+    lift(session, 8.0, seconds=3.0)
+    assert session.duct.hands[0].opening == session.duct.hands[0].target_opening == 0.0
+    log = session.run_file().log
+    assert {each.kind for each in log.inputs} == {"grab", "move"}
+    assert session.measures().strands_parted_out_of_sight > 0
+
+
+def test_a_run_begins_with_the_hands_where_they_are(session: BedSession) -> None:
+    """The other hand neither jumps nor forgets where it goes; a replay begins there too."""
+    session.move_hand(1, np.array([30.0, 5.0, 20.0]))
+    for _ in range(90):
+        session.advance()
+    session.move_hand(1, np.array([34.0, 5.0, 20.0]))
+    session.advance()
+    on_its_path = session.duct.hands[1].place.copy()
+    assert 30.0 < on_its_path[0] < 34.0
+    session.grab(0, 20.0)
+    assert session.duct.hands[1].place.tolist() == on_its_path.tolist()
+    lift(session, 3.0)
+    assert session.duct.hands[1].place.tolist() == [34.0, 5.0, 20.0]
+    run = session.run_file()
+    replay = DissectionReplay(run.log, read_organ(BILE_DUCT))
+    assert replay.series().places[0, 1].tolist() != [34.0, 5.0, 20.0]
+    assert replay.run_file() == run
+    places = replay.session.duct.beam.places
+    assert places.tobytes() == session.duct.beam.places.tobytes()
 
 
 def test_the_same_inputs_give_the_same_bits(session: BedSession) -> None:

@@ -9,7 +9,7 @@ from simulated import phantom
 
 from app.simulation import TICK_SECONDS, Replay, RunFile, Session
 from app.trainer.client import replay_playback
-from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 
 
 @cache
@@ -70,3 +70,8 @@ def test_it_plays_to_its_end_and_from_its_start_again() -> None:
     assert playback.time == pytest.approx(3 * TICK_SECONDS)
     playback.pause()
     assert not playback.tick(3)
+
+
+def test_what_goes_on_live_has_no_end() -> None:
+    session = Session(phantom(), vertices=300)
+    assert not LivePlayback(session, lambda: session).at_end
