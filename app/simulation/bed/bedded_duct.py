@@ -22,7 +22,8 @@ from physics import Exact, Linear, RuptureCheck
 from physics.bed import BeamOnBed, EnergyBalance
 
 __all__ = [
-    "BED_THEORY", "ELEMENTS", "HANDS", "SUBSTEPS", "BedReading", "BeddedDuct", "Rod", "Touch",
+    "BED_THEORY", "ELEMENTS", "HANDS", "MOST_OPENING", "SUBSTEPS", "BedReading", "BeddedDuct",
+    "Rod", "Touch",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -207,6 +208,11 @@ class BeddedDuct:
     def move_hand(self, hand: int, place: Floats) -> None:
         """Set where a hand's tip goes, (3,) mm."""
         self.hands[hand].target[:] = place
+
+    def put_hand(self, hand: int, place: Floats) -> None:
+        """Put the tip of a hand that holds nothing somewhere at once, (3,) mm."""
+        self.hands[hand].put(place)
+        self._forget_reading()
 
     def open_jaws(self, hand: int, opening: float) -> None:
         """Set how far a dissector's jaws part, mm between their axes."""

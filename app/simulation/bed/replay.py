@@ -141,6 +141,8 @@ class DissectionReplay(BaseReplay[BedSession, DissectionInput]):
             session.reset()
         else:
             session.start_exercise(exercise, self.log.feedback)
+        if self.log.tips_mm is not None:
+            session.put_hands(self.log.tips_mm)
 
     def _give(self, each: DissectionInput) -> None:
         session, hand, value = self._session, each.hand, each.value

@@ -34,10 +34,13 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
         taker = DissectionMeasureTaker()
         trial = None if exercise is None else BedTrial(exercise, taker)
         super().__init__(taker, exercise, feedback, trial)
+        self._tips: tuple[tuple[float, float, float], ...] = ()
 
     def start(self, point: BeddedDuct, *, by_touch: bool = True) -> None:
         """Start the clock, with the first input."""
         super().start(point)
+        tips = (hand.place.tolist() for hand in point.hands)
+        self._tips = tuple((x, y, z) for x, y, z in tips)
         self._taker.start(point, by_touch=by_touch)
 
     def note(self, hand: int, kind: DissectionInputKind, *values: float) -> None:
@@ -82,6 +85,7 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
             inputs=[self._input(i) for i in range(self.inputs)],
             exercise=self.exercise,
             feedback=self.feedback,
+            tips_mm=self._tips,
         )
 
     def _started_on(self) -> BeddedDuct:

@@ -1,6 +1,7 @@
 """Run files of dissections: version 3 of the format that `app.simulation.run_log` has for pulls."""
 
 import hashlib
+import itertools
 import math
 from typing import Literal, get_args
 
@@ -80,6 +81,8 @@ class DissectionLog(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inputs: list[DissectionInput]  # in order; only those that changed something
     exercise: BedExercise | None = None
     feedback: Feedback = Feedback.CONTINUOUS  # when the figures were shown
+    # of each hand when the run began, mm; None in runs made before: where empty hands wait
+    tips_mm: tuple[tuple[float, float, float], ...] | None = None
 
 
 class DissectionFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,6 +146,9 @@ def _check(log: DissectionLog) -> None:
             f"a run of {start.elements} elements and {start.substeps} steps a tick; this program "
             f"computes with {ELEMENTS} and {SUBSTEPS}"
         )
+    tips = () if log.tips_mm is None else log.tips_mm
+    if len(tips) not in (0, HANDS) or not all(map(math.isfinite, itertools.chain(*tips))):
+        raise RunFileError(f"tips_mm must be a place of each of {HANDS} hands, got {tips!r}")
     for number, each in enumerate(log.inputs):
         where = f"input {number}, {each.kind},"
         if not 0 <= each.hand < HANDS:

@@ -7,6 +7,7 @@ next tick. Places are mm in the duct's frame (`app.simulation.bed.hand`).
 
 import copy
 import math
+from collections.abc import Sequence
 from threading import RLock
 
 import numpy as np
@@ -121,11 +122,13 @@ class BedSession:
                 self.run.note(hand, "let-go")
 
     def open_jaws(self, hand: int, opening: float) -> None:
-        """Open or close a dissector, mm between its jaws."""
+        """Open or close a dissector, mm between its jaws; no other instrument opens."""
         with self._lock:
             if not (0 <= hand < HANDS and np.isfinite(opening)):
                 return
             holder = self.duct.hands[hand]
+            if holder.instrument != "dissector":
+                return
             before = holder.target_opening
             self.duct.open_jaws(hand, float(opening))
             if holder.target_opening != before:
@@ -233,9 +236,22 @@ class BedSession:
         """Start the run with the first input, on a duct that nothing has touched."""
         if self.run.started or self.run.over:
             return False
+        hands = self.duct.hands
         self._renew()
+        for hand, (before, after) in enumerate(zip(hands, self.duct.hands, strict=True)):
+            self.duct.put_hand(hand, before.place)
+            after.target[:] = before.target
         self.run.start(self.duct, by_touch=self._by_touch)
+        for hand, holder in enumerate(self.duct.hands):
+            if not holder.arrived:
+                self.run.note(hand, "move", *holder.target.tolist())
         return True
+
+    def put_hands(self, tips: Sequence[Sequence[float]]) -> None:
+        """Put the hands' tips somewhere at once, (HANDS, 3) mm, before a run begins."""
+        with self._lock:
+            for hand, tip in enumerate(tips):
+                self.duct.put_hand(hand, np.array(tip))
 
     def _renew(self) -> None:
         """Make the duct and its bed whole, but for what the exercise has opened."""

@@ -124,6 +124,11 @@ class LivePlayback(ReplayPlayback[SessionT]):
         return self._session
 
     @property
+    def at_end(self) -> bool:
+        """Never: it goes on as long as the other page does."""
+        return False
+
+    @property
     def time(self) -> float:
         """Always 0: it is now."""
         return 0.0

@@ -4,7 +4,7 @@ from functools import partial
 
 import viser
 
-from app.simulation.bed import BedReading, Instrument
+from app.simulation.bed import MOST_OPENING, BedReading, Instrument
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
@@ -33,7 +33,6 @@ HOW: dict[Instrument, str] = {
     "swab": "Drag it down beside the duct, then along it.",
 }
 BY_DEVICE = "The hand on the device has it. Its button a takes the duct and lets go; so does G."
-MOST_OPENING = 40.0
 
 
 class HandsTab:
