@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numba
+from numba import njit
 from numba.core import caching, config, event
 
 __all__ = ["SameTypes", "njit", "sources"]
@@ -89,7 +90,6 @@ def _stamped_locators() -> str:
     return ",".join(names)
 
 
-njit = numba.njit
 try:
     _own = _stamped_locators()
     _given: str = getattr(config, "CACHE_LOCATOR_CLASSES")  # noqa: B009
@@ -101,9 +101,11 @@ except (AttributeError, TypeError) as _error:
         stacklevel=2,
     )
 
-    def njit(**options: Any) -> Any:
+    def _uncached(**options: Any) -> Any:
         """Compile a kernel; its machine code is not kept."""
         return cast(Any, numba.njit)(**(options | {"cache": False}))
+
+    njit = cast(Any, _uncached)
 else:
     # Numba asks these first, and its own for all other files.
     _others = (

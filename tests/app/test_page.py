@@ -373,10 +373,13 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         file.write_bytes(run_json(run))
         tab.page.locator("input[type=file]").set_input_files(file)
         tab.wait_until(lambda: view.state.playback is not None)
-        assert view.state.playback is not None
-        replay = view.state.playback._replay
-        assert isinstance(replay, Replay)
-        assert replay.run_file() == run
+        opened = view.state.playback
+        assert opened is not None
+        tab.wait_until(
+            lambda: opened.at_end
+        )  # it plays by the trainer's clock: nobody else moves it
+        assert opened.session.measures() == run.measures
+        assert opened.session.run.outcome == run.outcome
         tab.press("Leave the replay")
         file.write_text("{}")
         tab.wait_until(lambda: tab.page.locator("input[type=file]").count() > 0)
