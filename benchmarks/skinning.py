@@ -11,7 +11,7 @@ import numpy as np
 from app.command_line.load import shipped_organ
 from app.export.pull_export import PullExport
 from app.export.rigged_organ import rigged_organ
-from app.simulation import Dissection, preset_named
+from app.simulation import Dissection, Specimen, preset_named
 from benchmarks.stopwatch import microseconds
 from organ_geometry import Organ
 from organ_geometry.mesh import organ_skin
@@ -60,8 +60,9 @@ def skinning_figures(organ: Organ) -> dict[str, float]:
 
 def export_figures(organ: Organ) -> dict[str, float]:
     """Return the time and bytes of a rigged organ."""
-    dissection = Dissection.of(organ, preset_named("porcine-bile-duct"))
-    order = PullExport(dissection, Cubic(), 0.5 * dissection.beam.span, frames=KEYS)
+    specimen = Specimen(preset_named("porcine-bile-duct"), organ, theory=Cubic())
+    dissection = specimen.dissection
+    order = PullExport(specimen, 0.5 * dissection.beam.span, frames=KEYS)
 
     def content(keys: int) -> bytes:
         wanted = replace(order, frames=keys)

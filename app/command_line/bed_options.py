@@ -63,7 +63,7 @@ class BedOptions:
                 f"--steps; leave out {', '.join(given)}"
             )
 
-    def way(self) -> tuple[tuple[float, float, float], ...]:
+    def hook_path(self) -> tuple[tuple[float, float, float], ...]:
         """Return the hook's displacements, mm."""
         if (self.lift is None) == (self.path is None):
             raise ValueError("give either --lift (mm) or --path '[[x,y,z],...]' (mm)")

@@ -99,8 +99,8 @@ def export(
     """
     from app.export.bed_export import BedExport
     from app.export.pull_export import PullExport
-    from app.simulation import Dissection, chosen_preset, default_preset
-    from app.simulation.bed import BED_THEORY, bed_named
+    from app.simulation import Specimen, chosen_preset, default_preset
+    from app.simulation.bed import bed_named
     from organ_geometry import write_atomic
 
     if output is None and html is None:
@@ -115,28 +115,32 @@ def export(
     of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
     in_bed.check(of_bed={}, of_pull=of_pull)
     tissue = organ_from(organ)
-    dissection = Dissection.of(tissue, chosen_preset(preset) if preset else default_preset(tissue))
+    specimen = Specimen(
+        chosen_preset(preset) if preset else default_preset(tissue),
+        tissue,
+        None if in_bed.bed is None else bed_named(in_bed.bed),
+        bed_seed=in_bed.seed,
+        theory=None if in_bed.bed is not None else chosen_theory(theory, q=q, shear=shear, law=law),
+    )
+    span = specimen.beam.span
     edges = 0.5 if edge_length is None else edge_length
     wanted: BedExport | PullExport
     if in_bed.bed is not None:
         wanted = BedExport(
-            dissection,
-            bed_named(in_bed.bed),
-            0.5 * dissection.beam.span if in_bed.hook is None else in_bed.hook,
-            in_bed.way(),
+            specimen,
+            0.5 * span if in_bed.hook is None else in_bed.hook,
+            in_bed.hook_path(),
             static=still,
             stress_colors=color is not None,
             edge_length=edges,
-            seed=in_bed.seed,
             steps=in_bed.steps,
             elements=in_bed.elements,
             strands=in_bed.strands,
         )
     else:
         wanted = PullExport(
-            dissection,
-            chosen_theory(theory, q=q, shear=shear, law=law),
-            0.5 * dissection.beam.span if grasp is None else grasp,
+            specimen,
+            0.5 * span if grasp is None else grasp,
             force=force,
             torn=torn,
             static=still,
@@ -155,23 +159,22 @@ def export(
         write_atomic(html, page)
         facts |= {"page": str(html), "page_bytes": len(page)}
     facts |= {
-        "preset": dissection.preset.name,
-        "strength": dissection.preset.strength,
-        "threshold_MPa": wanted.threshold,
+        "preset": specimen.preset.name,
+        "strength": specimen.preset.strength,
+        "threshold_MPa": specimen.threshold,
+        "section": specimen.section,
     }
     if isinstance(wanted, PullExport):
         event = wanted.break_event
         facts |= {
-            "section": dissection.section(wanted.theory),
             "breaks_at_N": None if event is None else event.force,
             "theory": wanted.theory.name,
             **theory_options(wanted.theory),
         }
     else:
-        last = wanted.dissected[1].rows(wanted.threshold)[-1]
+        last = wanted.dissected[1].rows(specimen.threshold)[-1]
         facts |= {
-            "section": dissection.section(BED_THEORY),
-            "bed": wanted.bed.name,
+            "bed": in_bed.bed,
             "seed": in_bed.seed,
             "hook_mm": wanted.hook,
             "torn_at_mm": None if wanted.tear is None else wanted.tear.station,
@@ -187,7 +190,7 @@ def export(
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
     if output is not None or in_bed.bed is not None:
-        print(f"preset {dissection.preset.name}, {_state(facts, torn=torn)}")
+        print(f"preset {specimen.preset.name}, {_state(facts, torn=torn)}")
         print(f"solved as {facts['section']}")
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from app.simulation import OrganBeam, Preset, RoundBeam
     from app.study.bed_fit import BedFit
     from app.study.curves import Curve
-    from app.study.fit import Estimate, Fit, Specimen
+    from app.study.fit import Estimate, Fit, MeasuredPull
     from organ_geometry import Organ
 
 __all__ = ["fit"]
@@ -81,7 +81,7 @@ def fit(
     Examples: bluntdissect fit pull.csv --span 50.8 --diameter 8.9 -o mine.toml, or
     bluntdissect fit lift.csv --bed normal
     """
-    from app.simulation import OrganBeam, RoundBeam
+    from app.simulation import RoundBeam, Specimen
     from app.study.curves import read_curves
     from organ_geometry import check_target, read_organ
 
@@ -97,11 +97,10 @@ def fit(
             f"preset {base.name} is of an organ's own sections: give --organ, or --span and "
             "--diameter of a round duct"
         )
-    if organ is not None and not isinstance(base.beam, OrganBeam):
-        raise ValueError(f"preset {base.name} brings its own beam; leave out --organ")
     if organ is not None and bed is not None:
         raise ValueError("--bed seeks the bed of a round duct: leave out --organ")
     shape = None if organ is None else read_organ(organ)
+    Specimen.of_sections(base, shape)  # an organ goes with a preset that takes its sections
     free = poisson == "fit"
     ratio = base.poisson_ratio
     if poisson is not None and not free:
@@ -126,8 +125,8 @@ def fit(
                     "'# span_mm = 50.8' above the header"
                 )
     kinds = [_kind(curve, base, given, shape) for curve in found]
-    specimens = [
-        _specimen(
+    pulls = [
+        _measured(
             curve, msgspec.structs.replace(base, beam=kind, poisson_ratio=ratio), given, shape
         )
         for curve, kind in zip(found, kinds, strict=True)
@@ -135,14 +134,14 @@ def fit(
     if bed is not None:
         if output is not None or free:
             raise ValueError("--bed seeks a bed: -o and --poisson fit go with pulls of a free duct")
-        result, lines, residuals = _bed_result(specimens, bed, modulus or base.modulus_MPa)
+        result, lines, residuals = _bed_result(pulls, bed, modulus or base.modulus_MPa)
         title = f"bed {bed}"
     else:
         if modulus is not None:
             raise ValueError("--modulus goes with --bed; a pull's modulus is sought")
         chosen = chosen_theory(theory, q=q, shear=shear, law=law)
         result, lines, residuals = _pull_result(
-            specimens,
+            pulls,
             chosen,
             free=free,
             base=msgspec.structs.replace(base, beam=kinds[0]),
@@ -152,7 +151,7 @@ def fit(
         title = theory_words(chosen)
     if organ is not None:
         which = "sections all along it" if theory == "exact" else "its weakest section"
-        span_of = f"{specimens[0].beam.span:.4g} mm between the clamps"
+        span_of = f"{pulls[0].beam.span:.4g} mm between the clamps"
         lines.insert(1, ("organ", f"{organ}, {span_of}, {which}"))
         result["organ"] = str(organ)
     if figure is not None:
@@ -185,15 +184,17 @@ def _kind(
     )
 
 
-def _specimen(
+def _measured(
     curve: "Curve", preset: "Preset", given: dict[str, float | None], organ: "Organ | None"
-) -> "Specimen":
-    from app.simulation import organ_beam
-    from app.study.fit import Specimen
+) -> "MeasuredPull":
+    from app.simulation import Specimen
+    from app.study.fit import MeasuredPull
 
-    beam = preset.round_beam() if organ is None else organ_beam(organ, preset)
+    beam = Specimen.of_sections(preset, organ).beam
     grasp = curve.facts.get("grasp_mm", given["grasp_mm"])
-    return Specimen(curve, beam, beam.grasped_at(0.5 * beam.span if grasp is None else grasp)[0])
+    return MeasuredPull(
+        curve, beam, beam.grasped_at(0.5 * beam.span if grasp is None else grasp)[0]
+    )
 
 
 Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any]]
@@ -201,7 +202,7 @@ Result = tuple[dict[str, Any], list[tuple[str, str]], list[Any]]
 
 
 def _pull_result(
-    specimens: "list[Specimen]",
+    pulls: "list[MeasuredPull]",
     theory: Any,
     *,
     free: bool,
@@ -211,13 +212,13 @@ def _pull_result(
 ) -> Result:
     from app.study.fit import fit_pulls
 
-    fitted = fit_pulls(specimens, theory, free_ratio=free)
+    fitted = fit_pulls(pulls, theory, free_ratio=free)
     words = theory_words(theory)
     if output is not None:
         from app.simulation import preset_toml
         from organ_geometry import write_atomic
 
-        write_atomic(output, preset_toml(_preset(fitted, specimens, base, name, words)))
+        write_atomic(output, preset_toml(_preset(fitted, pulls, base, name, words)))
     options = {"theory": theory.name, **theory_options(theory)}
     curves = [
         {
@@ -227,25 +228,25 @@ def _pull_result(
             "broke": each.curve.broke,
             "deflection_mm": each.curve.deflections.tolist(),
         }
-        for each, alone in zip(specimens, fitted.alone, strict=True)
+        for each, alone in zip(pulls, fitted.alone, strict=True)
     ]
     return _result(
         fitted, options | {"regions": "95 %, profile likelihood"}, ("theory", words), curves
     )
 
 
-def _bed_result(specimens: "list[Specimen]", bed: str, modulus: float) -> Result:
+def _bed_result(pulls: "list[MeasuredPull]", bed: str, modulus: float) -> Result:
     from dataclasses import replace
 
     from app.simulation.bed import bed_named
     from app.study.bed_fit import fit_bed
 
-    ducts = [replace(each, beam=replace(each.beam, modulus=modulus)) for each in specimens]
+    ducts = [replace(each, beam=replace(each.beam, modulus=modulus)) for each in pulls]
     fitted = fit_bed(ducts, bed_named(bed))
     in_plan = {
         name: getattr(fitted.bed, name) for name in ("toughness_J_m2", "yield_mm", "part_mm")
     }
-    curves = [{"name": each.curve.name} for each in specimens]
+    curves = [{"name": each.curve.name} for each in pulls]
     return _result(fitted, {"bed": bed, "regions": "95 %, Jacobian"}, ("bed", bed), curves, in_plan)
 
 
@@ -286,7 +287,7 @@ def _result(
 
 def _preset(
     fitted: "Fit",
-    specimens: "list[Specimen]",
+    pulls: "list[MeasuredPull]",
     base: "Preset",
     name: str,
     theory: str,
@@ -300,7 +301,7 @@ def _preset(
     return Preset(
         name=name,
         title=name,
-        description=f"Fitted to {len(specimens)} measured pull{'s' * (len(specimens) > 1)}.",
+        description=f"Fitted to {len(pulls)} measured pull{'s' * (len(pulls) > 1)}.",
         beam=base.beam,
         modulus_MPa=fitted.modulus.value,
         poisson_ratio=fitted.poisson_ratio.value,
@@ -310,7 +311,7 @@ def _preset(
         source=(
             f"bluntdissect fit, {theory}, 95 % by profile likelihood: "
             + "; ".join(f"{each.name} {_words(each)}" for each in fitted.sought)
-            + f"; curves {', '.join(each.curve.name for each in specimens)}."
+            + f"; curves {', '.join(each.curve.name for each in pulls)}."
             + ("" if strength is not None else f" The break is that of preset {base.name}.")
         ),
         confidence="medium" if strength is not None else "low",

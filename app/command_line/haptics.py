@@ -120,7 +120,7 @@ def haptics(
     from app.haptics.hand import read_hand
     from app.haptics.servo import real_time
     from app.haptics.servo_loop import LoopSettings
-    from app.simulation import chosen_preset
+    from app.simulation import Specimen, chosen_preset
     from app.simulation.bed import bed_named
 
     if bed is not None and (theory is not None or shear or law is not None):
@@ -128,15 +128,16 @@ def haptics(
             "a duct in a bed is solved by the exact beam in space, linear and with shear: leave "
             "out --theory, --shear and --law"
         )
-    choice = DuctChoice.of(
+    specimen = Specimen.of_sections(
         chosen_preset(preset),
         None if organ is None else organ_from(organ),
-        chosen_theory(theory or "cubic", q=None, shear=shear, law=law),
-        grasp,
-        second,
-        bed=None if bed is None else bed_named(bed),
+        None if bed is None else bed_named(bed),
         bed_seed=seed,
+        theory=None
+        if bed is not None
+        else chosen_theory(theory or "cubic", q=None, shear=shear, law=law),
     )
+    choice = DuctChoice.of(specimen, grasp, second)
     settings = LoopSettings(rate, scale, hold)
     script = read_hand(hand)
     opened = [(device, DeviceOptions(address, settings.period, script))]
@@ -187,20 +188,20 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     from app.bounded_file import read_bounded
     from app.haptics.device_run import MOST_BYTES, read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
-    from app.simulation import chosen_preset
+    from app.simulation import Specimen, chosen_preset
     from app.simulation.bed import bed_named
 
     content = read_bounded(file, MOST_BYTES, "device run")
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
-    choice = DuctChoice.of(
+    specimen = Specimen.of_sections(
         chosen_preset(run.preset),
         tissue,
-        run.theory.theory(),
-        *run.grasps_mm,
-        bed=None if run.bed is None else bed_named(run.bed),
+        None if run.bed is None else bed_named(run.bed),
         bed_seed=run.bed_seed,
+        theory=run.theory.theory() if run.bed is None else None,
     )
+    choice = DuctChoice.of(specimen, *run.grasps_mm)
     loop, again, closes_to = played_again(run, choice)
     same = again.forces_sha256 == run.forces_sha256
     facts = {

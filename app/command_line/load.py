@@ -2,12 +2,12 @@
 
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 if TYPE_CHECKING:
-    from app.simulation import Preset
+    from app.simulation import Preset, Specimen
     from organ_geometry import Organ
     from physics import Theory
 
@@ -46,6 +46,7 @@ __all__ = [
     "duct_of",
     "organ_from",
     "shipped_organ",
+    "specimen_from",
     "theory_options",
     "theory_words",
 ]
@@ -77,6 +78,15 @@ def duct_of(preset: str | None, organ: Path | None) -> "Preset":
     from app.simulation import ASSUMED_PRESET, THESIS_PRESET, chosen_preset
 
     return chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
+
+
+def specimen_from(preset: str | None, organ: Path | None, **settings: Any) -> "Specimen":
+    """Return a specimen by a preset and an organ's file; the shipped organ where one is needed."""
+    from app.simulation import RoundBeam, Specimen
+
+    duct = duct_of(preset, organ)
+    needed = organ is not None or not isinstance(duct.beam, RoundBeam)
+    return Specimen.of_sections(duct, organ_from(organ) if needed else None, **settings)
 
 
 def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":

@@ -16,8 +16,7 @@ from app.command_line.load import (
     Shear,
     TheoryName,
     chosen_theory,
-    duct_of,
-    organ_from,
+    specimen_from,
     theory_options,
     theory_words,
 )
@@ -80,7 +79,6 @@ def solve(
     if in_bed.bed is not None:
         _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, as_json=as_json)
         return
-    from app.simulation import ASSUMED_PRESET, Dissection, RoundBeam, chosen_preset
     from physics import Beam, break_of, check_rupture, critical_stations
     from physics.quantity import positive
 
@@ -106,18 +104,10 @@ def solve(
         if given:
             brings = "--preset" if preset is not None else "--organ"
             raise ValueError(f"{brings} brings its own beam; leave out {', '.join(given)}")
-        duct = chosen_preset(preset or ASSUMED_PRESET)
-        if isinstance(duct.beam, RoundBeam):
-            if organ is not None:
-                raise ValueError(f"preset {preset} brings its own beam; leave out --organ")
-            beam = duct.round_beam()
-            section = "a full round bar" if duct.beam.wall_mm is None else "a round tube"
-        else:
-            dissection = Dissection.of(organ_from(organ), duct)
-            beam, section = dissection.beam, dissection.section(chosen)
-        limit = duct.threshold(chosen, beam) if threshold is None else threshold
-        strength = duct.strength if threshold is None else None
-        preset = duct.name
+        specimen = specimen_from(preset, organ, theory=chosen, threshold_MPa=threshold)
+        beam, section, limit = specimen.beam, specimen.section, specimen.threshold
+        strength = specimen.preset.strength if threshold is None else None
+        preset = specimen.preset.name
     else:
         if span is None or diameter is None or modulus is None:
             raise ValueError(
@@ -212,32 +202,18 @@ def _solve_in_bed(
 ) -> None:
     """Pull a duct off its bed and report the history."""
     from app.command_line.peel import report_history
-    from app.simulation import Dissection, RoundBeam
-    from app.simulation.bed import beam_in_space, bed_named
+    from app.simulation.bed import bed_named
     from organ_geometry import check_target
-    from physics import Exact, Linear
-    from physics.bed import Hand, SpaceBeam, pull
-    from physics.quantity import positive
+    from physics.bed import Hand, pull
 
-    way = options.way()
+    path = options.hook_path()
     if output is not None:
         check_target(output)
-    layer = bed_named(name)
-    duct = duct_of(preset, organ)
-    theory = Exact(Linear(shear=True))
-    if isinstance(duct.beam, RoundBeam):
-        if organ is not None:
-            raise ValueError(f"preset {duct.name} brings its own beam; leave out --organ")
-        flat = duct.round_beam()
-        at = 0.5 * flat.span if options.hook is None else options.hook
-        beam = SpaceBeam.of(flat, elements=options.elements, nodes_at=[at])
-    else:
-        dissection = Dissection.of(organ_from(organ), duct)
-        flat = dissection.beam
-        at = 0.5 * flat.span if options.hook is None else options.hook
-        beam = beam_in_space(dissection, elements=options.elements, nodes_at=[at])
-    limit = duct.threshold(theory, flat) if threshold is None else threshold
-    positive(limit, "threshold", "MPa")
-    hand = Hand(at=at, path=way, steps=options.steps)
-    bed = layer.bed(beam, seed=options.seed, strands=options.strands)
-    report_history(pull(beam, bed, [hand]), limit, output, as_json=as_json)
+    specimen = specimen_from(
+        preset, organ, bed=bed_named(name), bed_seed=options.seed, threshold_MPa=threshold
+    )
+    at = 0.5 * specimen.beam.span if options.hook is None else options.hook
+    beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
+    hand = Hand(at=at, path=path, steps=options.steps)
+    history = pull(beam, specimen.layer(beam, options.strands), [hand])
+    report_history(history, specimen.threshold, output, as_json=as_json)

@@ -12,7 +12,7 @@ from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import Snapshot, bed_snapshots
 from app.simulation import SETTLED_SECONDS, Phase, Reading
-from app.simulation.bed import BED_THEORY, BeddedSurface, BedPreset, beam_in_space
+from app.simulation.bed import BeddedSurface
 from organ_geometry.mesh import TornPiece
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
@@ -33,19 +33,12 @@ SUBSTEP = 1.0 / 240.0
 class BedExport(OrganExport):
     """A duct in its bed, pulled by a hook along a path, to be written as a file."""
 
-    bed: BedPreset
     hook: float  # mm from the first clamp
     path: tuple[tuple[float, float, float], ...]  # displacements of the hook, mm (`Hand`)
     _: KW_ONLY
-    seed: int = 1  # of the bed's scatter
     steps: int = 60  # along the path; one key after each
     elements: int = 80  # of the beam
     strands: int | None = None  # the bed's own number when None
-
-    @property
-    def threshold(self) -> float:
-        """Stress at which the wall tears, MPa."""
-        return self.dissection.preset.threshold(BED_THEORY, self.dissection.beam)
 
     def check_kind(self, path: Path) -> None:
         """Raise if this cannot be written as a file of that name."""
@@ -57,8 +50,9 @@ class BedExport(OrganExport):
     def dissected(self) -> tuple[Motion, History]:
         """The motion along the path, or up to where the duct tears on it, and its history."""
         dissection, threshold = self.dissection, self.threshold
-        rest = beam_in_space(dissection, elements=self.elements, nodes_at=[self.hook])
-        bed = self.bed.bed(rest, seed=self.seed, strands=self.strands)
+        rest = self.specimen.space_beam(elements=self.elements, nodes_at=[self.hook])
+        bed = self.specimen.layer(rest, self.strands)
+        assert bed is not None  # noqa: S101 (a specimen in a bed)
         hand = Hand(at=self.hook, path=self.path, steps=self.steps)
         displaced = np.vstack([np.zeros(3), step_places(hand.path, hand.steps, "a hand's path")])
         surface = BeddedSurface(dissection, rest, bed.strands_under(rest))

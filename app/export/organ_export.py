@@ -10,7 +10,7 @@ from app.export.motion import Motion
 from app.export.rigged_organ import ORGAN, rigged_organ
 from app.export.snapshot import Snapshot
 from app.export.vtk_series import check_series_path, snapshot_contents, write_series
-from app.simulation import PIECES, Dissection
+from app.simulation import PIECES, Dissection, Specimen
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
 from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
@@ -53,11 +53,21 @@ class ExportResult:
 class OrganExport(ABC):
     """An organ in motion, to be written as a file."""
 
-    dissection: Dissection
+    specimen: Specimen
     _: KW_ONLY
     static: bool = False  # write a GLB without motion
     stress_colors: bool = False  # colour vertices by stress
     edge_length: float = 0.5  # wanted, of the triangles, mm
+
+    @property
+    def dissection(self) -> Dissection:
+        """The organ between its clamps."""
+        return self.specimen.dissection
+
+    @property
+    def threshold(self) -> float:
+        """Stress at which the wall tears, MPa."""
+        return self.specimen.threshold
 
     @property
     def moves(self) -> bool:

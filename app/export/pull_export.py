@@ -40,7 +40,6 @@ STRESS_STATIONS = 121
 class PullExport(OrganExport):
     """An organ under a pull by a theory's beam, to be written as a file."""
 
-    theory: Theory
     grasp: float  # mm from the first clamp
     _: KW_ONLY
     # N; None: a static mesh is at rest, motions and curves go to the break
@@ -48,15 +47,12 @@ class PullExport(OrganExport):
     torn: bool = False  # a static mesh shows the two pieces after the tear
     frames: int = 60  # keys of a pull, files of a series, rows of a curve
     table: Table = "curve"  # what a CSV lists
-    threshold_MPa: float | None = None  # noqa: N815 (units); None: the preset's
     seed: int = 1  # of the torn rim's raggedness
 
-    @cached_property
-    def threshold(self) -> float:
-        """The threshold in use, MPa."""
-        if self.threshold_MPa is not None:
-            return self.threshold_MPa
-        return self.dissection.preset.threshold(self.theory, self.dissection.beam)
+    @property
+    def theory(self) -> Theory:
+        """The theory that solves it."""
+        return self.specimen.solved_by
 
     @cached_property
     def break_event(self) -> BreakEvent | None:

@@ -8,11 +8,8 @@ from app.haptics.felt_bed import FeltBed
 from app.haptics.felt_duct import FeltDuct, FeltModel
 from app.haptics.regulator import WORK
 from app.haptics.servo_loop import LoopSettings, ServoLoop
-from app.simulation import Dissection, OrganIdentity, Preset, RoundBeam, TheoryChoice
-from app.simulation.bed import BED_THEORY, ELEMENTS, BedPreset, beam_in_space
-from organ_geometry import Organ
-from physics import Beam, Theory
-from physics.bed import BeamOnBed, SpaceBeam
+from app.simulation import OrganIdentity, Specimen, TheoryChoice
+from app.simulation.bed import ELEMENTS
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
 
@@ -30,65 +27,40 @@ def passive_coupling(damping: float, rate: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class DuctChoice:
-    """A duct, the theory that solves it and where it is hooked."""
+    """A specimen and where it is hooked: at one or two stations, mm from the first clamp."""
 
-    preset: Preset
-    beam: Beam
-    organ: Organ | None  # where its sections are the beam's
-    theory: Theory
-    grasps: tuple[float, ...]  # one hook or two, mm from the first clamp
-    threshold: float  # stress at which it tears, MPa
-    bed: BedPreset | None = None  # the tissue that holds it, if any
-    bed_seed: int = 1  # of the bed's scatter
+    specimen: Specimen
+    grasps: tuple[float, ...]
 
     @classmethod
     def of(
-        cls,
-        preset: Preset,
-        organ: Organ | None,
-        theory: Theory,
-        grasp: float | None = None,
-        second: float | None = None,
-        *,
-        bed: BedPreset | None = None,
-        bed_seed: int = 1,
+        cls, specimen: Specimen, grasp: float | None = None, second: float | None = None
     ) -> "DuctChoice":
-        """Return a choice; in a bed the theory is `BED_THEORY`."""
-        if isinstance(preset.beam, RoundBeam):
-            if organ is not None:
-                raise ValueError(f"preset {preset.name} brings its own beam; leave out --organ")
-            beam = preset.round_beam()
-        elif organ is None:
-            raise ValueError(f"preset {preset.name} takes the organ's own sections: give --organ")
-        else:
-            beam = Dissection.of(organ, preset).beam
+        """Return a choice; the first hook is in the middle if `grasp` is None."""
+        beam = specimen.beam
         first = 0.5 * beam.span if grasp is None else grasp
         grasps = (first,) if second is None else tuple(sorted((first, second)))
         for each in grasps:
             beam.grasped_at(each)
-        solved = theory if bed is None else BED_THEORY
-        threshold = preset.threshold(solved, beam)
-        return cls(preset, beam, organ, solved, grasps, threshold, bed, bed_seed)
+        return cls(specimen, grasps)
 
     def felt(self, coupling: float, period: float = 1e-3, *, retrace: bool = False) -> FeltModel:
         """Return the duct at rest behind a coupling, N/mm, for a servo's period, s."""
         # With `retrace` its energy in a bed closes better, and a step takes longer (`BeamOnBed`).
-        if self.bed is None:
+        specimen = self.specimen
+        if specimen.theory is not None:
             return FeltDuct(
-                self.theory, self.beam, self.grasps, threshold=self.threshold, coupling=coupling
+                specimen.theory,
+                specimen.beam,
+                self.grasps,
+                threshold=specimen.threshold,
+                coupling=coupling,
             )
-        if self.organ is None:
-            beam = SpaceBeam.of(self.beam, elements=ELEMENTS, nodes_at=self.grasps)
-        else:
-            dissection = Dissection.of(self.organ, self.preset)
-            beam = beam_in_space(dissection, elements=ELEMENTS, nodes_at=self.grasps)
-        layer = self.bed.bed(beam, seed=self.bed_seed)
+        beam = specimen.space_beam(elements=ELEMENTS, nodes_at=self.grasps)
         return FeltBed(
-            BeamOnBed(
-                beam, layer.strands_under(beam), floor=layer.floor_under(beam), retrace=retrace
-            ),
+            specimen.on_bed(beam, retrace=retrace),
             self.grasps,
-            threshold=self.threshold,
+            threshold=specimen.threshold,
             coupling=coupling,
             period=period,
         )
@@ -103,12 +75,14 @@ class DuctChoice:
         assist: float,
     ) -> DeviceRun:
         """Return a recorded run for a file."""
+        specimen = self.specimen
+        organ, bed = specimen.organ, specimen.bed
         return DeviceRun(
-            preset=self.preset.name,
-            organ_sha256=None if self.organ is None else OrganIdentity.of(self.organ).sha256,
-            theory=TheoryChoice.of(self.theory),
+            preset=specimen.preset.name,
+            organ_sha256=None if organ is None else OrganIdentity.of(organ).sha256,
+            theory=TheoryChoice.of(specimen.solved_by),
             grasps_mm=self.grasps,
-            threshold_MPa=self.threshold,
+            threshold_MPa=specimen.threshold,
             coupling_N_per_mm=coupling,
             rate=settings.rate,
             scale=settings.scale,
@@ -121,8 +95,8 @@ class DuctChoice:
             periods=recorder.periods,
             inputs=recorder.packed(),
             forces_sha256=recorder.forces_sha256,
-            bed=None if self.bed is None else self.bed.name,
-            bed_seed=self.bed_seed,
+            bed=None if bed is None else bed.name,
+            bed_seed=specimen.bed_seed,
         )
 
 

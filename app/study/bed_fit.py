@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from app.simulation.bed import BedPreset
 from app.study.beds import lift
-from app.study.fit import BOUND, Estimate, Specimen, in_streaks, student
+from app.study.fit import BOUND, Estimate, MeasuredPull, in_streaks, student
 from physics.bed import SpaceBeam
 
 __all__ = ["BedFit", "fit_bed"]
@@ -51,18 +51,16 @@ class BedFit:
         return [self.stiffness, self.toughness]
 
 
-def fit_bed(specimens: list[Specimen], bed: BedPreset) -> BedFit:
+def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
     """Return what curves of ducts that were lifted say of the bed below."""
     from scipy.optimize import least_squares
 
-    measured = np.concatenate([each.curve.forces for each in specimens])
-    beams = [
-        SpaceBeam.of(each.beam, elements=ELEMENTS, nodes_at=[each.grasp]) for each in specimens
-    ]
+    measured = np.concatenate([each.curve.forces for each in pulls])
+    beams = [SpaceBeam.of(each.beam, elements=ELEMENTS, nodes_at=[each.grasp]) for each in pulls]
 
     def lifted(values: list[float]) -> list[tuple[Row, int]]:
         layer = _bed(bed, *values)
-        return [_lifted(*each, layer) for each in zip(specimens, beams, strict=True)]
+        return [_lifted(*each, layer) for each in zip(pulls, beams, strict=True)]
 
     def forces(logs: Row) -> Row:
         return np.concatenate([row for row, _ in lifted(np.exp(logs).tolist())])
@@ -113,7 +111,7 @@ def fit_bed(specimens: list[Specimen], bed: BedPreset) -> BedFit:
             f"stiffness and toughness of the bed trade against each other (correlation "
             f"{-cosine:+.3f})"
         )
-    ends_of = np.cumsum([each.curve.forces.size for each in specimens])[:-1]
+    ends_of = np.cumsum([each.curve.forces.size for each in pulls])[:-1]
     residuals = list(np.split(-found.fun, ends_of))
     largest = float(np.abs(found.fun).max()) / float(np.abs(measured).max())
     if any(in_streaks(each) for each in residuals) and largest > 0.01:
@@ -145,12 +143,12 @@ def _bed(bed: BedPreset, stiffness: float, toughness: float) -> BedPreset:
     )
 
 
-def _lifted(specimen: Specimen, beam: SpaceBeam, bed: BedPreset) -> tuple[Row, int]:
+def _lifted(measured: MeasuredPull, beam: SpaceBeam, bed: BedPreset) -> tuple[Row, int]:
     """Return the forces at a curve's lifts, and how many strands have parted at the last."""
-    lifts = specimen.curve.deflections
+    lifts = measured.curve.deflections
     strands = max(40, round(STRANDS_A_MM * beam.span))
     history = lift(
-        beam, bed, at=specimen.grasp, to=float(lifts.max()), steps=STEPS, strands=strands
+        beam, bed.bed(beam, strands=strands), at=measured.grasp, to=float(lifts.max()), steps=STEPS
     )
     steps = np.concatenate([[0.0], history.hands[:, 0, 2]])
     # What a gauge along the lift reads.

@@ -1,23 +1,21 @@
 """Ducts of a study that a hook lifts off their beds, one after the other."""
 
-from typing import Any
-
 import msgspec
 import numpy as np
 
-from app.simulation import ASSUMED_PRESET, THESIS_PRESET, Dissection, OrganBeam
-from app.simulation.bed import BED_THEORY, BedPreset, beam_in_space, bed_named
+from app.simulation import ASSUMED_PRESET, IN_SPACE, THESIS_PRESET, Preset, Specimen
+from app.simulation.bed import BedPreset, bed_named
 from app.study.ducts import (
     Block,
     Outputs,
     groups,
-    round_ducts,
     strength_of,
 )
 from app.study.inputs import BED
 from app.study.plan import Plan
+from organ_geometry import Organ
 from physics import NoEquilibrium
-from physics.bed import Hand, History, SpaceBeam, pull
+from physics.bed import Bed, Hand, History, SpaceBeam, pull
 
 __all__ = ["bed_of", "lift", "solve_beds"]
 
@@ -82,62 +80,50 @@ def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
     preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
     elements = int(of_bed.get("elements", ELEMENTS))
     hook = of_bed.get("hook_mm")
-    if organ is None:
-        ducts, said = round_ducts(preset, one)
-        if said:
-            raise ValueError(said[0])
-        bar: Any = ducts.beam(0)
-        at = 0.5 * bar.span if hook is None else hook
-        beam = SpaceBeam.of(bar, elements=elements, nodes_at=[at])
-    else:
-        if not isinstance(preset.beam, OrganBeam):
-            raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
-        changed = msgspec.structs.replace(
-            preset,
-            modulus_MPa=numbers.get("modulus_MPa", preset.modulus_MPa),
-            poisson_ratio=numbers.get("poisson_ratio", preset.poisson_ratio),
-            beam=msgspec.structs.replace(
-                preset.beam, wall_mm=numbers.get("wall_mm", preset.beam.wall_mm)
-            ),
-        )
-        dissection = Dissection.of(organ, changed)
-        bar = dissection.beam
-        at = 0.5 * bar.span if hook is None else hook
-        beam = beam_in_space(dissection, elements=elements, nodes_at=[at])
-    strength = numbers.get("break_stress_MPa", preset.break_stress_MPa)
-    if "break_force_N" in numbers:
-        own = msgspec.structs.replace(
-            preset, break_stress_MPa=None, break_force_N=numbers["break_force_N"]
-        )
-        strength = own.threshold(BED_THEORY, bar)
-    elif strength is None:
-        strength = strength_of(preset, organ, BED_THEORY)
+    specimen = Specimen.of_sections(
+        _preset_of(preset, numbers),
+        organ,
+        bed_of(bed_named(words.get("bed.name", "normal")), of_bed),
+        bed_seed=int(of_bed.get("seed", 1)),
+        threshold_MPa=_threshold(preset, organ, numbers),
+    )
+    at = 0.5 * specimen.beam.span if hook is None else hook
+    beam = specimen.space_beam(elements=elements, nodes_at=[at])
+    strands = int(of_bed["strands"]) if "strands" in of_bed else None
     history = lift(
         beam,
-        bed_of(bed_named(words.get("bed.name", "normal")), of_bed),
+        specimen.layer(beam, strands),
         at=at,
         to=of_bed["lift_mm"],
         steps=int(of_bed.get("steps", STEPS)),
-        seed=int(of_bed.get("seed", 1)),
-        strands=int(of_bed["strands"]) if "strands" in of_bed else None,
     )
-    return _read(history, strength)
+    return _read(history, specimen.threshold)
 
 
-def lift(
-    beam: SpaceBeam,
-    bed: BedPreset,
-    *,
-    at: float,
-    to: float,
-    steps: int,
-    seed: int = 1,
-    strands: int | None = None,
-) -> History:
+def _preset_of(preset: Preset, numbers: dict[str, float]) -> Preset:
+    """Return a preset with a duct's own numbers."""
+    kind = preset.beam
+    sizes = {name: numbers[name] for name in kind.__struct_fields__ if name in numbers}
+    names = ("modulus_MPa", "poisson_ratio")
+    changed = {name: numbers[name] for name in names if name in numbers}
+    if "break_force_N" in numbers:
+        changed |= {"break_stress_MPa": None, "break_force_N": numbers["break_force_N"]}
+    return msgspec.structs.replace(preset, beam=msgspec.structs.replace(kind, **sizes), **changed)
+
+
+def _threshold(preset: Preset, organ: Organ | None, numbers: dict[str, float]) -> float | None:
+    """Return the threshold, MPa; None where it follows from the duct's own force at break."""
+    if "break_force_N" in numbers:
+        return None
+    given = numbers.get("break_stress_MPa", preset.break_stress_MPa)
+    return strength_of(preset, organ, IN_SPACE) if given is None else given
+
+
+def lift(beam: SpaceBeam, bed: Bed | None, *, at: float, to: float, steps: int) -> History:
     """Lift a beam off a bed by a hook at a station, mm, step by step."""
     hand = Hand(at=at, path=((0.0, 0.0, to),), steps=steps)
     try:
-        return pull(beam, bed.bed(beam, seed=seed, strands=strands), [hand])
+        return pull(beam, bed, [hand])
     except NoEquilibrium as lost:
         raise ValueError(f"no equilibrium: {lost}") from None
 

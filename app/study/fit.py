@@ -31,7 +31,7 @@ from physics import (
     critical_stations,
 )
 
-__all__ = ["BOUND", "Estimate", "Fit", "Specimen", "fit_pulls", "in_streaks", "student"]
+__all__ = ["BOUND", "Estimate", "Fit", "MeasuredPull", "fit_pulls", "in_streaks", "student"]
 
 Row = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ BOUND = 0.95
 
 
 @dataclass(frozen=True, slots=True)
-class Specimen:
+class MeasuredPull:
     """A curve and the duct that it was measured on."""
 
     curve: Curve
@@ -95,12 +95,12 @@ def _uses_poisson(theory: Theory) -> bool:
     return isinstance(theory, Exact) and theory.law.shear
 
 
-def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = False) -> Fit:
+def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = False) -> Fit:
     """Return what the pulls of ducts of one material say of it.
 
     Parameters
     ----------
-    specimens, theory
+    pulls, theory
         One curve or more, and that which the forces are taken to follow.
     free_ratio
         Whether Poisson's ratio is sought, too, instead of taken from the beams.
@@ -120,20 +120,20 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
             f"the force of the {theory.name} theory does not depend on Poisson's ratio: it cannot "
             "be told; take exact with --shear or --law neo-hooke"
         )
-    for each in specimens:
+    for each in pulls:
         far = float(each.curve.deflections.max()) / each.beam.span
         if far > FARTHEST:
             raise ValueError(
                 f"{each.curve.name}: a deflection of {each.curve.deflections.max():.4g} mm is "
                 f"{far:.3g} spans: is its unit right?"
             )
-    measured = np.concatenate([each.curve.forces for each in specimens])
-    problem = _Problem(specimens, theory, measured)
+    measured = np.concatenate([each.curve.forces for each in pulls])
+    problem = _Problem(pulls, theory, measured)
     count, sought = measured.size, 1 + int(free_ratio)
     if count <= sought + 1:
         raise ValueError(f"{count} points are too few for {sought} parameters")
     t = student(count - sought)
-    given = specimens[0].beam.poisson_ratio
+    given = pulls[0].beam.poisson_ratio
     said: list[str] = []
     correlation = condition = None
     if free_ratio:
@@ -149,12 +149,12 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
                 f"{problem.slope_by_ratio(given):.2g} % for each 0.01"
             )
     phi = problem.forces(ratio.value)
-    ends = np.cumsum([each.curve.forces.size for each in specimens])[:-1]
+    ends = np.cumsum([each.curve.forces.size for each in pulls])[:-1]
     residuals = np.split(measured - modulus.value * phi, ends)
     noise = math.sqrt(float(sum(np.sum(each**2) for each in residuals)) / (count - sought))
     alone = [
         float(part @ each.curve.forces / (part @ part))
-        for part, each in zip(np.split(phi, ends), specimens, strict=True)
+        for part, each in zip(np.split(phi, ends), pulls, strict=True)
     ]
     said += _of_residuals(residuals, measured, theory)
     said += _of_curves(residuals, np.split(phi, ends), (modulus.value, alone), count - sought)
@@ -181,8 +181,8 @@ def fit_pulls(specimens: list[Specimen], theory: Theory, *, free_ratio: bool = F
 class _Problem:
     """Forces of a modulus of 1 MPa, by Poisson's ratio."""
 
-    def __init__(self, specimens: list[Specimen], theory: Theory, measured: Row) -> None:
-        self.specimens = specimens
+    def __init__(self, pulls: list[MeasuredPull], theory: Theory, measured: Row) -> None:
+        self.pulls = pulls
         self.theory = theory
         self.measured = measured
         self._known: dict[float, Row] = {}
@@ -190,20 +190,20 @@ class _Problem:
     def forces(self, ratio: float) -> Row:
         """Return phi at all points."""
         if ratio not in self._known:
-            rows = [self._forces_of(each, ratio) for each in self.specimens]
+            rows = [self._forces_of(each, ratio) for each in self.pulls]
             self._known[ratio] = np.concatenate(rows)
         return self._known[ratio]
 
-    def _forces_of(self, specimen: Specimen, ratio: float) -> Row:
-        beam = specimen.beam.of_material(1.0, ratio)
-        pull = self.theory.pull(beam, specimen.grasp)
-        found = np.empty_like(specimen.curve.deflections)
-        for i in np.argsort(specimen.curve.deflections):  # each from the one before
-            place = float(specimen.curve.deflections[i])
+    def _forces_of(self, measured: MeasuredPull, ratio: float) -> Row:
+        beam = measured.beam.of_material(1.0, ratio)
+        pull = self.theory.pull(beam, measured.grasp)
+        found = np.empty_like(measured.curve.deflections)
+        for i in np.argsort(measured.curve.deflections):  # each from the one before
+            place = float(measured.curve.deflections[i])
             try:
                 found[i] = pull.to_deflection(place).force
             except NoEquilibrium as lost:
-                raise ValueError(f"{specimen.curve.name}, {place:.4g} mm: {lost}") from None
+                raise ValueError(f"{measured.curve.name}, {place:.4g} mm: {lost}") from None
         return found
 
     def best(self, ratio: float) -> tuple[float, float, float]:
@@ -219,12 +219,12 @@ class _Problem:
         there, here = self.best(up)[1], self.best(up - 0.01)[1]
         return 100.0 * (there / here - 1.0)
 
-    def stress_at_end(self, specimen: Specimen, ratio: float) -> float:
+    def stress_at_end(self, measured: MeasuredPull, ratio: float) -> float:
         """Return the highest stress at a curve's last deflection for a modulus of 1 MPa."""
-        beam = specimen.beam.of_material(1.0, ratio)
-        pull = self.theory.pull(beam, specimen.grasp)
-        pull.to_deflection(float(specimen.curve.deflections[-1]))
-        return check_rupture(pull.sample(critical_stations(beam, specimen.grasp)), 1.0).total_stress
+        beam = measured.beam.of_material(1.0, ratio)
+        pull = self.theory.pull(beam, measured.grasp)
+        pull.to_deflection(float(measured.curve.deflections[-1]))
+        return check_rupture(pull.sample(critical_stations(beam, measured.grasp)), 1.0).total_stress
 
 
 def _both(problem: _Problem, t: float, said: list[str]) -> tuple[Estimate, Estimate, float, float]:
@@ -298,7 +298,7 @@ def _strength(
     problem: _Problem, modulus: Estimate, ratio: Estimate, said: list[str]
 ) -> Estimate | None:
     """Return the strength by the curves that end with the break."""
-    broken = [each for each in problem.specimens if each.curve.broke]
+    broken = [each for each in problem.pulls if each.curve.broke]
     if not broken:
         said.append(
             "no curve ends with a break: they say nothing of the strength but a lower bound"

@@ -14,7 +14,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
-from app.simulation import Session, preset_named
+from app.simulation import Session, Specimen, preset_named
 from app.simulation.bed import BedSession
 from app.trainer.client.client_state import EXPORT_VERTICES as VERTICES
 from app.trainer.pages.dissection_files import run_download
@@ -53,7 +53,8 @@ def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     shown = session(preset)
     pull(shown, 0.3 * shown.duct.force_limit)
     order, reading = export_on_screen(shown, VERTICES), shown.reading()
-    assert order.dissection is shown.duct.dissection
+    assert order.dissection.organ is shown.duct.dissection.organ
+    assert order.dissection.preset == shown.duct.dissection.preset
     assert order.theory.name == Exact().name
     assert order.force is not None
     beam = shown.duct.dissection.beam
@@ -201,7 +202,11 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
 def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     shown = session()
     order = PullExport(
-        shown.duct.dissection, Cubic(), shown.duct.grasp, force=1.0, frames=4, edge_length=2.0
+        Specimen(shown.duct.dissection.preset, phantom(), theory=Cubic()),
+        shown.duct.grasp,
+        force=1.0,
+        frames=4,
+        edge_length=2.0,
     )
     path = tmp_path_factory.mktemp("orders") / f"organ{suffix}"
     assert order.write(path).files == (path,)

@@ -13,7 +13,7 @@ from app.simulation.bed import bed_named
 from app.study.bed_fit import fit_bed
 from app.study.beds import lift
 from app.study.curves import Curve, read_curves
-from app.study.fit import Specimen, fit_pulls
+from app.study.fit import MeasuredPull, fit_pulls
 from app.validation.thesis_tables import TABLES
 from assets import BILE_DUCT
 from organ_geometry import read_organ
@@ -38,8 +38,8 @@ def forces_of(theory: Theory, beam: Beam = DUCT, places: np.ndarray = PLACES) ->
     return np.array([pull.to_deflection(float(place)).force for place in places])
 
 
-def specimen(forces: np.ndarray, *, broke: bool = False) -> Specimen:
-    return Specimen(Curve("made", PLACES, forces, {}, broke), DUCT, 20.0)
+def measured_pull(forces: np.ndarray, *, broke: bool = False) -> MeasuredPull:
+    return MeasuredPull(Curve("made", PLACES, forces, {}, broke), DUCT, 20.0)
 
 
 @pytest.mark.parametrize("theory", [Cubic(), TautString(), Exact()], ids=str)
@@ -48,7 +48,7 @@ def test_regions_of_the_modulus_hold_it_19_times_in_20(theory: Theory) -> None:
     held = 0
     for _ in range(200):
         measured = exact + noise.normal(0.0, 0.02 * exact.max(), exact.size)
-        found = fit_pulls([specimen(measured)], theory).modulus
+        found = fit_pulls([measured_pull(measured)], theory).modulus
         held += int(found.low <= 0.4 <= found.high)
     # 190 +- 3.1, and more than 4 sd of room either side but above.
     assert 177 <= held <= 199
@@ -67,12 +67,12 @@ def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
     held = np.zeros(2, dtype=int)
     for _ in range(tries):
         measured = exact + noise.normal(0.0, 0.002 * exact.max(), exact.size)
-        found = fit_pulls([specimen(measured)], theory, free_ratio=True)
+        found = fit_pulls([measured_pull(measured)], theory, free_ratio=True)
         for k, (each, truth) in enumerate(((found.modulus, 0.4), (found.poisson_ratio, 0.42))):
             held[k] += int(each.low <= truth <= each.high)
     assert held.min() >= least
     noisy = exact + noise.normal(0.0, 0.05 * exact.max(), exact.size)
-    found = fit_pulls([specimen(noisy)], theory, free_ratio=True)
+    found = fit_pulls([measured_pull(noisy)], theory, free_ratio=True)
     assert found.poisson_ratio.told == "open"
     assert any("Poisson's ratio can hardly be told" in line for line in found.said)
     assert found.correlation is not None
@@ -83,7 +83,7 @@ def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
 def test_strength_is_the_stress_at_the_break() -> None:
     theory = Exact()
     exact = forces_of(theory)
-    found = fit_pulls([specimen(exact, broke=True)] * 2, theory)
+    found = fit_pulls([measured_pull(exact, broke=True)] * 2, theory)
     stations = np.array([0.0, 20.0, 50.0])
     stress = check_rupture(theory.pull(DUCT, 20.0).to_deflection(16.0).sample(stations), 1.0)
     assert found.strength is not None
@@ -92,17 +92,18 @@ def test_strength_is_the_stress_at_the_break() -> None:
 
 
 def test_a_modulus_that_no_tissue_has_is_asked_about() -> None:
-    found = fit_pulls([specimen(1e3 * forces_of(Cubic()))], Cubic())
+    found = fit_pulls([measured_pull(1e3 * forces_of(Cubic()))], Cubic())
     assert any("none of soft tissue" in line for line in found.said)
 
 
 def test_a_theory_that_does_not_follow_and_ducts_that_differ_are_told() -> None:
     noise = np.random.default_rng(4)
     exact = forces_of(Exact(NeoHooke()))
-    found = fit_pulls([specimen(exact)], Cubic())
+    found = fit_pulls([measured_pull(exact)], Cubic())
     assert any("does not follow these curves" in line for line in found.said)
     several = [
-        specimen(factor * exact + noise.normal(0.0, 0.002, exact.size)) for factor in (1.0, 1.3)
+        measured_pull(factor * exact + noise.normal(0.0, 0.002, exact.size))
+        for factor in (1.0, 1.3)
     ]
     found = fit_pulls(several, Exact(NeoHooke()))
     assert any("curves differ by more than their noise" in line for line in found.said)
@@ -164,10 +165,10 @@ def test_a_bed_s_stiffness_and_toughness_are_found_again(tmp_path: Path) -> None
     base = preset_named("thesis-bile-duct").round_beam()
     beam = SpaceBeam.of(base, elements=32, nodes_at=[25.4])
     bed = bed_named("firm")
-    history = lift(beam, bed, at=25.4, to=8.0, steps=40, strands=203)
+    history = lift(beam, bed.bed(beam, strands=203), at=25.4, to=8.0, steps=40)
     noise = np.random.default_rng(6).normal(0.0, 0.01, 40)
     curve = Curve("made", history.hands[:, 0, 2], history.forces[:, 0, 2] + noise, {}, False)
-    found = fit_bed([Specimen(curve, base, 25.4)], bed_named("normal"))
+    found = fit_bed([MeasuredPull(curve, base, 25.4)], bed_named("normal"))
     stiffness = 2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm)
     assert found.toughness.low < bed.toughness_J_m2 < found.toughness.high
     assert found.stiffness.low < stiffness < found.stiffness.high

@@ -11,7 +11,7 @@ from simulated import phantom
 
 from app.export.bed_export import BedExport
 from app.export.pull_export import PullExport
-from app.simulation import PIECES, SETTLED_SECONDS, Dissection, preset_named
+from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Specimen, preset_named
 from app.simulation.bed import bed_named
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
 from app.trainer.viser_bridge.recording import recording_page
@@ -25,9 +25,9 @@ LARGEST = 3_000_000
 
 
 def order() -> PullExport:
-    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
-    edge_length = 1.5 * page_edge_length(dissection.organ)
-    return PullExport(dissection, Cubic(), 0.5 * dissection.beam.span, edge_length=edge_length)
+    specimen = Specimen(preset_named("thesis-bile-duct"), phantom(), theory=Cubic())
+    edge_length = 1.5 * page_edge_length(phantom())
+    return PullExport(specimen, 0.5 * specimen.beam.span, edge_length=edge_length)
 
 
 def top_of(dissection: Dissection, vertices: np.ndarray) -> float:
@@ -122,13 +122,11 @@ def test_titles_are_text() -> None:
 
 
 def test_a_page_plays_how_a_duct_is_freed_and_torn(tmp_path: Path) -> None:
-    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
+    specimen = Specimen(preset_named("thesis-bile-duct"), phantom(), bed_named("inflamed"))
     path = ((0.0, 0.0, 14.0),)
-    wanted = BedExport(
-        dissection, bed_named("inflamed"), 25.4, path, steps=20, elements=40, strands=150
-    )
+    wanted = BedExport(specimen, 25.4, path, steps=20, elements=40, strands=150)
     page_file = tmp_path / "torn.html"
-    page_file.write_text(export_page(wanted, edge_length=page_edge_length(dissection.organ)))
+    page_file.write_text(export_page(wanted, edge_length=page_edge_length(phantom())))
     motion = wanted.motion
     assert motion.bed is not None
     errors: list[str] = []
@@ -153,13 +151,12 @@ def test_a_page_plays_how_a_duct_is_freed_and_torn(tmp_path: Path) -> None:
 
 
 def test_a_page_of_a_duct_in_its_bed_says_which_and_can_be_sent() -> None:
-    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
-    edge_length = page_edge_length(dissection.organ)
+    specimen = Specimen(preset_named("thesis-bile-duct"), phantom(), bed_named("loose"))
+    edge_length = page_edge_length(phantom())
     few, many = (
         export_page(
             BedExport(
-                dissection,
-                bed_named("loose"),
+                specimen,
                 25.4,
                 ((0.0, 0.0, 8.0),),
                 steps=8,

@@ -11,8 +11,8 @@ import pytest
 from program import refused, run
 
 from app.command_line.bed_options import BED_NAMES
-from app.simulation.bed.preset import bed_presets
 from app.simulation.bed.scene import BeamTable, BedTable, HandTable, RodTable, StrandTable
+from app.simulation.bed_preset import bed_presets
 
 ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "peel.md").read_text()

@@ -24,7 +24,7 @@ from app.haptics.regulator import BRAKED, LEAST, MADE, MODELLED, SAMPLED, WITHHE
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
 from app.haptics.virtual_device import VirtualDevice
-from app.simulation import preset_named
+from app.simulation import Specimen, preset_named
 from app.simulation.bed import bed_named
 from physics import Cubic, Exact, NeoHooke, Theory
 
@@ -39,7 +39,7 @@ TO_THE_TEAR = (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(2.1, (0.0, 0.0, 30.0)))
 
 def choice(theory: Theory | None = None, grasp: float | None = None,
            second: float | None = None) -> DuctChoice:  # fmt: skip
-    return DuctChoice.of(DUCT, None, theory or Cubic(), grasp, second)
+    return DuctChoice.of(Specimen(DUCT, theory=theory or Cubic()), grasp, second)
 
 
 def hand(path: tuple[Waypoint, ...] = THERE_AND_BACK, *, device: dict[str, Any] | None = None,
@@ -88,10 +88,10 @@ def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 10
 def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
     run = felt(hand(), choice(theory, 20.0))
     assert run.hooks.max() > 5.0
-    duct = choice(theory, 20.0)
+    beam = choice(theory, 20.0).specimen.beam
     for row in range(0, len(run.hooks), 50):
         if run.hooks[row] > 0.0:
-            solved = theory.pull(duct.beam, 20.0).to_deflection(float(run.hooks[row])).force
+            solved = theory.pull(beam, 20.0).to_deflection(float(run.hooks[row])).force
             assert run.forces[row] == pytest.approx(solved, rel=1e-6)
     # What the device gets is the force downwards, but for the little that the controller adds.
     assert np.abs(run.given[:, 2] + run.forces).max() < 0.05
@@ -317,7 +317,7 @@ def test_a_button_takes_the_duct_and_lets_go() -> None:
 
 
 def test_a_lost_hand_is_followed_along_its_way() -> None:
-    near, far = (FeltDuct(Exact(), choice().beam, (25.4,), threshold=9.0, coupling=1.0)
+    near, far = (FeltDuct(Exact(), choice().specimen.beam, (25.4,), threshold=9.0, coupling=1.0)
                  for _ in range(2))  # fmt: skip
     steps = ServoLoop(near, LoopSettings(), LIMITS)
     jump = ServoLoop(far, LoopSettings(), LIMITS)
@@ -397,7 +397,7 @@ def test_the_work_of_two_hands_is_stored_to_a_millionth(
 
 
 def in_bed(bed: str = "firm", second: float | None = None) -> DuctChoice:
-    return DuctChoice.of(DUCT, None, Cubic(), None, second, bed=bed_named(bed))
+    return DuctChoice.of(Specimen(DUCT, bed=bed_named(bed)), None, second)
 
 
 UP_AND_DOWN = (
@@ -426,7 +426,7 @@ def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
 
 @pytest.mark.parametrize(("bed", "grasp"), [("firm", 25.4), ("loose", 13.0), ("inflamed", 38.0)])
 def test_a_hand_at_rest_in_a_bed_feels_the_force_of_the_equilibrium(bed: str, grasp: float) -> None:
-    chosen = DuctChoice.of(DUCT, None, Cubic(), grasp, bed=bed_named(bed))
+    chosen = DuctChoice.of(Specimen(DUCT, bed=bed_named(bed)), grasp)
     loop = ServoLoop(chosen.felt(1.0), LoopSettings(), LIMITS)
     for z in np.linspace(0.0, 3.0, 300).tolist():
         stepped(loop, z, FRESH | LIVE)
@@ -502,7 +502,7 @@ def test_a_run_is_a_small_file_and_is_made_again_to_the_bit(tmp_path: Path) -> N
     assert check is not None
     assert check.largest_error < 1e-6
     assert report.energy_mJ.residual_of_peak <= closes_to < 1e-6
-    other = DuctChoice.of(DUCT, None, Exact(), 24.0)
+    other = DuctChoice.of(Specimen(DUCT, theory=Exact()), 24.0)
     assert played_again(again, other)[1].forces_sha256 != run.forces_sha256
     for wrong, says in (
         (b"{", "no device run"),
@@ -642,7 +642,7 @@ def test_what_cannot_be_felt_is_refused() -> None:
     with pytest.raises(ValueError, match="coupling"):
         choice().felt(0.0)
     with pytest.raises(ValueError, match="own sections"):
-        DuctChoice.of(preset_named("porcine-bile-duct"), None, Cubic())
+        Specimen.of_sections(preset_named("porcine-bile-duct"), None)
     with pytest.raises(ValueError, match="grasp"):
         choice(grasp=90.0)
     whole = choice().felt(1.0)

@@ -9,7 +9,7 @@ from simulated import phantom
 from app.export.motion import Motion
 from app.export.pull_export import PullExport
 from app.export.rigged_organ import rigged_organ
-from app.simulation import PIECES, Dissection, preset_named
+from app.simulation import PIECES, Specimen, preset_named
 from organ_geometry.mesh.gltf_file import metres
 from organ_geometry.mesh.skin import Skin, organ_skin
 from organ_geometry.mesh.tear import TornPiece
@@ -70,11 +70,10 @@ def hidden(motion: Motion) -> set[int]:
 @cache
 def rigged(preset: str = "thesis-bile-duct", exact: bool = False) -> Rigged:
     """The phantom, rigged."""
-    dissection = Dissection.of(phantom(), preset_named(preset))
     theory: Theory = Exact() if exact else Cubic()
-    order = PullExport(
-        dissection, theory, 0.4 * dissection.beam.span, frames=7, edge_length=EDGE_LENGTH
-    )
+    specimen = Specimen(preset_named(preset), phantom(), theory=theory)
+    dissection = specimen.dissection
+    order = PullExport(specimen, 0.4 * dissection.beam.span, frames=7, edge_length=EDGE_LENGTH)
     event = order.break_event
     assert event is not None
     skin = organ_skin(dissection.organ, edge_length=EDGE_LENGTH)

@@ -21,8 +21,8 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from app.export.bed_export import BedExport
 from app.export.strand_mesh import RADIUS
 from app.export.strands import StrandsSnapshot
-from app.simulation import PIECES, Dissection, preset_named
-from app.simulation.bed import beam_in_space, bed_named
+from app.simulation import PIECES, Specimen, preset_named
+from app.simulation.bed import bed_named
 from assets import BILE_DUCT
 from organ_geometry.mesh import organ_skin
 from organ_geometry.mesh.gltf_file import metres
@@ -37,10 +37,8 @@ FREED = "freed"
 @cache
 def freed() -> BedExport:
     """The phantom on few strands, lifted and pulled sideways until many have parted."""
-    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
     return BedExport(
-        dissection,
-        bed_named("normal"),
+        Specimen(preset_named("thesis-bile-duct"), phantom(), bed_named("normal")),
         31.0,
         ((0.0, 0.0, 4.0), (1.0, 3.0, 9.0)),
         steps=12,
@@ -58,7 +56,8 @@ def model() -> Gltf:
 @cache
 def torn() -> BedExport:
     """The phantom on few strands that are as tough as it is strong."""
-    export = replace(freed(), bed=bed_named("inflamed"), hook=25.4, path=((0.0, 2.0, 14.0),))
+    inflamed = replace(freed().specimen, bed=bed_named("inflamed"))
+    export = replace(freed(), specimen=inflamed, hook=25.4, path=((0.0, 2.0, 14.0),))
     return replace(export, steps=10, strands=150)
 
 
@@ -279,12 +278,13 @@ def test_the_last_moment_as_vtp_has_its_strands_beside_it(tmp_path: Path) -> Non
 
 def test_a_curved_duct_is_freed_as_it_lies() -> None:
     """By its own sections along its own axis, and drawn where the beam in space is."""
-    dissection = Dissection.of(tubes.tube(wall=1.0, sag=5.0), preset_named("assumed-duct"))
     bed, path = bed_named("firm"), ((0.0, 3.0, 9.0),)
+    specimen = Specimen(preset_named("assumed-duct"), tubes.tube(wall=1.0, sag=5.0), bed)
+    dissection = specimen.dissection
     export = BedExport(
-        dissection, bed, 27.0, path, steps=10, elements=40, strands=200, edge_length=EDGE_LENGTH
+        specimen, 27.0, path, steps=10, elements=40, strands=200, edge_length=EDGE_LENGTH
     )
-    rest = beam_in_space(dissection, elements=40, nodes_at=[27.0])
+    rest = dissection.space_beam(elements=40, nodes_at=[27.0])
     assert np.abs(rest.places[:, 1]).max() == pytest.approx(5.0, abs=0.1), "it is curved"
     solved = pull(rest, bed.bed(rest, strands=200), [Hand(at=27.0, path=path, steps=10)])
     history = export.dissected[1]

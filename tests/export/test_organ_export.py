@@ -18,7 +18,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.organ_export import SUFFIXES
 from app.export.pull_export import PullExport
-from app.simulation import Dissection, preset_named
+from app.simulation import Specimen, preset_named
 from organ_geometry.mesh.color import stress_colors
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic, check_rupture, critical_stations
@@ -35,11 +35,10 @@ FIGURES = {
 
 @pytest.fixture(scope="module")
 def order() -> PullExport:
-    dissection = Dissection.of(phantom(), preset_named("thesis-bile-duct"))
+    specimen = Specimen(preset_named("thesis-bile-duct"), phantom(), theory=Cubic())
     return PullExport(
-        dissection,
-        Cubic(),
-        0.5 * dissection.beam.span,
+        specimen,
+        0.5 * specimen.beam.span,
         force=2.0,
         frames=5,
         edge_length=EDGE_LENGTH,
@@ -167,7 +166,8 @@ def test_axis_is_where_the_skin_s_axis_is(order: PullExport, tmp_path: Path) -> 
 
 
 def test_a_threshold_of_one_s_own_moves_the_break(order: PullExport) -> None:
-    weak = replace(order, threshold_MPa=0.5 * order.threshold)
+    half = replace(order.specimen, threshold_MPa=0.5 * order.threshold)
+    weak = replace(order, specimen=half)
     own, half = order.break_event, weak.break_event
     assert own is not None
     assert half is not None

@@ -4,7 +4,6 @@ Scenes of any beam on a bed are here too (docs/peel.md).
 """
 
 from app.simulation.bed.bedded_duct import (
-    BED_THEORY,
     ELEMENTS,
     HANDS,
     JAW_RADIUS,
@@ -21,16 +20,15 @@ from app.simulation.bed.exercise import TITLES, BedExercise
 from app.simulation.bed.exercise_limits import rehearsed
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Hand, Instrument
 from app.simulation.bed.measures import DissectionMeasures
-from app.simulation.bed.preset import BedPreset, beam_in_space, bed_named, bed_presets
 from app.simulation.bed.replay import DissectionReplay, DissectionSeries, dissection_csv
 from app.simulation.bed.run import DissectionRun
 from app.simulation.bed.run_log import DissectionFile, read_any_run
 from app.simulation.bed.scene import PeelScene, read_scene
 from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
 from app.simulation.bed.session import BedSession
+from app.simulation.bed_preset import BedPreset, bed_named, bed_presets
 
 __all__ = [
-    "BED_THEORY",
     "ELEMENTS",
     "HANDS",
     "HOLDING",
@@ -58,7 +56,6 @@ __all__ = [
     "PeelScene",
     "Rod",
     "Touch",
-    "beam_in_space",
     "bed_named",
     "bed_presets",
     "dissection_csv",

@@ -14,22 +14,19 @@ from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_surface import BeddedSurface
 from app.simulation.bed.hand import HOLDING, Hand, Instrument
-from app.simulation.bed.preset import BedPreset, beam_in_space
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import Dissection
+from app.simulation.specimen import Specimen
 from kernel_cache import njit
-from physics import Exact, Linear, RuptureCheck
+from physics import RuptureCheck
 from physics.bed import BeamOnBed, EnergyBalance
 
 __all__ = [
-    "BED_THEORY", "ELEMENTS", "HANDS", "MOST_OPENING", "SUBSTEPS", "BedReading", "BeddedDuct",
+    "ELEMENTS", "HANDS", "MOST_OPENING", "SUBSTEPS", "BedReading", "BeddedDuct",
     "Rod", "Touch",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
-BED_THEORY = Exact(Linear(shear=True))
-"""What the beam in space equals when no bed holds it: its threshold is that of the preset."""
 ELEMENTS = 40
 """Of the beam: 0.1 % on the force and 0.3 % on the highest stress (docs/theory.md)."""
 SUBSTEPS = 8
@@ -96,37 +93,18 @@ class Touch(NamedTuple):
 
 
 class BeddedDuct:
-    """A dissection's duct on a bed, two hands at it, and what has become of it.
+    """A specimen's duct on its bed, two hands at it, and what has become of it."""
 
-    Parameters
-    ----------
-    dissection
-        The duct between its clamps.
-    bed, seed
-        What it lies in, and the number that its scatter is drawn from.
-    threshold
-        Stress at which the wall tears, MPa; the preset's own when None.
-    """
-
-    def __init__(
-        self,
-        dissection: Dissection,
-        bed: BedPreset,
-        *,
-        seed: int = 1,
-        threshold: float | None = None,
-    ) -> None:
-        self.dissection, self.bed, self.seed = dissection, bed, seed
-        self.threshold = (
-            dissection.preset.threshold(BED_THEORY, dissection.beam)
-            if threshold is None
-            else threshold
-        )
-        self._rest = beam_in_space(dissection, elements=ELEMENTS)
-        self._layer = bed.bed(self._rest, seed=seed)
+    def __init__(self, specimen: Specimen) -> None:
+        assert specimen.bed is not None  # noqa: S101 (the caller's)
+        self.specimen, self.dissection = specimen, specimen.dissection
+        self.bed, self.seed = specimen.bed, specimen.bed_seed
+        self.threshold = specimen.threshold
+        self._rest = specimen.space_beam(elements=ELEMENTS)
+        self._layer = self.bed.bed(self._rest, seed=self.seed)
         self._strands = self._layer.strands_under(self._rest)
         self._radius = float(self._rest.radius.mean())
-        self.surface = BeddedSurface(dissection, self._rest, self._strands)
+        self.surface = BeddedSurface(self.dissection, self._rest, self._strands)
         self._scale = self.surface.scale
         self.reset()
 

@@ -13,7 +13,7 @@ import numpy as np
 from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
 from app.simulation.bed.hand import Instrument
 from app.simulation.bed.measures import LEAST_FORCE, DissectionMeasureTaker
-from app.simulation.bed.preset import BedPreset
+from app.simulation.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import LONGEST_SECONDS, Outcome
 from app.simulation.trial import Trial

@@ -7,6 +7,7 @@ must never grow so fast that the break is nearer than a reaction time, as in a p
 (docs/measures.md). The bed's seed is the first one with which good hands pass.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import msgspec
@@ -15,12 +16,10 @@ from app.simulation.bed.bedded_duct import FREED_PART, BeddedDuct
 from app.simulation.bed.exercise import BedExercise, BedExerciseName, BedTrial
 from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Instrument
 from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
-from app.simulation.bed.preset import BedPreset, bed_named, named_or_whole
 from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
-from app.simulation.dissection import Dissection
+from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
 from app.simulation.exercise import REACTION_SECONDS, Outcome
-from app.simulation.preset import Preset
-from organ_geometry import Organ
+from app.simulation.specimen import Specimen
 
 __all__ = ["bed_exercises", "rehearsed"]
 
@@ -41,34 +40,27 @@ MOST_SEEDS = 20
 SCAR = "scar"
 
 
-def bed_exercises(
-    organ: Organ, preset: Preset, bed: BedPreset, seed: int, threshold: float
-) -> tuple[BedExercise, ...]:
+def bed_exercises(specimen: Specimen) -> tuple[BedExercise, ...]:
     """Return the exercises for a duct; the scar's, and others in a bed with one, in their own."""
+    bed = specimen.bed
+    assert bed is not None  # noqa: S101 (the caller's)
     plain = bed if bed.patch is None else bed_named("normal")
     scarred = bed if bed.patch is not None else bed_named(SCAR)
     found = [
-        _offered(organ, preset, name, each, seed, threshold)
+        _offered(replace(specimen, bed=each), name)
         for name, each in (("window", plain), ("follow-front", plain), ("free-scar", scarred))
     ]
     return tuple(each for each in found if each is not None)
 
 
 @lru_cache(maxsize=32)
-def _offered(
-    organ: Organ,
-    preset: Preset,
-    name: BedExerciseName,
-    bed: BedPreset,
-    seed: int,
-    threshold: float,
-) -> BedExercise | None:
+def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
     """Return an exercise with its limits and a seed, or None where good hands cannot do it."""
-    dissection = Dissection.of(organ, preset)
-    goal = _goal(dissection.beam.span, name, bed, seed)
-    even = BeddedDuct(
-        dissection, msgspec.structs.replace(bed, scatter=0.0), seed=1, threshold=threshold
-    )
+    bed, seed = specimen.bed, specimen.bed_seed
+    assert bed is not None  # noqa: S101 (the caller's)
+    span = specimen.beam.span
+    goal = _goal(span, name, bed, seed)
+    even = BeddedDuct(replace(specimen, bed=msgspec.structs.replace(bed, scatter=0.0), bed_seed=1))
     manners = MANNERS[name]
     needed, outcome = rehearsed(even, goal, manners["good"])
     if not outcome.passed:
@@ -80,7 +72,7 @@ def _offered(
     if share > LOOSEST:
         return None
     force = SPARE_FORCE * needed.maximum_instrument_force_N
-    strands = even.beam.strands.count / dissection.beam.span
+    strands = even.beam.strands.count / span
     for each in range(seed, seed + MOST_SEEDS):
         exercise = msgspec.structs.replace(
             goal,
@@ -90,7 +82,7 @@ def _offered(
             out_of_sight_limit=round(HIDDEN_PART * strands * goal.free_mm),
             instrument_force_limit_N=force if name == "free-scar" else None,
         )
-        duct = BeddedDuct(dissection, bed, seed=each, threshold=threshold)
+        duct = BeddedDuct(replace(specimen, bed_seed=each))
         if rehearsed(duct, exercise, manners["good"])[1].passed:
             return exercise
     return None

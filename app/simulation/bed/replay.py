@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_duct import HANDS
-from app.simulation.bed.preset import bed_named
 from app.simulation.bed.run_log import (
     DissectionFile,
     DissectionInput,
@@ -14,6 +13,7 @@ from app.simulation.bed.run_log import (
     strands_digest,
 )
 from app.simulation.bed.session import BedSession
+from app.simulation.bed_preset import bed_named
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.preset import preset_named
 from app.simulation.replay import BaseReplay, check_organ

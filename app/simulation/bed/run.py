@@ -4,7 +4,6 @@ from app.simulation.bed.bedded_duct import BeddedDuct
 from app.simulation.bed.exercise import BedExercise, BedTrial
 from app.simulation.bed.hand import INSTRUMENTS
 from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
-from app.simulation.bed.preset import named_or_whole
 from app.simulation.bed.run_log import (
     KINDS,
     DissectionInput,
@@ -13,6 +12,7 @@ from app.simulation.bed.run_log import (
     DissectionStart,
     strands_digest,
 )
+from app.simulation.bed_preset import named_or_whole
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Feedback
 from app.simulation.run import BaseRun

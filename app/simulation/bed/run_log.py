@@ -12,7 +12,7 @@ from app.simulation.bed.bedded_duct import ELEMENTS, HANDS, SUBSTEPS
 from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.hand import INSTRUMENTS
 from app.simulation.bed.measures import DissectionMeasures
-from app.simulation.bed.preset import BedPreset
+from app.simulation.bed_preset import BedPreset
 from app.simulation.exercise import Feedback, Outcome
 from app.simulation.preset import Preset
 from app.simulation.run_log import (

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from app.bounded_file import decoded, read_bounded
-from app.simulation.bed.preset import bed_named
+from app.simulation.bed_preset import bed_named
 from physics import Beam
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
 from physics.bed.space_beam import axis_line

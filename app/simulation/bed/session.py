@@ -8,6 +8,7 @@ next tick. Places are mm in the duct's frame (`app.simulation.bed.hand`).
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from threading import RLock
 
 import numpy as np
@@ -18,16 +19,17 @@ from app.simulation.bed.exercise import BedExercise
 from app.simulation.bed.exercise_limits import bed_exercises
 from app.simulation.bed.hand import INSTRUMENTS, Instrument
 from app.simulation.bed.measures import DissectionMeasures
-from app.simulation.bed.preset import BedPreset, bed_named
 from app.simulation.bed.run import DissectionRun
 from app.simulation.bed.run_log import DissectionFile
+from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection import Dissection, default_preset
+from app.simulation.dissection import default_preset
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Feedback
 from app.simulation.preset import Preset
 from app.simulation.run_log import OrganIdentity
 from app.simulation.session import VERTICES
+from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, tear_front, tear_swing
 from organ_geometry import Organ
 from physics.bed import BeamOnBed
@@ -200,9 +202,7 @@ class BedSession:
     def exercises_offered(self) -> tuple[BedExercise, ...]:
         """Return the exercises for this duct: a second's work the first time."""
         duct = self.duct
-        return bed_exercises(
-            self._organ, duct.dissection.preset, duct.bed, duct.seed, duct.threshold
-        )
+        return bed_exercises(replace(duct.specimen, threshold_MPa=duct.threshold))
 
     def start_exercise(
         self, exercise: BedExercise, feedback: Feedback = Feedback.CONTINUOUS
@@ -273,8 +273,9 @@ class BedSession:
     def _start(
         self, preset: Preset, bed: BedPreset, bed_seed: int, threshold: float | None = None
     ) -> None:
-        dissection = Dissection.of(self._organ, preset)
-        self.duct = BeddedDuct(dissection, bed, seed=bed_seed, threshold=threshold)
+        self.duct = BeddedDuct(
+            Specimen(preset, self._organ, bed, bed_seed=bed_seed, threshold_MPa=threshold)
+        )
         self.run = DissectionRun()
         self._torn_ticks = 0
         self.drawn.follow(self.duct.dissection)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from app.export.pull_export import PullExport
-from app.simulation import Phase, Session
+from app.simulation import Phase, Session, Specimen
 from app.trainer.pages.html_player import export_page, page_edge_length
 from organ_geometry import Organ
 
@@ -40,11 +40,14 @@ def export_on_screen(session: Session, vertices: int) -> PullExport:
     """Return a session's duct: its theory, grasp, force and threshold, or its tear."""
     dissection, grasp, reading = session.duct.dissection, session.duct.grasp, session.reading()
     export = PullExport(
-        dissection,
-        session.duct.theory,
+        Specimen(
+            dissection.preset,
+            dissection.organ,
+            theory=session.duct.theory,
+            threshold_MPa=session.duct.threshold,
+        ),
         grasp,
         torn=reading.phase is not Phase.INTACT,
-        threshold_MPa=session.duct.threshold,
         edge_length=page_edge_length(dissection.organ, vertices),
         seed=session.seed,
     )

@@ -15,7 +15,6 @@ from app.export.motion import RECOIL_STEP, Motion
 from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
-from app.simulation.bed import BED_THEORY
 from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.camera import viewpoint
@@ -85,17 +84,19 @@ def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
     """Return a page that plays a path through a bed, or a pull to its force or over the break."""
     dissection, pieces = export.dissection, None
     between = f"{dissection.beam.span:.1f} mm between the clamps"
+    bed = export.specimen.bed
     if isinstance(export, BedExport):
-        motion, solved = export.motion, dissection.section(BED_THEORY)
+        assert bed is not None  # noqa: S101 (an export from a bed has one)
+        motion = export.motion
         says = (
-            f"{between} in a bed, {export.bed.title.lower()}; a hook frees it "
+            f"{between} in a bed, {bed.title.lower()}; a hook frees it "
             f"{export.hook:.1f} mm from the first"
         )
         if export.tear is not None:
             says += f", and tears it at {export.tear.station:.1f} mm"
             pieces = dissection.torn_at(export.tear, edge_length=edge_length)
     else:
-        event, solved = export.break_event, dissection.section(export.theory)
+        event = export.break_event
         tear = export.tear(PULL_KEYS, run_step=RECOIL_STEP) if export.force is None else None
         motion = export.pull(PULL_KEYS) if tear is None else tear
         broke = "" if event is None else f", breaks at {event.force:.3g} N"
@@ -105,7 +106,7 @@ def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
         )
         if tear is not None:
             pieces = replace(export, edge_length=edge_length).pieces()
-    notes = [says, f"Solved as {solved}."]
+    notes = [says, f"Solved as {export.specimen.section}."]
     return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
 

@@ -1,23 +1,18 @@
-"""Beds that a duct can lie in, and the beam in space that stands for a duct as it lies."""
+"""Beds that a duct can lie in."""
 
 import math
-from collections.abc import Sequence
 from functools import cache
 from typing import Literal
 
 import msgspec
 import numpy as np
 
-from app.simulation.dissection import SECTIONS_ALONG, Dissection
-from app.simulation.preset import RoundBeam
 from assets import BEDS
 from physics.bed import Bed, Patch, SpaceBeam
-from physics.section import Ring
 
 __all__ = [
     "BedPreset",
     "PatchPreset",
-    "beam_in_space",
     "bed_named",
     "bed_presets",
     "named_or_whole",
@@ -117,42 +112,3 @@ def bed_named(name: str) -> BedPreset:
 def named_or_whole(bed: BedPreset) -> str | BedPreset:
     """Return a shipped bed's name, or another in full, as files have it."""
     return bed.name if bed_presets().get(bed.name) == bed else bed
-
-
-def beam_in_space(
-    dissection: Dissection, *, elements: int, nodes_at: Sequence[float] = ()
-) -> SpaceBeam:
-    """Return the beam in space for a duct: along its axis if it has its own sections."""
-    beam, preset = dissection.beam, dissection.preset
-    if isinstance(preset.beam, RoundBeam):
-        return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)
-    at = np.linspace(0.0, beam.span, SECTIONS_ALONG)
-    places = dissection.organ.axis_at(dissection.clamps[0] + at)
-    axis = dissection.in_frame(places)
-    up = dissection.sections_at(at, dissection.frame[:, 2])
-    across = dissection.sections_at(at, dissection.frame[:, 1])
-    e, nu = beam.modulus, beam.poisson_ratio
-    g = 0.5 * e / (1.0 + nu)
-    shear = [
-        [
-            area * Ring(float(area), float(moment)).shear_coefficient(nu)
-            for area, moment in zip(way.area, way.second_moment, strict=True)
-        ]
-        for way in (across, up)
-    ]
-    moments = np.stack([up.second_moment, across.second_moment])
-    stiffness = np.stack(
-        [e * up.area, *(g * np.array(shear)), g * moments.sum(axis=0), *(e * moments)], axis=1
-    )
-    fibres = np.stack([up.fibre_distance, across.fibre_distance])
-    chords = np.sqrt((np.diff(axis, axis=0) ** 2).sum(axis=1))
-    along = np.concatenate([[0.0], np.cumsum(chords)])
-    return SpaceBeam.from_axis(
-        elements=elements,
-        stiffness=stiffness,
-        axis=axis,
-        stations=along * (1.0 + 1e-3),
-        radius=fibres.mean(axis=0),
-        wall=np.stack([up.area, *(moments / fibres)], axis=1),
-        nodes_at=nodes_at,
-    )

@@ -1,0 +1,121 @@
+"""A specimen: what is in hand, as a value, and the one recipe from it to beams and strands."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+
+from app.simulation.bed_preset import BedPreset
+from app.simulation.dissection import Dissection
+from app.simulation.preset import Preset, RoundBeam
+from organ_geometry import Organ
+from physics import Beam, Exact, Linear, Theory
+from physics.bed import BeamOnBed, Bed, SpaceBeam
+from physics.quantity import positive
+
+__all__ = ["IN_SPACE", "Specimen"]
+
+IN_SPACE = Exact(Linear(shear=True))
+"""The theory that the beam in space equals where no bed holds it; its threshold is that one's."""
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A duct of a preset's beam or an organ's sections, and what holds and solves it.
+
+    Without an `organ` it is the preset's own round beam. A `theory` solves a free duct in the plane
+    of its pull; without one the duct is a beam in space, free or in a `bed`.
+    """
+
+    preset: Preset
+    organ: Organ | None = None
+    bed: BedPreset | None = None
+    _: KW_ONLY
+    bed_seed: int = 1  # of the bed's scatter
+    theory: Theory | None = None
+    threshold_MPa: float | None = None  # the preset's own when None  # noqa: N815
+
+    def __post_init__(self) -> None:
+        if self.bed is not None and self.theory is not None:
+            raise ValueError(
+                f"a duct in a bed is a beam in space, not solved by the {self.theory.name} theory"
+            )
+        if self.threshold_MPa is not None:
+            positive(self.threshold_MPa, "threshold", "MPa")
+
+    @classmethod
+    def of_sections(
+        cls,
+        preset: Preset,
+        organ: Organ | None,
+        bed: BedPreset | None = None,
+        *,
+        bed_seed: int = 1,
+        theory: Theory | None = None,
+        threshold_MPa: float | None = None,  # noqa: N803
+    ) -> "Specimen":
+        """Return a specimen that has an organ only where the organ's sections are solved."""
+        if organ is not None and isinstance(preset.beam, RoundBeam):
+            raise ValueError(f"preset {preset.name} brings its own beam; leave out the organ")
+        if organ is None and not isinstance(preset.beam, RoundBeam):
+            raise ValueError(f"preset {preset.name} takes an organ's own sections: give an organ")
+        return cls(
+            preset, organ, bed, bed_seed=bed_seed, theory=theory, threshold_MPa=threshold_MPa
+        )
+
+    @cached_property
+    def dissection(self) -> Dissection:
+        """The organ between its clamps."""
+        if self.organ is None:
+            raise ValueError(f"preset {self.preset.name} is solved without an organ here")
+        return Dissection.of(self.organ, self.preset)
+
+    @cached_property
+    def beam(self) -> Beam:
+        """The beam that stands for the duct in the plane of its pull."""
+        return self.preset.round_beam() if self.organ is None else self.dissection.beam
+
+    @property
+    def solved_by(self) -> Theory:
+        """The theory, or the one that the beam in space equals."""
+        return IN_SPACE if self.theory is None else self.theory
+
+    @cached_property
+    def threshold(self) -> float:
+        """Stress at which the wall tears, MPa."""
+        if self.threshold_MPa is not None:
+            return self.threshold_MPa
+        return self.preset.threshold(self.solved_by, self.beam)
+
+    @property
+    def section(self) -> str:
+        """Which section is solved, in words."""
+        if self.organ is not None:
+            return self.dissection.section(self.solved_by)
+        kind = self.preset.beam
+        full = isinstance(kind, RoundBeam) and kind.wall_mm is None
+        return "a full round bar" if full else "a round tube"
+
+    def space_beam(self, *, elements: int, nodes_at: Sequence[float] = ()) -> SpaceBeam:
+        """Return the beam in space, with nodes at some stations, mm from the first clamp."""
+        if self.organ is None:
+            return SpaceBeam.of(self.beam, elements=elements, nodes_at=nodes_at)
+        return self.dissection.space_beam(elements=elements, nodes_at=nodes_at)
+
+    def layer(self, beam: SpaceBeam, strands: int | None = None) -> Bed | None:
+        """Return the bed under the beam in space, of the preset's own number of strands if None."""
+        if self.bed is None:
+            return None
+        return self.bed.bed(beam, seed=self.bed_seed, strands=strands)
+
+    def on_bed(self, beam: SpaceBeam, *, rods: int = 0, retrace: bool = False) -> BeamOnBed:
+        """Return the beam in space on its bed, or free, in real time."""
+        layer = self.layer(beam)
+        if layer is None:
+            return BeamOnBed(beam, rods=rods, retrace=retrace)
+        return BeamOnBed(
+            beam,
+            layer.strands_under(beam),
+            floor=layer.floor_under(beam),
+            rods=rods,
+            retrace=retrace,
+        )
