@@ -1,8 +1,17 @@
-"""What ships with the trainer: the bile-duct phantom, images and organ, and material presets."""
+"""What ships with the trainer: the bile-duct phantom, presets, beds and anatomies."""
 
 from pathlib import Path
 
-__all__ = ["BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS", "VALIDATION"]
+__all__ = [
+    "ANATOMIES",
+    "BEDS",
+    "BILE_DUCT",
+    "BILE_DUCT_PHANTOM",
+    "FREQUENCIES",
+    "PRESETS",
+    "TUBE_KINDS",
+    "VALIDATION",
+]
 
 BILE_DUCT_PHANTOM: Path = Path(__file__).parent / "bile_duct_phantom"
 """Folder of the section images and their ``spacing.json``."""
@@ -18,3 +27,12 @@ BEDS: Path = Path(__file__).parent / "beds.toml"
 
 VALIDATION: Path = Path(__file__).parent / "validation.toml"
 """The thesis's tables and curves of solids, which the theories are held against."""
+
+ANATOMIES: Path = Path(__file__).parent / "anatomies"
+"""Folder of anatomies, tubes that join, each in a TOML file."""
+
+FREQUENCIES: Path = Path(__file__).parent / "frequencies.toml"
+"""How often the hepatocystic triangle is built how, each figure with its source."""
+
+TUBE_KINDS: Path = Path(__file__).parent / "tube_kinds.toml"
+"""Walls of ducts, vessels and organs where nothing better is known, and names that mean them."""

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from app.command_line import (
+    anatomy,
     classroom,
     compress,
     export,
@@ -56,6 +57,7 @@ def versions(
 program.command("trainer")(trainer.trainer)
 program.add_typer(classroom.program, name="class")
 program.command("compress")(compress.compress)
+program.command("anatomy")(anatomy.anatomy)
 program.command("info")(info.info)
 program.command("export")(export.export)
 program.command("replay")(replay.replay)

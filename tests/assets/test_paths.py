@@ -4,7 +4,11 @@ import assets
 
 
 def test_the_paths_exist_and_are_all_that_is_exported() -> None:
-    paths = {"BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM", "PRESETS", "VALIDATION"}
+    paths = {
+        *("ANATOMIES", "BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM"),
+        *("FREQUENCIES", "PRESETS", "TUBE_KINDS", "VALIDATION"),
+    }
     assert set(assets.__all__) == paths
     assert all(getattr(assets, name).exists() for name in paths)
     assert assets.BILE_DUCT_PHANTOM.is_dir()
+    assert assets.ANATOMIES.is_dir()

@@ -1,0 +1,57 @@
+# matplotlib's types are partial.
+# pyright: reportUnknownMemberType=false
+"""A picture of an anatomy from the front and from the right."""
+
+from io import BytesIO
+from pathlib import Path
+
+from app.anatomy.anatomy_geometry import TubeLine
+from app.anatomy.tables import Anatomy
+
+__all__ = ["anatomy_figure"]
+
+_COLOURS = {"duct": "#3c7a3c", "organ": "#8a8a2e", "artery": "#c03030", "vein": "#3050a0"}
+_VIEWS = ((0, 1, "x, mm", "y, mm"), (0, 2, "x, mm", "z, mm"))
+
+
+def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> bytes:
+    """Return a picture as a file's bytes, of a kind that matplotlib writes (png, svg, pdf)."""
+    try:
+        from matplotlib.collections import PatchCollection
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Circle
+    except ImportError as error:
+        raise ValueError(
+            "a figure is drawn with matplotlib, which is missing: "
+            "pip install 'bluntdissect[report]'"
+        ) from error
+    figure = Figure(figsize=(8.0, 7.0), dpi=120, layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True)
+    joined = [lines[join.tube].places[-join.end] for join in anatomy.join]
+    for (x, y, across, up), picture in zip(_VIEWS, axes, strict=True):
+        for tube in anatomy.tube:
+            line, colour = lines[tube.name], _COLOURS[tube.kind]
+            discs = [
+                Circle((place[x], place[y]), radius)
+                for place, radius in zip(line.places, line.radius, strict=True)
+            ]
+            picture.add_collection(PatchCollection(discs, color=colour, alpha=0.12, linewidths=0))
+            picture.plot(line.places[:, x], line.places[:, y], color=colour, label=tube.name)
+        for place in joined:
+            picture.plot(place[x], place[y], "ko", markersize=3)
+        picture.set_xlabel(across)
+        picture.set_ylabel(up)
+        picture.set_aspect("equal")
+    axes[0].legend(loc="upper left", fontsize="small")
+    axes[0].set_title(anatomy.title or anatomy.name)
+    content = BytesIO()
+    figure.savefig(content, format=kind, metadata={"Date": None} if kind == "svg" else None)
+    return content.getvalue()
+
+
+def figure_kind(path: Path) -> str:
+    """Return the kind of picture that a file's name asks for."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in {"png", "svg", "pdf"}:
+        raise ValueError(f"a figure's name must end in .png, .svg or .pdf, not {path.name!r}")
+    return kind

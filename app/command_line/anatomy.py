@@ -1,0 +1,106 @@
+"""`bluntdissect anatomy`: anatomies of several tubes: shipped, drawn from a seed, or read."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.command_line.answer import AsJson, answer
+
+if TYPE_CHECKING:
+    from app.anatomy import Anatomy, TubeLine
+
+__all__ = ["anatomy"]
+
+
+def anatomy(
+    source: Annotated[
+        str | None,
+        typer.Argument(metavar="[ANATOMY]", help="A shipped anatomy's name or an anatomy file."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Draw a case by published frequencies from this number.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the anatomy here, as TOML.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw it from two sides: .png, .svg or .pdf.")
+    ] = None,
+    shipped: Annotated[
+        bool, typer.Option("--list", help="The anatomies that ship with the program.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say what is in an anatomy of several tubes, or draw a case by published frequencies.
+
+    Examples: bluntdissect anatomy --list; bluntdissect anatomy normal --figure normal.png;
+    bluntdissect anatomy --seed 7 -o case.toml
+    """
+    if (source is not None) + (seed is not None) + shipped != 1:
+        raise ValueError("give an anatomy's name or file, --seed or --list")
+    from app.anatomy import anatomy_toml, drawn_anatomy, read_anatomy, shipped_anatomies, tube_lines
+    from organ_geometry import check_target, write_atomic
+
+    known = shipped_anatomies()
+    if shipped:
+        if output is not None or figure is not None:
+            raise ValueError("--list writes no file; give an anatomy's name for one")
+        found = [read_anatomy(path) for path in known.values()]
+        answer(
+            [{"name": each.name, "title": each.title, "tubes": len(each.tube)} for each in found],
+            [(each.name, each.title) for each in found],
+            as_json=as_json,
+        )
+        return
+    for target in (output, figure):
+        if target is not None:
+            check_target(target)
+    if seed is not None:
+        made = drawn_anatomy(seed)
+    else:
+        assert source is not None  # noqa: S101
+        made = read_anatomy(known.get(source, Path(source)))
+    lines = tube_lines(made)
+    if figure is not None:
+        from app.anatomy.figure import anatomy_figure, figure_kind
+
+        write_atomic(figure, anatomy_figure(made, lines, figure_kind(figure)))
+    if output is not None:
+        write_atomic(output, anatomy_toml(made).encode())
+    _report(made, lines, as_json=as_json)
+
+
+def _report(made: "Anatomy", lines: "dict[str, TubeLine]", *, as_json: bool) -> None:
+    """Print an anatomy's tubes and joins."""
+    tubes = [
+        {
+            "name": tube.name,
+            "kind": tube.kind,
+            "length_mm": round(lines[tube.name].length, 3),
+            "least_radius_mm": round(float(lines[tube.name].radius.min()), 3),
+            "most_radius_mm": round(float(lines[tube.name].radius.max()), 3),
+            "wall_mm": tube.wall_mm,
+        }
+        for tube in made.tube
+    ]
+    joins = [
+        {"tube": join.tube, "end": join.end, "to": join.to, "at_mm": join.at_mm}
+        for join in made.join
+    ]
+    rows: list[tuple[str, object]] = [("anatomy", made.title or made.name)]
+    rows += [("drawn", f"{name} {value}") for name, value in made.drawn.items()]
+    for tube in made.tube:
+        line = lines[tube.name]
+        low, high = float(line.radius.min()), float(line.radius.max())
+        thick = f"{low:.2f}" if high - low < 5e-3 else f"{low:.2f} to {high:.2f}"
+        rows.append((tube.name, f"{tube.kind}, {line.length:.1f} mm long, radius {thick} mm"))
+    for join in made.join:
+        where = join.at_mm if isinstance(join.at_mm, str) else f"{join.at_mm:.1f} mm"
+        rows.append(("join", f"end {join.end} of {join.tube} at {where} of {join.to}"))
+    strands = sum(layer.strands for layer in made.layer)
+    rows.append(("tissue", f"{made.tissue}, {len(made.layer)} layers, {strands:,} strands"))
+    result = {
+        "name": made.name, "drawn": made.drawn, "tubes": tubes, "joins": joins, "strands": strands,
+    }  # fmt: skip
+    answer(result, rows, as_json=as_json)
