@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from organ_geometry.images.image_files import IMAGE_SUFFIXES as IMAGE_SUFFIXES
     from organ_geometry.images.image_region import Region as Region
     from organ_geometry.images.image_stack import ImageStack as ImageStack
+    from organ_geometry.images.label_volume import LabelVolume as LabelVolume
+    from organ_geometry.images.label_volume import read_labels as read_labels
     from organ_geometry.images.medical_file import DICOM_SUFFIXES as DICOM_SUFFIXES
     from organ_geometry.images.medical_file import VOLUME_SUFFIXES as VOLUME_SUFFIXES
     from organ_geometry.images.medical_file import is_dicom_file as is_dicom_file
@@ -65,6 +67,10 @@ if TYPE_CHECKING:
     from organ_geometry.reslice.resliced_stack import reslice_stack as reslice_stack
     from organ_geometry.reslice.resliced_stack import reslice_where_needed as reslice_where_needed
     from organ_geometry.section_report import SectionReport as SectionReport
+    from organ_geometry.tubes.label_tubes import LabelTube as LabelTube
+    from organ_geometry.tubes.label_tubes import LabelTubes as LabelTubes
+    from organ_geometry.tubes.label_tubes import tubes_of_labels as tubes_of_labels
+    from organ_geometry.tubes.tube_joins import TubeJoin as TubeJoin
 else:
     # The names above by their modules, declared once: read from the lines that type checkers read.
     _MODULE_OF = {

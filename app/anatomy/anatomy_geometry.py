@@ -1,6 +1,7 @@
 """Where an anatomy's tubes run: their axes, whether they meet where they join, and where not."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,15 @@ from numpy.typing import NDArray
 from app.anatomy.tables import Anatomy, JoinTable, TableError, TubeTable
 from physics.bed.space_beam import axis_line
 
-__all__ = ["TubeLine", "tube_lines"]
+__all__ = [
+    "Crossing",
+    "TubeLine",
+    "crossings",
+    "joined_places",
+    "joined_station",
+    "tube_line",
+    "tube_lines",
+]
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +86,7 @@ def tube_lines(anatomy: Anatomy) -> dict[str, TubeLine]:
         except ValueError as error:
             message = f"tube {tube.name!r}: {error}"
             raise TableError(message, "tube", number, "points_mm") from None
-    nodes = _joined_places(anatomy, lines)
+    nodes = joined_places(anatomy, lines)
     for number, layer in enumerate(anatomy.layer):
         length = lines[layer.tube].length
         upto = length if layer.to_mm is None else layer.to_mm
@@ -117,7 +126,7 @@ def joined_station(join: JoinTable, to: TubeLine) -> float:
     return to.length if join.at_mm == "end" else min(float(join.at_mm), to.length)
 
 
-def _joined_places(anatomy: Anatomy, lines: dict[str, TubeLine]) -> dict[str, list[Floats]]:
+def joined_places(anatomy: Anatomy, lines: dict[str, TubeLine]) -> dict[str, list[Floats]]:
     """Return the places at which each tube is joined, by name."""
     nodes: dict[str, list[Floats]] = {name: [] for name in lines}
     for number, join in enumerate(anatomy.join):
@@ -144,28 +153,44 @@ def _joined_places(anatomy: Anatomy, lines: dict[str, TubeLine]) -> dict[str, li
     return nodes
 
 
-def _check_clear(
+def crossings(
     anatomy: Anatomy, lines: dict[str, TubeLine], nodes: dict[str, list[Floats]]
-) -> None:
+) -> Iterator[tuple[int, str, str, "Crossing"]]:
+    """Yield number and name of each tube whose wall crosses another's, and that one's name."""
     touching = {frozenset((touch.tube, touch.to)) for touch in anatomy.touch}
     names = list(lines)
     for number, name in enumerate(names):
         for other in names[:number]:
             if frozenset((name, other)) in touching:
                 continue
-            depth, where = _crossing(lines[name], lines[other], nodes[name], nodes[other])
-            if depth > CLEAR_MM:
-                raise TableError(
-                    f"tube {name!r} crosses {other!r} by {depth:.2g} mm at {where:.3g} mm of its "
-                    f"length: move one, or add a [[touch]] if they lie against each other",
-                    "tube", number, "points_mm",
-                )  # fmt: skip
+            found = _crossing(lines[name], lines[other], nodes[name], nodes[other])
+            if found.depth > CLEAR_MM:
+                yield number, name, other, found
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """By how much two walls overlap away from where they are joined, where and how far, mm."""
+
+    depth: float
+    station: float
+    length: float
+
+
+def _check_clear(
+    anatomy: Anatomy, lines: dict[str, TubeLine], nodes: dict[str, list[Floats]]
+) -> None:
+    for number, name, other, found in crossings(anatomy, lines, nodes):
+        raise TableError(
+            f"tube {name!r} crosses {other!r} by {found.depth:.2g} mm at {found.station:.3g} mm of "
+            f"its length: move one, or add a [[touch]] if they lie against each other",
+            "tube", number, "points_mm",
+        )  # fmt: skip
 
 
 def _crossing(
     one: TubeLine, other: TubeLine, nodes: list[Floats], others: list[Floats]
-) -> tuple[float, float]:
-    """Return by how much two walls overlap away from where they are joined, mm, and where."""
+) -> Crossing:
     apart = np.linalg.norm(one.places[:, np.newaxis] - other.places, axis=2)
     overlap = (one.radius[:, np.newaxis] + other.radius - apart).max(axis=1)
     # Joined tubes leave one another's wall some way from the place where their axes meet, and so do
@@ -178,12 +203,13 @@ def _crossing(
     ]
     over = overlap > CLEAR_MM
     edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(np.int8)))
-    worst, where = 0.0, 0.0
+    worst, where, length = 0.0, 0.0, 0.0
     for first, last in edges.reshape(-1, 2):
         stretch = one.places[first:last]
         if any(np.linalg.norm(stretch - node, axis=1).min() < reach for node in allowed):
             continue
+        length += float(one.stations[last - 1] - one.stations[first])
         place = first + int(overlap[first:last].argmax())
         if overlap[place] > worst:
             worst, where = float(overlap[place]), float(one.stations[place])
-    return worst, where
+    return Crossing(worst, where, length)

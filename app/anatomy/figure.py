@@ -42,7 +42,7 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
         picture.set_xlabel(across)
         picture.set_ylabel(up)
         picture.set_aspect("equal")
-    axes[0].legend(loc="upper left", fontsize="small")
+    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     axes[0].set_title(anatomy.title or anatomy.name)
     content = BytesIO()
     figure.savefig(content, format=kind, metadata={"Date": None} if kind == "svg" else None)

@@ -30,15 +30,35 @@ def anatomy(
     shipped: Annotated[
         bool, typer.Option("--list", help="The anatomies that ship with the program.")
     ] = False,
+    labels: Annotated[
+        Path | None,
+        typer.Option(
+            help="Find the tubes in a volume of labels (NIfTI, NRRD, MetaImage) or a folder of one "
+            "mask a tube; -o is then a folder, for anatomy.toml and an .organ of each tube."
+        ),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option(
+            help='Names of the labels, JSON: {"1": "gallbladder", "2": "cystic duct"}.',
+            show_default="as the labels' file has them",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what is in an anatomy of several tubes, or draw a case by published frequencies.
+    """Say what is in an anatomy of several tubes, draw one by frequencies, find one in labels.
 
     Examples: bluntdissect anatomy --list; bluntdissect anatomy normal --figure normal.png;
-    bluntdissect anatomy --seed 7 -o case.toml
+    bluntdissect anatomy --seed 7 -o case.toml;
+    bluntdissect anatomy --labels labels.nii.gz --names labels.json -o case/
     """
-    if (source is not None) + (seed is not None) + shipped != 1:
-        raise ValueError("give an anatomy's name or file, --seed or --list")
+    if (source is not None) + (seed is not None) + (labels is not None) + shipped != 1:
+        raise ValueError("give an anatomy's name or file, --seed, --labels or --list")
+    if names is not None and labels is None:
+        raise ValueError("--names goes with --labels")
+    if labels is not None:
+        _from_labels(labels, names, output, figure, as_json=as_json)
+        return
     from app.anatomy import anatomy_toml, drawn_anatomy, read_anatomy, shipped_anatomies, tube_lines
     from organ_geometry import check_target, write_atomic
 
@@ -68,11 +88,59 @@ def anatomy(
         write_atomic(figure, anatomy_figure(made, lines, figure_kind(figure)))
     if output is not None:
         write_atomic(output, anatomy_toml(made).encode())
-    _report(made, lines, as_json=as_json)
+    _report(made, lines, {}, [], as_json=as_json)
 
 
-def _report(made: "Anatomy", lines: "dict[str, TubeLine]", *, as_json: bool) -> None:
-    """Print an anatomy's tubes and joins."""
+def _from_labels(
+    labels: Path, names: Path | None, folder: Path | None, figure: Path | None, *, as_json: bool
+) -> None:
+    """Find the tubes in labels, write them into a folder and say what was found."""
+    from app.anatomy import named_labels, patient_case, tube_lines, write_case
+    from app.command_line.answer import progress_bar
+    from organ_geometry import check_target, read_labels, write_atomic
+
+    if folder is None:
+        raise ValueError("--labels needs -o, the folder to write the case into")
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"cannot write into {folder}: it is a file; give a folder")
+    if figure is not None:
+        check_target(figure)
+    volume = read_labels(labels)
+    named = named_labels(volume, names)
+    with progress_bar("Finding tubes") as progress:
+        case = patient_case(volume, named, name=folder.resolve().name, progress=progress)
+    write_case(case, folder)
+    lines = tube_lines(case.anatomy)
+    if figure is not None:
+        from app.anatomy.figure import anatomy_figure, figure_kind
+
+        write_atomic(figure, anatomy_figure(case.anatomy, lines, figure_kind(figure)))
+    size = sum(len(tube.built.organ.encoded) for tube in case.tubes.tubes)
+    more: list[tuple[str, object]] = [
+        ("touch", f"{touch.tube} lies against {touch.to} over {touch.length_mm:.1f} mm")
+        for touch in case.anatomy.touch
+    ]
+    more += [("left out", name) for name in case.left_out]
+    more += [("doubt", doubt) for doubt in case.doubts]
+    more.append(("organs", f"{len(case.tubes.tubes)} in {size:,} bytes"))
+    result: dict[str, object] = {
+        "folder": str(folder),
+        "organ_bytes": size,
+        "left_out": list(case.left_out),
+        "doubts": list(case.doubts),
+    }
+    _report(case.anatomy, lines, result, more, as_json=as_json)
+
+
+def _report(
+    made: "Anatomy",
+    lines: "dict[str, TubeLine]",
+    facts: dict[str, object],
+    more: list[tuple[str, object]],
+    *,
+    as_json: bool,
+) -> None:
+    """Print an anatomy's tubes and joins, and what else is known of it."""
     tubes = [
         {
             "name": tube.name,
@@ -88,6 +156,7 @@ def _report(made: "Anatomy", lines: "dict[str, TubeLine]", *, as_json: bool) -> 
         {"tube": join.tube, "end": join.end, "to": join.to, "at_mm": join.at_mm}
         for join in made.join
     ]
+    width = max(18, *(len(tube.name) + 1 for tube in made.tube))
     rows: list[tuple[str, object]] = [("anatomy", made.title or made.name)]
     rows += [("drawn", f"{name} {value}") for name, value in made.drawn.items()]
     for tube in made.tube:
@@ -102,5 +171,6 @@ def _report(made: "Anatomy", lines: "dict[str, TubeLine]", *, as_json: bool) -> 
     rows.append(("tissue", f"{made.tissue}, {len(made.layer)} layers, {strands:,} strands"))
     result = {
         "name": made.name, "drawn": made.drawn, "tubes": tubes, "joins": joins, "strands": strands,
+        **facts,
     }  # fmt: skip
-    answer(result, rows, as_json=as_json)
+    answer(result, [*rows, *more], as_json=as_json, width=width)

@@ -1,0 +1,329 @@
+"""A patient's anatomy from a volume of labels: an anatomy file and an organ of each tube.
+
+The anatomy's frame has x to the head, y to the patient's right and z to the front; it begins where
+the first tube does. What labels do not tell, walls, strengths and tissue, is assumed by kind.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy.anatomy_file import anatomy_toml, check_tables
+from app.anatomy.anatomy_geometry import (
+    TubeLine,
+    crossings,
+    joined_places,
+    tube_line,
+    tube_lines,
+)
+from app.anatomy.tables import (
+    Anatomy,
+    JoinTable,
+    LayerTable,
+    Place,
+    Point,
+    TouchTable,
+    TubeEnd,
+    TubeKind,
+    TubeTable,
+)
+from app.anatomy.tube_kinds import Role, kind_of_name, wall_of
+from app.bounded_file import decoded, read_bounded
+from organ_geometry import LabelTubes, LabelVolume, make_folder, tubes_of_labels, write_organ
+
+__all__ = ["NamedLabel", "PatientCase", "named_labels", "patient_case", "write_case"]
+
+Floats = NDArray[np.float64]
+
+MOST_BYTES = 1_000_000
+"""Size of a file of names."""
+_KINDS = ("duct", "artery", "vein", "organ", "shown")
+# Rows of x to the head, y to the right, z to the front, in LPS.
+_ROWS: tuple[Point, Point, Point] = ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+_POINT_RADII, _POINT_MM = 2.0, 3.0  # between points of an axis in the file
+_MOST_POINTS, _FEWEST_POINTS = 40, 4
+# Between tubes so near over so long a stretch, tissue is assumed, of so many strands a mm.
+_NEAR_MM, _NEAR_LENGTH_MM, _STRANDS_MM = 8.0, 5.0, 5.0
+
+
+class NamedLabel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A label's name, and its kind where the name does not say it."""
+
+    name: str
+    kind: Role | None = None
+
+    @property
+    def role(self) -> Role:
+        """What it is; a ValueError where neither kind nor name says it."""
+        kind = kind_of_name(self.name) if self.kind is None else self.kind
+        if kind is None:
+            raise ValueError(
+                f"{self.name!r} is no kind of tube that is known by its name: give its label "
+                f'{{"name": "{self.name}", "kind": "..."}} in the names, of {", ".join(_KINDS)}'
+            )
+        return kind
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatientCase:
+    """An anatomy found in labels, its tubes with their organs, and what is left out."""
+
+    anatomy: Anatomy
+    tubes: LabelTubes
+    left_out: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+def named_labels(volume: LabelVolume, names: Path | None) -> dict[int, NamedLabel]:
+    """Return the names of a volume's labels: of a JSON file, or of the volume's own header.
+
+    Parameters
+    ----------
+    volume
+        The labels.
+    names
+        ``{"1": "gallbladder", "7": {"name": "branch 7", "kind": "artery"}}``, or None.
+
+    Returns
+    -------
+    dict[int, NamedLabel]
+        By label; labels that have no name are not among them.
+
+    Raises
+    ------
+    ValueError
+        If nothing is named, a name stands twice, or a named label is not in the volume.
+    """
+    if names is None:
+        found = {label: NamedLabel(name) for label, name in volume.names.items()}
+        where = str(volume.source)
+        if not found:
+            listed = ", ".join(map(str, volume.labels))
+            raise ValueError(
+                f"{where} names none of its labels ({listed}): give their names with --names, a "
+                f'JSON file as {{"1": "common duct", "2": "cystic duct"}}'
+            )
+    else:
+        content = read_bounded(names, MOST_BYTES, "file of names")
+        table = decoded(msgspec.json.decode, content, dict[int, str | NamedLabel], str(names))
+        found = {
+            label: NamedLabel(name) if isinstance(name, str) else name
+            for label, name in table.items()
+        }
+        where = str(names)
+        if not found:
+            raise ValueError(f"{where} names no label")
+    for label, named in found.items():
+        if label not in volume.labels:
+            listed = ", ".join(map(str, volume.labels)) or "none"
+            raise ValueError(
+                f"{where} names label {label} ({named.name}), which {volume.source} does not have; "
+                f"it has {listed}"
+            )
+        if not named.name.strip() or "/" in named.name or "\\" in named.name:
+            raise ValueError(f"label {label} needs a name that can be a file's, not {named.name!r}")
+    stems = [_stem(named.name) for named in found.values()]
+    for label, stem in zip(found, stems, strict=True):
+        if stems.count(stem) > 1:
+            raise ValueError(
+                f"{where} names {stems.count(stem)} labels {found[label].name!r}: each tube has a "
+                f"name of its own"
+            )
+    return found
+
+
+def patient_case(
+    volume: LabelVolume,
+    names: Mapping[int, NamedLabel],
+    *,
+    name: str = "patient",
+    progress: Callable[[int, int], None] | None = None,
+) -> PatientCase:
+    """Return the anatomy of the tubes among named labels.
+
+    Parameters
+    ----------
+    volume, names
+        The labels and their names; kinds `shown` are left out.
+    name
+        The anatomy's.
+    progress
+        Called with how many steps of how many are done.
+
+    Returns
+    -------
+    PatientCase
+        With what a surgeon should look at before it is practised on.
+
+    Raises
+    ------
+    ValueError
+        If a label is no tube, a kind is not known, or nothing is left.
+    """
+    kinds: dict[str, TubeKind] = {}
+    tubes: dict[int, str] = {}
+    left_out = [f"label {label}" for label in volume.labels if label not in names]
+    for label, named in names.items():
+        role = named.role
+        if role == "shown":
+            left_out.append(named.name)
+        else:
+            tubes[label] = _stem(named.name)
+            kinds[tubes[label]] = role
+    # Ducts first, then by size: the first tube is the one that others join.
+    sizes = {label: int((volume.values == label).sum()) for label in tubes}
+    order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
+    found = tubes_of_labels(volume, {label: tubes[label] for label in order}, progress=progress)
+    anatomy = _anatomy(volume, found, kinds, name)
+    return PatientCase(anatomy, found, tuple(left_out), (*found.doubts, *_mirrored(found, kinds)))
+
+
+def write_case(case: PatientCase, folder: Path) -> list[Path]:
+    """Write an anatomy and its organs into a folder and return the files."""
+    from organ_geometry import write_atomic
+
+    make_folder(folder, f"a case needs a folder to write into, and {folder} cannot be one")
+    files: list[Path] = []
+    for tube in case.tubes.tubes:
+        files.append(folder / f"{tube.name}.organ")
+        write_organ(tube.built.organ, files[-1])
+    files.append(folder / "anatomy.toml")
+    write_atomic(files[-1], anatomy_toml(case.anatomy).encode())
+    return files
+
+
+def _stem(name: str) -> str:
+    return "_".join(name.split()).lower()
+
+
+def _anatomy(
+    volume: LabelVolume, found: LabelTubes, kinds: dict[str, TubeKind], name: str
+) -> Anatomy:
+    rows = np.array(_ROWS)
+    origin = found.tubes[0].built.organ.axis[0].round(3)
+    tables: list[TubeTable] = []
+    joins: list[JoinTable] = []
+    lines: dict[str, TubeLine] = {}
+    for tube in found.tubes:
+        organ, kind = tube.built.organ, kinds[tube.name]
+        wall = wall_of(kind)
+        count = round(organ.length / max(_POINT_RADII * organ.mean_radius, _POINT_MM)) + 1
+        at = np.linspace(0.0, organ.length, min(max(count, _FEWEST_POINTS), _MOST_POINTS))
+        points = (organ.axis_at(at) - origin) @ rows.T
+        areas = organ.section_properties(at).area
+        radii = np.sqrt(areas / np.pi).round(3).tolist()
+        ends: list[TubeEnd] = ["free" if kind == "organ" else "clamped"] * 2
+        for join in found.joins:
+            if join.to == tube.name and join.place != "middle":
+                ends[1 if join.place == "end" else 0] = "free"
+            if join.tube != tube.name:
+                continue
+            ends[join.end] = "joined"
+            to = lines[join.to]
+            end = -1 if join.end else 0
+            where = join.place if join.place != "middle" else round(to.nearest(points[end]), 3)
+            if where == "begin" or where == "end":
+                points[end] = to.places[-1 if where == "end" else 0]
+            else:
+                points[end] = to.at(float(where))
+            joins.append(
+                JoinTable(
+                    tube=tube.name,
+                    end=join.end,
+                    to=join.to,
+                    at_mm=where,
+                    miss_mm=round(join.miss, 3),
+                    voxels=join.voxels,
+                )
+            )
+        table = TubeTable(
+            name=tube.name,
+            kind=kind,
+            organ=f"{tube.name}.organ",
+            points_mm=[cast("Point", tuple(point)) for point in (points.round(3) + 0.0).tolist()],
+            radius_mm=radii,
+            wall_mm=wall.thickness(radii),
+            modulus_MPa=wall.modulus_MPa,
+            strength_MPa=wall.strength_MPa,
+            stretch_at_break=wall.stretch_at_break,
+            ends=(ends[0], ends[1]),
+            elements=min(max(round(organ.length / max(organ.mean_radius, 1.5)), 6), 40),
+            fluid=wall.fluid,
+            source=f"{volume.source.name} label {tube.label}",
+            confidence="measured",
+            confidence_wall=wall.confidence,
+        )
+        tables.append(table)
+        lines[tube.name] = tube_line(table)
+    anatomy = Anatomy(
+        name=name,
+        tube=tables,
+        join=joins,
+        place=Place(origin_LPS_mm=cast("Point", tuple((origin + 0.0).tolist())), rows_LPS=_ROWS),
+    )
+    anatomy = msgspec.structs.replace(anatomy, touch=_touches(anatomy, lines, found))
+    anatomy = msgspec.structs.replace(anatomy, layer=_layers(anatomy, lines))
+    check_tables(anatomy)
+    tube_lines(anatomy)
+    return anatomy
+
+
+def _touches(anatomy: Anatomy, lines: dict[str, TubeLine], found: LabelTubes) -> list[TouchTable]:
+    """Return the pairs of tubes that lie against each other, in the labels or in the file."""
+    touches = {
+        frozenset((tube, to)): TouchTable(tube=tube, to=to, length_mm=round(length, 1))
+        for tube, to, length in found.touches
+    }
+    for _, tube, to, crossing in crossings(anatomy, lines, joined_places(anatomy, lines)):
+        length = round(max(crossing.length, 0.5), 1)
+        touches.setdefault(frozenset((tube, to)), TouchTable(tube=tube, to=to, length_mm=length))
+    return list(touches.values())
+
+
+def _layers(anatomy: Anatomy, lines: dict[str, TubeLine]) -> list[LayerTable]:
+    """Return tissue under every tube, and between those that lie near each other: assumed."""
+    layers = [
+        LayerTable(
+            tube=tube.name,
+            to="bed",
+            preset="firm" if tube.kind in ("organ", "vein") else "normal",
+            strands=max(20, round(_STRANDS_MM * lines[tube.name].length)),
+        )
+        for tube in anatomy.tube
+    ]
+    names = [tube.name for tube in anatomy.tube if tube.kind != "vein"]
+    for number, name in enumerate(names):
+        for other in names[:number]:
+            one, two = lines[name], lines[other]
+            apart = np.linalg.norm(one.places[:, np.newaxis] - two.places, axis=2)
+            gap = (apart - one.radius[:, np.newaxis] - two.radius).min(axis=1)
+            length = one.length * float(((gap > 0.0) & (gap < _NEAR_MM)).mean())
+            if length > _NEAR_LENGTH_MM:
+                layers.append(
+                    LayerTable(
+                        tube=name,
+                        to=other,
+                        preset="normal",
+                        strands=max(20, round(_STRANDS_MM * length)),
+                        reach_mm=_NEAR_MM,
+                        sheet="triangle",
+                    )
+                )
+    return layers
+
+
+def _mirrored(found: LabelTubes, kinds: dict[str, TubeKind]) -> list[str]:
+    """Return a doubt if the gallbladder lies left of the ducts."""
+    middles: dict[str, float] = {}
+    for kind in ("organ", "duct"):
+        mine = [tube.built.organ for tube in found.tubes if kinds[tube.name] == kind]
+        if mine:
+            middles[kind] = float(np.mean([organ.axis[:, 0].mean() for organ in mine]))
+    if len(middles) == 2 and middles["organ"] > middles["duct"]:
+        return ["the gallbladder lies to the left of the ducts: the volume may be mirrored"]
+    return []

@@ -1,0 +1,1 @@
+"""Tubes found in a volume of labels: their axes, walls and joins."""

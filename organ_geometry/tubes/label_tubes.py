@@ -1,0 +1,370 @@
+# SciPy has no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""From labels to organs that join: each tube's axis led into the tube that it joins, and its organ.
+
+Where a tube runs into another, the voxels there are the other's. So its axis is cut back to where
+its rim is free, and led in a smooth curve to the other's axis; its wall goes on along it,
+and the two surfaces run into each other. The organ is made of the sections across that axis by the
+stages of the organ builder.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
+from organ_geometry.curves.fitted_organ import fit_organ
+from organ_geometry.encoder.encode import ToleranceTooSmall
+from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.image_planes import ImagePlanes
+from organ_geometry.images.image_stack import ImageStack
+from organ_geometry.images.label_volume import LabelVolume
+from organ_geometry.organ_builder import BuiltOrgan, Promise, build_fitted
+from organ_geometry.reslice.resliced_stack import ReslicedSlices
+from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis, label_voxels, tube_axis
+from organ_geometry.tubes.tube_joins import TubeJoin, found_joins, parents_first
+
+__all__ = ["LabelTube", "LabelTubes", "tubes_of_labels"]
+
+Floats = NDArray[np.float64]
+
+# Of a section's rim at another tube; a joined end begins where it is less. It is looked for over so
+# many radii from the end, and so much of it is always cut off: there an axis is led on straight.
+_FOREIGN_SHARE = 0.05
+_CUT_RADII, _LEAST_CUT_RADII = 3.5, 0.5
+# An end that is missed by more than this, in its radii, is led to the one that joins it; how far
+# beyond the other's axis a ray looks for it.
+_MEETS_RADII = 0.7
+_RAY_RADII = 1.5
+_RIM_POINTS = 48
+_SECTION_SHARE = 0.5  # between sections, of the radius
+# RMS distance of the organ to the wall found: of the radius, and in voxels at least.
+_OVERALL_SHARE, _OVERALL_VOXELS = 0.02, 0.08
+# Sides of tubes that touch over more than this, in radii, with this share of their rims, and not
+# within so many radii of an end, are said.
+_TOUCH_RADII, _TOUCH_SHARE, _FROM_ENDS_RADII = 2.0, 0.04, 2.5
+# A part left out of a tube, in cubed radii, so far outside its wall, in radii: a branch.
+_BRANCH_VOLUME, _BRANCH_RADII = 2.0, 0.6
+_RAISES = 3  # of how near an organ is kept, where that cannot be
+_THIN_VOXELS = 2.5  # of radius: a thinner tube is said
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelTube:
+    """A tube: its axis as found, its organ, and whether an end is at the volume's edge."""
+
+    name: str
+    label: int
+    axis: TubeAxis
+    built: BuiltOrgan
+    cut: tuple[bool, bool]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelTubes:
+    """The tubes of a volume, each after those it joins.
+
+    Attributes
+    ----------
+    tubes, joins
+        Stations of joins are along the other tube's axis, mm.
+    touches
+        Pairs that lie against each other and the length over which they do, mm.
+    doubts
+        What whoever uses them should look at, one sentence each.
+    """
+
+    tubes: tuple[LabelTube, ...]
+    joins: tuple[TubeJoin, ...]
+    touches: tuple[tuple[str, str, float], ...]
+    doubts: tuple[str, ...]
+
+    def tube(self, name: str) -> LabelTube:
+        """Return a tube by its name."""
+        return next(tube for tube in self.tubes if tube.name == name)
+
+
+def tubes_of_labels(
+    volume: LabelVolume,
+    names: Mapping[int, str],
+    promise: Promise | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> LabelTubes:
+    """Return the tubes of a volume of labels, where they join, and an organ of each.
+
+    Parameters
+    ----------
+    volume
+        The labels; of those without a name nothing is taken.
+    names
+        Names of the tubes by their labels.
+    promise
+        How near organs are kept to the walls found: by default 2 % of the radius, 0.08 voxels at
+        least.
+    progress
+        Called with how many steps of how many are done.
+
+    Returns
+    -------
+    LabelTubes
+        In LPS mm.
+
+    Raises
+    ------
+    ImageStackError
+        If a label is missing, in pieces, too thin or too short for a tube; its message names it.
+    """
+    if not names:
+        raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
+    steps = 2 * len(names)
+    voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
+    any_tube = np.isin(volume.values, list(names))
+    raw: dict[int, TubeAxis] = {}
+    doubts: list[str] = []
+    for label, name in names.items():
+        voxels = label_voxels(volume, label, name, any_tube)
+        doubts += voxels.doubts
+        raw[label] = tube_axis(volume, voxels)
+        if progress is not None:
+            progress(len(raw), steps)
+    joins, nearly = found_joins(volume, raw)
+    order, joins = parents_first(list(names.values()), joins)
+    by_name = {axis.name: axis for axis in raw.values()}
+    led: dict[str, TubeAxis] = {}
+    made: dict[str, LabelTube] = {}
+    touches: list[tuple[str, str, float]] = []
+    for name in order:
+        axis = by_name[name]
+        foreign = _foreign(volume, axis, names)
+        touches += _touches(axis, foreign, names)
+        goals = _goals(axis, joins, by_name, led)
+        to = {join.end: led[join.to] for join in joins if join.tube == name}
+        led[name] = _led(axis, goals, to, foreign, voxel)
+        doubts += _branches(volume, led[name], voxel)
+        if axis.radius < _THIN_VOXELS * voxel:
+            doubts.append(
+                f"{name} is {2.0 * axis.radius / voxel:.1f} voxels thick: its radius may be a "
+                f"tenth off"
+            )
+        cut = (_is_cut(volume, axis.places[0]), _is_cut(volume, axis.places[-1]))
+        built = _organ(volume, led[name], promise, voxel)
+        made[name] = LabelTube(name, axis.voxels.label, led[name], built, cut)
+        if progress is not None:
+            progress(len(names) + len(made), steps)
+    placed = tuple(_placed(join, led) for join in joins)
+    return LabelTubes(tuple(made.values()), placed, tuple(touches), (*doubts, *nearly))
+
+
+def _placed(join: TubeJoin, led: dict[str, TubeAxis]) -> TubeJoin:
+    """Return a join with its station along the other's axis as it is in the end."""
+    to = led[join.to]
+    station, _ = to.nearest(led[join.tube].places[-join.end])
+    if join.place != "middle":
+        station = to.length if join.place == "end" else 0.0
+    return replace(join, station=station)
+
+
+def _rim(axis: TubeAxis, more: float) -> Floats:
+    """Return (N, P, 3) places at the wall, and so much further out, mm."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
+    stations = np.linspace(0.0, float(axis.wall.knots[-1]), len(axis.places))
+    away = axis.wall.radii(stations, angles) + more
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=0)
+    across = np.einsum("nij,jp->npi", axis.frames[:, :, :2], ways)
+    return axis.places[:, np.newaxis] + away[:, :, np.newaxis] * across
+
+
+def _labels_at(volume: LabelVolume, places: Floats) -> NDArray[np.int32]:
+    """Return the labels of the voxels at places, 0 beyond the volume."""
+    indices = np.rint(volume.indices(places.reshape(-1, 3))).astype(np.intp)
+    shape = np.array(volume.values.shape[::-1])
+    there = ((indices >= 0) & (indices < shape)).all(axis=1)
+    i, j, k = np.clip(indices, 0, shape - 1).T
+    return np.where(there, volume.values[k, j, i], 0).reshape(places.shape[:-1])
+
+
+def _foreign(volume: LabelVolume, axis: TubeAxis, names: Mapping[int, str]) -> NDArray[np.int32]:
+    """Return (N, P) labels of other tubes at the rim of each section, 0 where there is none."""
+    labels = _labels_at(volume, _rim(axis, 0.6 * float(volume.sizes.max())))
+    others = [label for label in names if label != axis.voxels.label]
+    return np.where(np.isin(labels, others), labels, 0)
+
+
+def _touches(
+    axis: TubeAxis, foreign: NDArray[np.int32], names: Mapping[int, str]
+) -> list[tuple[str, str, float]]:
+    ends = min(round(_FROM_ENDS_RADII * axis.radius / axis.step), len(foreign) // 2)
+    middle = foreign[ends : len(foreign) - ends]
+    found: list[tuple[str, str, float]] = []
+    for label in (int(one) for one in np.unique(middle) if one != 0):
+        length = axis.step * float(((middle == label).mean(axis=1) > _TOUCH_SHARE).sum())
+        if length > _TOUCH_RADII * axis.radius:
+            found.append((axis.name, names[label], length))
+    return found
+
+
+def _goals(
+    axis: TubeAxis, joins: list[TubeJoin], raw: dict[str, TubeAxis], led: dict[str, TubeAxis]
+) -> dict[int, Floats | None]:
+    """Return the places that a tube's ends are led to; None for what its own rays say."""
+    goals: dict[int, Floats | None] = {}
+    for join in joins:
+        if join.tube == axis.name:
+            to = led[join.to]
+            side = join.place == "middle"
+            goals[join.end] = None if side else to.places[-1 if join.place == "end" else 0]
+        elif join.to == axis.name and join.place != "middle":
+            # Its own end bends where its axis goes straight on: to the end that joins it.
+            end = 1 if join.place == "end" else 0
+            station = axis.length if end else 0.0
+            if join.miss > _MEETS_RADII * axis.radius_at(station):
+                goals[end] = raw[join.tube].places[-join.end]
+    return goals
+
+
+def _led(
+    axis: TubeAxis,
+    goals: dict[int, Floats | None],
+    to: dict[int, TubeAxis],
+    foreign: NDArray[np.int32],
+    voxel: float,
+) -> TubeAxis:
+    """Return a tube with its joined ends led to the axes that they join."""
+    if not goals:
+        return axis
+    places, share = axis.places, (foreign != 0).mean(axis=1)
+    first, last = 0, len(places) - 1
+    leads: dict[int, Floats] = {}
+    for end, goal in goals.items():
+        radius = min(axis.radius, axis.radius_at(axis.length if end else 0.0))
+        most = min(round(_CUT_RADII * radius / axis.step), len(places) // 3)
+        least = min(round(_LEAST_CUT_RADII * radius / axis.step), most)
+        if end not in to:
+            least = min(2 * least, most)
+        free = share[::-1] if end else share
+        clear = np.flatnonzero(free[least : most + 1] < _FOREIGN_SHARE)
+        cut = least + (int(clear[0]) if len(clear) else most - least)
+        index = len(places) - 1 - cut if end else cut
+        out = axis.frames[index, :, 2] * (1.0 if end else -1.0)
+        if goal is None:
+            goal = _ahead_on(to[end], places[index], out)
+        leads[end] = _curve(places[index], out, goal, axis.step)
+        if end:
+            last = index
+        else:
+            first = index
+    pieces = [places[first : last + 1]]
+    if 0 in leads:
+        pieces.insert(0, leads[0][::-1])
+    if 1 in leads:
+        pieces.append(leads[1])
+    return fitted_axis(axis.voxels, np.concatenate(pieces), axis.radius, voxel)
+
+
+def _ahead_on(to: TubeAxis, start: Floats, out: Floats) -> Floats:
+    """Return the place on a tube's axis that a ray comes nearest to."""
+    near, apart = to.nearest(start)
+    far = apart + _RAY_RADII * to.radius_at(near)
+    ray = start + np.linspace(0.0, far, 61)[:, np.newaxis] * out
+    found = [to.nearest(place) for place in ray]
+    station, _ = min(found, key=lambda one: one[1])
+    return to.place(station)
+
+
+def _curve(start: Floats, out: Floats, goal: Floats, step: float) -> Floats:
+    """Return points of a curve from a start, along a direction there, to a goal (parabola)."""
+    distance = float(np.linalg.norm(goal - start))
+    count = max(1, round(distance / step))
+    share = (np.arange(1, count + 1) / count)[:, np.newaxis]
+    bend = start + 0.5 * distance * out
+    return (1 - share) ** 2 * start + 2 * share * (1 - share) * bend + share**2 * goal
+
+
+def _is_cut(volume: LabelVolume, place: Floats) -> bool:
+    at = volume.indices(place)
+    return bool(((at < 1.0) | (at > np.array(volume.values.shape[::-1]) - 2.0)).any())
+
+
+def _branches(volume: LabelVolume, axis: TubeAxis, voxel: float) -> list[str]:
+    """Return a doubt if much of a label lies outside its tube: a branch, or the rest of a ring."""
+    indices = np.argwhere(axis.voxels.inside)[:, ::-1] + axis.voxels.corner
+    places = volume.places(indices)
+    away, nearest = KDTree(axis.places).query(places)
+    stations = np.asarray(nearest, dtype=np.float64) * axis.step
+    wall = np.interp(stations, axis.wall.knots, axis.wall.coefficients[:, 0])
+    outside = np.asarray(away) > wall + max(_BRANCH_RADII * axis.radius, 2.0 * voxel)
+    size = float(outside.sum()) * voxel**3
+    if size <= _BRANCH_VOLUME * axis.radius**3:
+        return []
+    x, y, z = np.median(places[outside], axis=0)
+    return [
+        f"{axis.name}: {size:.0f} mm3 of its label lie outside the tube, near ({x:.0f}, {y:.0f}, "
+        f"{z:.0f}): it may branch or be a ring, and a tube has one axis and two ends"
+    ]
+
+
+def _organ(
+    volume: LabelVolume, axis: TubeAxis, promise: Promise | None, voxel: float
+) -> BuiltOrgan:
+    """Return the organ of a tube's wall, by sections across its axis."""
+    count = max(6, round(axis.length / max(_SECTION_SHARE * axis.radius, 0.25 * voxel)) + 1)
+    stations = np.linspace(0.0, axis.length, count)
+    at = stations / axis.step
+    before = np.minimum(at.astype(np.intp), len(axis.places) - 2)
+    share = (at - before)[:, np.newaxis]
+    origins = (1.0 - share) * axis.places[before] + share * axis.places[before + 1]
+    nearest = np.rint(at).astype(np.intp).clip(0, len(axis.places) - 1)
+    frames = axis.frames[nearest]
+    angles = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
+    scale = float(axis.wall.knots[-1]) / axis.length
+    away = axis.wall.radii(stations * scale, angles)
+    half = int(np.ceil(away.max() / voxel)) + 4
+    side = 2 * half + 1
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    edges = half + away[:, :, np.newaxis] * ways / voxel
+    # Frames from the volume's own axes, in which its voxels are cut.
+    steps = np.swapaxes(volume.axes.T @ frames[:, :, :2], 1, 2) * voxel / volume.sizes
+    stack = ImageStack(
+        source=volume.source,
+        names=tuple(f"{axis.name} at {station:.2f} mm" for station in stations),
+        slices=ReslicedSlices(
+            levels=axis.voxels.inside,
+            outside_level=0.0,
+            centres=volume.indices(origins) - axis.voxels.corner,
+            steps=steps,
+            shape=(side, side),
+        ),
+        shape=(side, side),
+        planes=ImagePlanes(
+            pixel_size=np.array([voxel, voxel]),
+            slice_spacing=axis.length / (count - 1),
+            origins=origins,
+            frames=frames,
+        ),
+    )
+    traced = TracedOrgan(
+        sections=tuple(
+            TracedSection(index=i, outer=edge, lumen=None, other_part=False, threshold=127.5)
+            for i, edge in enumerate(edges)
+        ),
+        problems={},
+        polarity="bright",
+        notes=(),
+    )
+    fitted = fit_organ(stack, traced)
+    if promise is not None:
+        return build_fitted(fitted, promise, name=axis.name)
+    overall = max(_OVERALL_SHARE * axis.radius, _OVERALL_VOXELS * voxel)
+    tolerance: float | None = None
+    for _ in range(_RAISES):
+        try:
+            asked = Promise(overall_mm=overall, tolerance_mm=tolerance)
+            return build_fitted(fitted, asked, name=axis.name)
+        except ToleranceTooSmall as error:
+            # A section that two degree-6 curves cannot follow, as at a blunt end.
+            overall, tolerance = 2.0 * overall, max(1.1 * error.smallest_mm, 8.0 * overall)
+    return build_fitted(fitted, name=axis.name)

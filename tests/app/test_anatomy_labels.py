@@ -1,0 +1,279 @@
+"""A case from labels: files, names, kinds, and inputs that cannot be one."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn_labels import Drawn, drawn_volume, write
+from program import refused, run
+
+from app.anatomy import read_anatomy, tube_lines
+from organ_geometry import LabelVolume, read_organ
+
+pytest.importorskip("SimpleITK")
+import SimpleITK as sitk  # noqa: N813
+
+NAMES = {1: "common duct", 2: "cystic duct", 3: "hepatic artery"}
+TUBES = {
+    1: Drawn((0.0, 0.0, 0.0), (0.0, 0.0, 50.0), 3.0),
+    2: Drawn((0.0, 0.0, 24.0), (-16.0, 0.0, 43.0), 2.0),
+    3: Drawn((14.0, 0.0, 0.0), (14.0, 0.0, 50.0), 2.2),
+}
+
+
+@pytest.fixture(scope="module")
+def volume() -> LabelVolume:
+    drawn = drawn_volume(TUBES, 1.0)
+    return LabelVolume(drawn.source, drawn.values, drawn.sizes, drawn.origin, drawn.axes, NAMES)
+
+
+@pytest.fixture
+def names(tmp_path: Path) -> Path:
+    path = tmp_path / "names.json"
+    path.write_text(json.dumps(NAMES))
+    return path
+
+
+def as_masks(volume: LabelVolume, folder: Path) -> Path:
+    folder.mkdir()
+    for label, name in NAMES.items():
+        mask = LabelVolume(
+            volume.source, (volume.values == label).astype(np.int32) * 7,
+            volume.sizes, volume.origin, volume.axes,
+        )  # fmt: skip
+        write(mask, folder / f"{name}.nrrd")
+    return folder
+
+
+def as_layers(volume: LabelVolume, path: Path) -> Path:
+    """As 3D Slicer writes segments that overlap: layers, each with labels of its own."""
+    layers = [(volume.values == label).astype(np.uint8) for label in (1, 2, 3)]
+    layers[1] |= layers[2]
+    image = sitk.GetImageFromArray(np.stack([layers[0] + 2 * layers[2], layers[1]], -1), True)
+    image.SetSpacing(volume.sizes.tolist())
+    image.SetOrigin(volume.origin.tolist())
+    for number, (name, value, layer) in enumerate(
+        [("common duct", 1, 0), ("hepatic artery", 2, 0), ("cystic duct", 1, 1)]
+    ):
+        image.SetMetaData(f"Segment{number}_Name", name)
+        image.SetMetaData(f"Segment{number}_LabelValue", str(value))
+        image.SetMetaData(f"Segment{number}_Layer", str(layer))
+    sitk.WriteImage(image, str(path))
+    return path
+
+
+def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_path: Path) -> None:
+    labels = write(volume, tmp_path / "labels.nii.gz")
+    folder = tmp_path / "case"
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", folder, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert {file.name for file in folder.iterdir()} == {
+        "anatomy.toml", "common_duct.organ", "cystic_duct.organ", "hepatic_artery.organ",
+    }  # fmt: skip
+    anatomy = read_anatomy(folder / "anatomy.toml")
+    assert [tube.kind for tube in anatomy.tube] == ["duct", "duct", "artery"]
+    (join,) = anatomy.join
+    assert (join.tube, join.end, join.to) == ("cystic_duct", 0, "common_duct")
+    assert isinstance(join.at_mm, float)
+    assert join.at_mm == pytest.approx(24.0, abs=1.0)
+    assert anatomy.tube_named("cystic_duct").ends == ("joined", "clamped")
+    assert said["organ_bytes"] == sum(f.stat().st_size for f in folder.glob("*.organ"))
+    # The file's frame: x to the head, y to the right, z to the front, from the first tube's begin.
+    assert anatomy.place is not None
+    rows, origin = np.array(anatomy.place.rows_LPS), np.array(anatomy.place.origin_LPS_mm)
+    for tube in anatomy.tube:
+        assert tube.organ is not None
+        organ = read_organ(folder / tube.organ)
+        points = np.array(tube.points_mm) @ rows + origin
+        free = [end for end, how in ((0, tube.ends[0]), (-1, tube.ends[1])) if how != "joined"]
+        for end in free:
+            np.testing.assert_allclose(points[end], organ.axis[end], atol=2e-3)
+        drawn = TUBES[{name.replace(" ", "_"): k for k, name in NAMES.items()}[tube.name]]
+        assert organ.mean_radius == pytest.approx(drawn.radius, rel=0.1)
+        assert tube_lines(anatomy)[tube.name].radius.mean() == pytest.approx(
+            organ.mean_radius, rel=0.03
+        )
+
+
+def test_names_in_headers_masks_and_layers_give_the_same_case(
+    volume: LabelVolume, names: Path, tmp_path: Path
+) -> None:
+    sources = {
+        "json": write(volume, tmp_path / "labels.nii.gz"),
+        "header": write(volume, tmp_path / "labels.seg.nrrd", names=True),
+        "masks": as_masks(volume, tmp_path / "masks"),
+        "layers": as_layers(volume, tmp_path / "layers.seg.nrrd"),
+    }
+    organs: dict[str, dict[str, bytes]] = {}
+    for kind, source in sources.items():
+        folder = tmp_path / kind
+        more = ["--names", names] if kind == "json" else []
+        done = run("anatomy", "--labels", source, *more, "-o", folder)
+        assert done.returncode == 0, done.stderr
+        organs[kind] = {file.name: file.read_bytes() for file in folder.glob("*.organ")}
+    assert len(organs["json"]) == 3
+    assert organs["json"] == organs["header"] == organs["masks"] == organs["layers"]
+
+
+def test_what_is_not_named_or_not_solved_is_left_out_with_a_word(
+    volume: LabelVolume, tmp_path: Path
+) -> None:
+    labels = write(volume, tmp_path / "labels.nii.gz")
+    names = tmp_path / "names.json"
+    names.write_text(json.dumps({"1": "common duct", "3": {"name": "tumour", "kind": "shown"}}))
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"left out +label 2", done.stdout)
+    assert re.search(r"left out +tumour", done.stdout)
+    assert [path.name for path in (tmp_path / "case").glob("*.organ")] == ["common_duct.organ"]
+
+
+def test_a_mirrored_volume_is_doubted(tmp_path: Path) -> None:
+    body = {1: TUBES[1], 2: Drawn((15.0, 0.0, 10.0), (30.0, 0.0, 40.0), 6.0)}
+    labels = write(drawn_volume(body, 1.0), tmp_path / "labels.nrrd")
+    names = tmp_path / "names.json"
+    names.write_text(json.dumps({"1": "common duct", "2": "gallbladder"}))
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case")
+    assert "may be mirrored" in done.stdout
+
+
+Inputs = tuple[Path, str | None]
+
+
+def grey(folder: Path, volume: LabelVolume) -> Inputs:
+    image = sitk.GetImageFromArray(np.linspace(0, 1, 4000, dtype=np.float32).reshape(10, 20, 20))
+    sitk.WriteImage(image, str(folder / "grey.nrrd"))
+    return folder / "grey.nrrd", None
+
+
+def empty(folder: Path, volume: LabelVolume) -> Inputs:
+    sitk.WriteImage(sitk.Image(20, 20, 20, sitk.sitkUInt8), str(folder / "empty.nrrd"))
+    return folder / "empty.nrrd", None
+
+
+def flat(folder: Path, volume: LabelVolume) -> Inputs:
+    sitk.WriteImage(sitk.Image(20, 20, 1, sitk.sitkUInt8), str(folder / "flat.nrrd"))
+    return folder / "flat.nrrd", None
+
+
+def plane(folder: Path, volume: LabelVolume) -> Inputs:
+    sitk.WriteImage(sitk.Image(20, 20, sitk.sitkUInt8), str(folder / "plane.nrrd"))
+    return folder / "plane.nrrd", None
+
+
+def cut_short(folder: Path, volume: LabelVolume) -> Inputs:
+    path = write(volume, folder / "labels.nii.gz")
+    path.write_bytes(path.read_bytes()[:-400])
+    return path, '{"1": "common duct"}'
+
+
+def other_grids(folder: Path, volume: LabelVolume) -> Inputs:
+    masks = as_masks(volume, folder / "masks")
+    shifted = LabelVolume(
+        volume.source, (volume.values == 1).astype(np.int32), volume.sizes, volume.origin + 3.0,
+        volume.axes,
+    )  # fmt: skip
+    write(shifted, masks / "zz duct.nrrd")
+    return masks, None
+
+
+def empty_folder(folder: Path, volume: LabelVolume) -> Inputs:
+    (folder / "none").mkdir()
+    return folder / "none", None
+
+
+def named(names: object) -> Callable[[Path, LabelVolume], Inputs]:
+    def make(folder: Path, volume: LabelVolume) -> Inputs:
+        text = names if isinstance(names, str) else json.dumps(names)
+        return write(volume, folder / "labels.nii.gz"), text
+
+    return make
+
+
+def drawn(tubes: dict[int, Drawn], names: Any, size: float = 1.0) -> Callable[..., Inputs]:
+    def make(folder: Path, volume: LabelVolume) -> Inputs:
+        return write(drawn_volume(tubes, size), folder / "labels.nii.gz"), json.dumps(names)
+
+    return make
+
+
+def in_two(folder: Path, volume: LabelVolume) -> Inputs:
+    values = volume.values.copy()
+    values[28:33] = 0
+    broken = LabelVolume(volume.source, values, volume.sizes, volume.origin, volume.axes)
+    return write(broken, folder / "labels.nii.gz"), '{"1": "common duct"}'
+
+
+def test_a_ring_is_doubted(tmp_path: Path, names: Path) -> None:
+    k, j, i = np.indices((14, 40, 40))
+    away = np.hypot(np.hypot(i - 19.5, j - 19.5) - 9.0, k - 6.5)
+    torus = LabelVolume(
+        Path("ring"), (away < 3.5).astype(np.int32), np.ones(3), np.zeros(3), np.eye(3)
+    )
+    names.write_text('{"1": "duct"}')
+    labels = write(torus, tmp_path / "ring.nii.gz")
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case")
+    assert "be a ring" in done.stdout
+
+
+BROKEN: dict[str, tuple[Callable[..., Inputs], str]] = {
+    "grey levels": (grey, "grey values"),
+    "no label": (empty, "names none of its labels"),
+    "one slice": (flat, "20 x 20 x 1 voxels"),
+    "two dimensions": (plane, "2 dimensions"),
+    "a file cut short": (cut_short, "cut short"),
+    "masks of two grids": (other_grids, "different grids"),
+    "a folder without masks": (empty_folder, "no NIfTI"),
+    "no file": (lambda folder, volume: (folder / "no.nii.gz", None), "no volume of labels at"),
+    "a picture": (lambda folder, volume: (Path(__file__), None), "is no volume of labels"),
+    "no names": (lambda folder, volume: (write(volume, folder / "a.nii.gz"), None),
+                 "give their names"),
+    "names that are no JSON": (named("{"), "names.json"),
+    "names that are a list": (named([1, 2]), "names.json"),
+    "names of no label": (named({}), "names no label"),
+    "a label that is not there": (named({"9": "common duct"}), "label 9 .*it has 1, 2, 3"),
+    "a name twice": (named({"1": "common duct", "2": "Common  duct"}), "name of its own"),
+    "a name of nothing": (named({"1": " "}), "needs a name"),
+    "a name that is a path": (named({"1": "../duct"}), "needs a name that can be a file's"),
+    "a kind that nobody knows": (named({"1": "thing"}), "'thing'.*kind"),
+    "a kind that is none": (named({"1": {"name": "a", "kind": "nerve"}}), "nerve"),
+    "an unknown field": (named({"1": {"name": "a duct", "colour": 3}}), "colour"),
+    "nothing but what is shown": (named({"1": "liver"}), "named as a tube"),
+    "a tube in two pieces": (in_two, r"2 parts, the second \d"),
+    "three voxels": (drawn({1: Drawn((0, 0, 0), (0, 0, 3), 0.6)}, {"1": "duct"}), "voxels"),
+    "a ball": (drawn({1: Drawn((0, 0, 0), (0, 0, 7), 4.0)}, {"1": "duct"}), "no tube"),
+    "a thread": (drawn({1: Drawn((0, 0, 0), (0, 0, 40), 0.6)}, {"1": "duct"}), "voxels thick"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_broken_input_is_refused_in_one_sentence(
+    what: str, volume: LabelVolume, tmp_path: Path
+) -> None:
+    make, says = BROKEN[what]
+    labels, text = make(tmp_path, volume)
+    arguments: list[object] = ["anatomy", "--labels", labels, "-o", tmp_path / "case"]
+    if text is not None:
+        (tmp_path / "names.json").write_text(text)
+        arguments += ["--names", tmp_path / "names.json"]
+    message = refused(arguments)
+    assert re.search(says, message), message
+    assert not (tmp_path / "case").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--labels", "a.nrrd"], "needs -o"),
+        (["normal", "--names", "n.json"], "--names goes with --labels"),
+        (["--labels", "a.nrrd", "--seed", 3, "-o", "case"], "--labels or --list"),
+        (["--labels", "a.nrrd", "-o", __file__], "it is a file"),
+    ],
+)
+def test_wrong_words_are_refused(arguments: list[object], says: str) -> None:
+    assert says in refused(["anatomy", *arguments])
