@@ -343,8 +343,8 @@ def test_the_figure_is_a_picture(name: str, mark: bytes, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "--seed or --list"),
-        (["normal", "--seed", 3], "--seed or --list"),
+        ([], "--labels or --list"),
+        (["normal", "--seed", 3], "--labels or --list"),
         (["abnormal"], "abnormal"),
         (["normal", "-o", "no/such/folder.toml"], "no folder"),
         (["normal", "--figure", "a.bmp"], ".png"),
