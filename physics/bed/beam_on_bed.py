@@ -188,7 +188,7 @@ class BeamOnBed:
         if plane:
             held |= IN_PLANE
         self._ends = held.copy()
-        three, six = (nodes, 3), (nodes, 6)
+        three, six, chain = (nodes, 3), (nodes, 6), np.arange(nodes)
         self.state = kernels.State(
             x=self._rest_x.copy(),
             q=self._rest_q.copy(),
@@ -196,6 +196,11 @@ class BeamOnBed:
             held=held,
             load=blank(three),
             spring=blank(three),
+            # One branch: each node's parent is the next one.
+            parent=np.append(chain[1:], -1),
+            child=chain - 1,
+            sibling=np.full(nodes, -1),
+            ends=np.stack([chain[:-1], chain[1:]], axis=1),
             h=np.diff(x),
             stiff=blank((elements, 6)),
             strain=blank((elements, 6)),
@@ -212,9 +217,9 @@ class BeamOnBed:
             g=blank(six),
             step=blank(six),
             diagonal=blank((nodes, 6, 6)),
-            upper=blank((elements, 6, 6)),
+            upper=blank((nodes, 6, 6)),
             diagonal_kept=blank((nodes, 6, 6)),
-            upper_kept=blank((elements, 6, 6)),
+            upper_kept=blank((nodes, 6, 6)),
             x_kept=blank(three),
             q_kept=blank((nodes, 4)),
             goal_from=self._rest_x.copy(),
@@ -251,7 +256,7 @@ class BeamOnBed:
         """Write what follows from the nodes' places at rest: strains, stiffnesses, arms."""
         s = self.state
         s.h[:] = np.diff(self._stations)
-        kernels.set_rest(self._rest_x, self._rest_q, s.h, s.strain)
+        kernels.set_rest(self._rest_x, self._rest_q, s.ends, s.h, s.strain)
         s.floor[:, 1] = self._rest_x[:, 2]
         s.stiff[:] = self._elastic
         s.chord[:] = 0.0
@@ -722,7 +727,7 @@ class BeamOnBed:
         """Return the largest stress of the wall, over the nodes."""
         if self.beam.wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
-        node, normal, up, across = _worst(self.state.section, self.beam.wall)
+        node, normal, up, across = _worst(self.state.section, self.state.ends, self.beam.wall)
         if node < 0:
             return WorstStress(0.0, 0.0, 0.0, 0.0)
         return WorstStress(
@@ -754,12 +759,14 @@ _TICK, _AHEAD = SameTypes(kernels.tick), SameTypes(kernels.assemble_ahead)
 
 
 @njit(cache=True, nogil=True)
-def _worst(section: Floats, wall: Floats) -> tuple[int, float, float, float]:
+def _worst(
+    section: Floats, ends: NDArray[np.int64], wall: Floats
+) -> tuple[int, float, float, float]:
     """Return the node with the largest stress, and its stresses; node -1 where none is pulled."""
     largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
     for element in range(section.shape[0]):
         for end in range(2):
-            node = element + end
+            node = ends[element, end]
             normal = section[element, 9 + end] / wall[node, 0]
             up = section[element, 4 + 3 * end] / wall[node, 1]
             across = section[element, 5 + 3 * end] / wall[node, 2]

@@ -1,6 +1,7 @@
 """The beam in space: its derivatives, the exact beam, published bends and buckling."""
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from physics import Beam, Exact, Linear
 from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
+from physics.bed.kernels.tangent import hold_nodes, solve
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 
@@ -98,6 +100,45 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
     )
     # A strand may pass from slack to taut within the differences: those terms are of order h.
     assert second == pytest.approx(tangent, abs=2e-8 * np.abs(tangent).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tree_of_beams_is_solved_as_the_full_matrix(seed: int) -> None:
+    """A Y: the branches 0 1 and 2 3 join the trunk 4 5 6 at its first node."""
+    rng = np.random.default_rng(seed)
+    beam = SpaceBeam.from_axis(
+        span=6.0, elements=6, stiffness=rng.random(6) * 5 + 1, ends=("free", "free")
+    )
+    state = BeamOnBed(beam).state
+    state.parent[:] = [1, 4, 3, 4, 5, 6, -1]
+    state.child[:] = [-1, 0, -1, 2, 1, 4, 5]
+    state.sibling[:] = [-1, 3, -1, -1, -1, -1, -1]
+    state.ends[:] = [[n, state.parent[n]] for n in range(6)]
+    state.x[:] += rng.normal(size=(7, 3)) * 0.1
+    state.x[2:4, 1] += 1.0
+    k.set_rest(state.x, state.q, state.ends, state.h, state.strain)
+    state.held[[0, 2]], state.held[[4, 6]] = 63, (5, 9)
+    state.goal[:] = state.x + rng.normal(size=(7, 3)) * 0.05
+    state.x[:] += rng.normal(size=(7, 3)) * 0.02
+    k.assemble(state, k.FROZEN, 0.0)
+    full = np.zeros((7, 6, 7, 6))
+    for n in range(7):
+        low = np.tril(state.diagonal[n])
+        full[n, :, n] = low + np.tril(low, -1).T
+        if state.parent[n] >= 0:
+            full[n, :, state.parent[n]] = state.upper[n]
+            full[state.parent[n], :, n] = state.upper[n].T
+    full = full.reshape(42, 42) + 3.0 * np.eye(42)
+    for r in range(6):
+        state.diagonal[:, r, r] += 3.0
+    held = (state.held[:, None] >> np.arange(6) & 1 == 1).ravel()
+    expected = np.concatenate([state.goal - state.x, np.zeros((7, 3))], axis=1).ravel()
+    right = -state.g.ravel() - full[:, held] @ expected[held]
+    expected[~held] = np.linalg.solve(full[np.ix_(~held, ~held)], right[~held])
+    state.step[:] = state.g
+    cast(Any, hold_nodes).py_func(state, 1.0)
+    assert cast(Any, solve).py_func(state.parent, state.diagonal, state.upper, state.step)
+    assert state.step.ravel() == pytest.approx(expected, abs=1e-12)
 
 
 def test_turning_the_whole_changes_nothing() -> None:

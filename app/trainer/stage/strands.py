@@ -179,7 +179,7 @@ def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32
     for n in range(s.x.shape[0]):
         for i in range(s.first[n], s.first[n + 1]):
             at = NUMBERS * i
-            end, foot = kernels.strand_ends(s, n, i)
+            end, foot = kernels.strand_ends(s.x, s.q, s.strand, n, i)
             for k in range(3):
                 out[at + k] = end[k] + aside[i, k]
             out[at + 4] = 0.0

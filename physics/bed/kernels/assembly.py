@@ -17,7 +17,7 @@ from physics.bed.kernels.state import (
     copy_values,
 )
 from physics.bed.kernels.strands import strand_pass
-from physics.bed.kernels.vectors import inner
+from physics.bed.kernels.vectors import inlined, inner
 
 
 @inner
@@ -43,7 +43,7 @@ def node_pass(s: State) -> None:
     s.sums[LOADS] = loads
 
 
-@inner
+@inlined
 def shape_pass(s: State, kind: int, relaxation: float) -> None:
     """Write all that follows from the shape alone, wherever forces and springs go."""
     s.g[:] = 0.0
@@ -54,7 +54,19 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
     s.damage_correction[:] = 0.0
     s.rods_damage_correction[:] = 0.0
     s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
-    beam_pass(s)
+    s.sums[BEAM] = beam_pass(
+        s.x,
+        s.q,
+        s.ends,
+        s.h,
+        s.stiff,
+        s.strain,
+        s.chord,
+        s.g,
+        s.diagonal,
+        s.upper,
+        s.section,
+    )
     strand_pass(s, kind, relaxation)
 
 
@@ -75,7 +87,7 @@ def assemble_ahead(s: State, relaxation: float) -> None:
     """Assemble the next real-time tick with this `relaxation` as far as its hands do not matter."""
     # Damage stands until that tick, and any other assembly before it begins anew. Rods change what
     # the strands do, and a tick that is retraced needs its damage of before.
-    if any_rod(s) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == relaxation:
+    if any_rod(s.rods) or s.sums[RETRACED] != 0.0 or s.sums[AHEAD] == relaxation:
         return
     copy_values(s.damage_before, s.damage)
     shape_pass(s, int(RELAXED), relaxation)

@@ -34,9 +34,9 @@ and with e = dL/dGamma the force is N e + (0, G_2 Gamma_2, G_3 Gamma_3), its tan
 import math
 
 from kernel_cache import njit
-from physics.bed.kernels.state import BEAM, State
 from physics.bed.kernels.vectors import (
     Floats,
+    Ints,
     Nine,
     Three,
     added,
@@ -90,10 +90,10 @@ def with_dyad(m: Nine, s: float, v: Three) -> Nine:
 
 
 @inner
-def element_frame(q: Floats, e: int) -> tuple[Three, Three, Three, Three]:
-    """Return the columns of an element's mid rotation and its half Gibbs vector c."""
-    w0, x0, y0, z0 = q[e, 0], q[e, 1], q[e, 2], q[e, 3]
-    w1, x1, y1, z1 = q[e + 1, 0], q[e + 1, 1], q[e + 1, 2], q[e + 1, 3]
+def element_frame(q: Floats, i: int, j: int) -> tuple[Three, Three, Three, Three]:
+    """Return the columns of the mid rotation of nodes i and j and their half Gibbs vector c."""
+    w0, x0, y0, z0 = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+    w1, x1, y1, z1 = q[j, 0], q[j, 1], q[j, 2], q[j, 3]
     scal = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1
     if scal < 0.0:  # q and -q are one rotation
         w1, x1, y1, z1, scal = -w1, -x1, -y1, -z1, -scal
@@ -110,14 +110,15 @@ def element_frame(q: Floats, e: int) -> tuple[Three, Three, Three, Three]:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def set_rest(x: Floats, q: Floats, h: Floats, strain: Floats) -> None:
+def set_rest(x: Floats, q: Floats, ends: Ints, h: Floats, strain: Floats) -> None:
     """Write the strains of this shape into `strain`: it is then the beam's shape at rest."""
     for e in range(h.size):
-        t1, t2, t3, c = element_frame(q, e)
+        i, j = ends[e, 0], ends[e, 1]
+        t1, t2, t3, c = element_frame(q, i, j)
         d = (
-            (x[e + 1, 0] - x[e, 0]) / h[e],
-            (x[e + 1, 1] - x[e, 1]) / h[e],
-            (x[e + 1, 2] - x[e, 2]) / h[e],
+            (x[j, 0] - x[i, 0]) / h[e],
+            (x[j, 1] - x[i, 1]) / h[e],
+            (x[j, 2] - x[i, 2]) / h[e],
         )
         f = 2.0 / h[e]
         strain[e, 0], strain[e, 1], strain[e, 2] = dot(t1, d), dot(t2, d), dot(t3, d)
@@ -125,13 +126,24 @@ def set_rest(x: Floats, q: Floats, h: Floats, strain: Floats) -> None:
 
 
 @inner
-def beam_pass(s: State) -> None:
-    """Add the beam's energy, gradient and tangent; write its section forces."""
-    x, h, stiff, strain, g = s.x, s.h, s.stiff, s.strain, s.g
+def beam_pass(
+    x: Floats,
+    q: Floats,
+    ends: Ints,
+    h: Floats,
+    stiff: Floats,
+    strain: Floats,
+    chord: Floats,
+    g: Floats,
+    diagonal: Floats,
+    upper: Floats,
+    section: Floats,
+) -> float:
+    """Add the beam's gradient and tangent, write its section forces; return its energy, mJ."""
     energy = 0.0
     for e in range(h.size):
-        i, j = e, e + 1
-        t1, t2, t3, c = element_frame(s.q, e)
+        i, j = ends[e, 0], ends[e, 1]
+        t1, t2, t3, c = element_frame(q, i, j)
         f = 1.0 / h[e]
         d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
         g1, g2, g3 = (
@@ -148,7 +160,7 @@ def beam_pass(s: State) -> None:
         m1, m2, m3 = stiff[e, 3] * k1, stiff[e, 4] * k2, stiff[e, 5] * k3
         # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
-        f2, f3 = s.chord[e, 0], s.chord[e, 1]
+        f2, f3 = chord[e, 0], chord[e, 1]
         thin = f2 > 0.0 or f3 > 0.0
         e1, e2, e3 = 1.0, 0.0, 0.0
         direction, dyad = t1, 0.0  # e in space, and EA - N/L
@@ -172,7 +184,7 @@ def beam_pass(s: State) -> None:
         dn = cross(d, n)
         gs = scaled(dn, -h[e])
         tg = cross(t, gs)
-        s.section[e, 0], s.section[e, 1], s.section[e, 2] = n1, n2, n3
+        section[e, 0], section[e, 1], section[e, 2] = n1, n2, n3
         # Moments on the two nodes: (I - [t])/2 and (I + [t])/2 times the gradient by sigma, -+ y.
         ei = (
             0.5 * (gs[0] - tg[0]) - y[0],
@@ -186,14 +198,13 @@ def beam_pass(s: State) -> None:
         )
         # At the ends by the nodes' own frames: the force is constant along the element.
         for node in range(2):
-            p1, p2, p3 = columns(
-                s.q[i + node, 0], s.q[i + node, 1], s.q[i + node, 2], s.q[i + node, 3]
-            )
+            k = j if node else i
+            p1, p2, p3 = columns(q[k, 0], q[k, 1], q[k, 2], q[k, 3])
             end = ej if node else (-ei[0], -ei[1], -ei[2])
-            s.section[e, 3 + 3 * node] = dot(end, p1)
-            s.section[e, 4 + 3 * node] = dot(end, p2)
-            s.section[e, 5 + 3 * node] = dot(end, p3)
-            s.section[e, 9 + node] = dot(n, p1)
+            section[e, 3 + 3 * node] = dot(end, p1)
+            section[e, 4 + 3 * node] = dot(end, p2)
+            section[e, 5 + 3 * node] = dot(end, p3)
+            section[e, 9 + node] = dot(n, p1)
         for r in range(3):
             g[i, r] -= n[r]
             g[j, r] += n[r]
@@ -280,7 +291,7 @@ def beam_pass(s: State) -> None:
         v01, v02, v12 = v[1] + v[3], v[2] + v[6], v[5] + v[7]
         f = 1.0 / hh
         for node in range(2):
-            b = s.diagonal[i + node]
+            b = diagonal[j if node else i]
             sign = 1.0 if node else -1.0
             b[0, 0] += f * big_c[0]
             b[1, 0] += f * big_c[3]
@@ -298,7 +309,7 @@ def beam_pass(s: State) -> None:
             b[4, 3] += 0.25 * (w01 - sign * sy01 - twt[1] + sign * v01 + y01 + z01)
             b[5, 3] += 0.25 * (w02 - sign * sy02 - twt[2] + sign * v02 + y02 + z02)
             b[5, 4] += 0.25 * (w12 - sign * sy12 - twt[5] + sign * v12 + y12 + z12)
-        b = s.upper[e]
+        b = upper[i]
         for r in range(3):
             for col in range(3):
                 b[r, col] -= f * big_c[3 * r + col]
@@ -323,4 +334,4 @@ def beam_pass(s: State) -> None:
         b[5, 3] += 0.25 * (q02 - a02)
         b[4, 5] += 0.25 * (q12 + a12)
         b[5, 4] += 0.25 * (q12 - a12)
-    s.sums[BEAM] = energy
+    return energy

@@ -93,7 +93,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
     least_shift *= 1e-11
     shift = 0.0
     left = stalled = 0
-    rods = any_rod(s)
+    rods = any_rod(s.rods)
     energy = assemble(s, kind, 0.0)
     for it in range(most):
         if not math.isfinite(energy):
@@ -114,7 +114,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             if shift > 0.0:
                 shift_tangent(s, shift, length)
             hold_nodes(s, 1.0)
-            found = solve(s)
+            found = solve(s.parent, s.diagonal, s.upper, s.step)
             if found or balanced:
                 break
             shift = max(16.0 * shift, least_shift)
@@ -127,10 +127,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             copy_rows(s.step, s.g)
             shift_tangent(s, 1e-2 * least_shift, length)
             hold_nodes(s, 1.0)
-            found = solve(s)
+            found = solve(s.parent, s.diagonal, s.upper, s.step)
         if balanced and found:
             return it
-        keep_shape(s)
+        keep_shape(s.x_kept, s.x, s.q_kept, s.q)
         if balanced:
             # Unstable. A nudge with a part along every mode is enough: from there the energy falls
             # along the softest one.

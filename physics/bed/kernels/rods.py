@@ -15,7 +15,6 @@ from physics.bed.kernels.state import (
     ARM_X,
     ARM_Y,
     ARM_Z,
-    CONTACT,
     FOOT_X,
     FOOT_Y,
     FOOT_Z,
@@ -23,14 +22,20 @@ from physics.bed.kernels.state import (
     INCREMENTAL,
     LENGTH,
     RADIUS,
-    RELAXED,
     SHAFT,
-    SLIPPED_NOW,
     STIFF,
     TIP,
-    State,
 )
-from physics.bed.kernels.vectors import Floats, Three, added, columns, cross, dot, inner, scaled
+from physics.bed.kernels.vectors import (
+    Floats,
+    Three,
+    added,
+    columns,
+    cross,
+    dot,
+    inner,
+    scaled,
+)
 
 # Angle, rad: wrapped by more a strand slips off a rod.
 SLIPS = 3.0
@@ -136,83 +141,77 @@ def path_round(
 
 
 @inner
-def strand_ends(s: State, n: int, i: int) -> tuple[Three, Three]:
+def strand_ends(x: Floats, q: Floats, strand: Floats, n: int, i: int) -> tuple[Three, Three]:
     """Return where strand i of node n holds the beam, and its foot."""
-    t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
-    a0, a1, a2 = s.strand[ARM_X, i], s.strand[ARM_Y, i], s.strand[ARM_Z, i]
+    t1, t2, t3 = columns(q[n, 0], q[n, 1], q[n, 2], q[n, 3])
+    a0, a1, a2 = strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i]
     end = (
-        s.x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
-        s.x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
-        s.x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
+        x[n, 0] + t1[0] * a0 + t2[0] * a1 + t3[0] * a2,
+        x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
+        x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
     )
-    return end, (s.strand[FOOT_X, i], s.strand[FOOT_Y, i], s.strand[FOOT_Z, i])
+    return end, (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
 
 
 @inner
-def energy_round(s: State, i: int, path: float, straight: float) -> float:
+def energy_round(strand: Floats, damage: Floats, i: int, path: float, straight: float) -> float:
     """Return by how much more strand i stores along a path round a rod than straight, mJ."""
-    bent = max(path - s.strand[LENGTH, i], 0.0)
-    short = max(straight - s.strand[LENGTH, i], 0.0)
-    return 0.5 * (1.0 - s.damage[i]) * s.strand[STIFF, i] * (bent * bent - short * short)
+    bent = max(path - strand[LENGTH, i], 0.0)
+    short = max(straight - strand[LENGTH, i], 0.0)
+    return 0.5 * (1.0 - damage[i]) * strand[STIFF, i] * (bent * bent - short * short)
 
 
 @inner
-def any_rod(s: State) -> bool:
+def any_rod(rods: Floats) -> bool:
     """Return whether any rod is in use."""
     found = False
-    for m in range(s.rods.shape[0]):
-        found = found or s.rods[m, IN_USE] != 0.0
+    for m in range(rods.shape[0]):
+        found = found or rods[m, IN_USE] != 0.0
     return found
 
 
 @inner
-def reached(s: State, n: int, m: int) -> tuple[bool, float, Three]:
+def reached(x: Floats, thick: Floats, rods: Floats, n: int, m: int) -> tuple[bool, float, Three]:
     """Return whether node n's strands may touch rod m, how far it is away, and the way to it."""
-    u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
-    d = (s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2])
+    u = (rods[m, SHAFT], rods[m, SHAFT + 1], rods[m, SHAFT + 2])
+    d = (x[n, 0] - rods[m, 0], x[n, 1] - rods[m, 1], x[n, 2] - rods[m, 2])
     d = added(d, scaled(u, -max(0.0, dot(d, u))))
     away = math.sqrt(dot(d, d))
-    return away < s.thick[n, 0] + s.rods[m, RADIUS] + s.thick[n, 2], away, d
+    return away < thick[n, 0] + rods[m, RADIUS] + thick[n, 2], away, d
 
 
 @inner
-def rods_near(s: State, n: int, kind: int) -> bool:
-    """Add the contact of node n with the rods; return whether its strands may touch one."""
+def press_beam(
+    x: Floats,
+    thick: Floats,
+    rods: Floats,
+    g: Floats,
+    diagonal: Floats,
+    pull: Floats,
+    press: Floats,
+    n: int,
+    m: int,
+    away: float,
+    d: Three,
+    kind: int,
+) -> float:
+    """Add the contact of node n with rod m, `away` along d from it; return its energy, mJ."""
     # Pressed away from a rod a node is pushed off to its sides as well. That is no part of a tick's
     # tangent, which so stays definite.
-    any_near = False
-    for m in range(s.rods.shape[0]):
-        if s.rods[m, IN_USE] == 0.0:
-            continue
-        near, away, d = reached(s, n, m)
-        deep = s.thick[n, 0] + s.rods[m, RADIUS] - away
-        if deep > 0.0 and away > 1e-9:
-            d = scaled(d, 1.0 / away)
-            push = s.thick[n, 1]
-            b = s.diagonal[n]
-            aside = push * deep / away if kind == INCREMENTAL else 0.0
-            u = (s.rods[m, SHAFT], s.rods[m, SHAFT + 1], s.rods[m, SHAFT + 2])
-            before = s.x[n, 0] - s.rods[m, 0], s.x[n, 1] - s.rods[m, 1], s.x[n, 2] - s.rods[m, 2]
-            along = aside if dot(before, u) > 0.0 else 0.0  # past the tip it is round
-            for r in range(3):
-                s.g[n, r] -= push * deep * d[r]
-                s.pull[m, r] += push * deep * d[r]
-                s.press[m, r] += push * deep * d[r]
-                for col in range(r + 1):
-                    b[r, col] += push * d[r] * d[col]
-                    if aside > 0.0:
-                        b[r, col] += aside * d[r] * d[col] + along * u[r] * u[col]
-                b[r, r] -= aside
-            s.sums[CONTACT] += 0.5 * push * deep * deep
-        if near or kind != RELAXED:
-            any_near = True
-        else:  # out of reach: strands forget on which side they touched it
-            for i in range(s.first[n], s.first[n + 1]):
-                if s.side[m, i] & 1 and s.damage[i] < 1.0:
-                    end, foot = strand_ends(s, n, i)
-                    path = path_round(end, foot, s.rods[m], s.side[m, i], False)[1]
-                    if path > 0.0:
-                        d = added(end, scaled(foot, -1.0))
-                        s.sums[SLIPPED_NOW] += energy_round(s, i, path, math.sqrt(dot(d, d)))
-                s.side[m, i] = NO_CONTACT
-    return any_near
+    deep = thick[n, 0] + rods[m, RADIUS] - away
+    d = scaled(d, 1.0 / away)
+    push = thick[n, 1]
+    aside = push * deep / away if kind == INCREMENTAL else 0.0
+    u = (rods[m, SHAFT], rods[m, SHAFT + 1], rods[m, SHAFT + 2])
+    before = x[n, 0] - rods[m, 0], x[n, 1] - rods[m, 1], x[n, 2] - rods[m, 2]
+    along = aside if dot(before, u) > 0.0 else 0.0  # past the tip it is round
+    for r in range(3):
+        g[n, r] -= push * deep * d[r]
+        pull[m, r] += push * deep * d[r]
+        press[m, r] += push * deep * d[r]
+        for col in range(r + 1):
+            diagonal[n, r, col] += push * d[r] * d[col]
+            if aside > 0.0:
+                diagonal[n, r, col] += aside * d[r] * d[col] + along * u[r] * u[col]
+        diagonal[n, r, r] -= aside
+    return 0.5 * push * deep * deep

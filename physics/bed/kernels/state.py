@@ -45,7 +45,9 @@ class State(NamedTuple):
     """A beam on its bed, and room to work in; N nodes, S strands, M rods.
 
     `held` are bits of what is held at a node (1 2 4 along x y z, 8 16 32 turning about them),
-    `goal` where, `load` dead forces, `spring` what draws a node to its goal. `stiff` and
+    `goal` where, `load` dead forces, `spring` what draws a node to its goal. The nodes are a tree:
+    `parent[n]`, above n, is the next one towards its root, -1 of a root; `child[n]` is n's first
+    child, `sibling[n]` the next child of n's parent, -1 where there is none. `stiff` and
     `strain` are rows of normal, two shear, torsion and two bending terms. `first[n]` is node n's
     first strand. `section` has an element's normal and shear forces, its moments at both ends
     (torsion, bending up, bending across) and the normal forces there.
@@ -57,6 +59,10 @@ class State(NamedTuple):
     held: Ints  # (N,)
     load: Floats  # (N, 3) N
     spring: Floats  # (N, 3) N/mm
+    parent: Ints  # (N,)
+    child: Ints  # (N,)
+    sibling: Ints  # (N,)
+    ends: Ints  # (N - 1, 2) the elements' nodes, a child and its parent
     h: Floats  # (N - 1,) lengths at rest, mm
     stiff: Floats  # (N - 1, 6) N, N mm^2
     strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
@@ -76,7 +82,7 @@ class State(NamedTuple):
     g: Floats  # (N, 6) gradient, N and N mm
     step: Floats  # (N, 6) mm and rad
     diagonal: Floats  # (N, 6, 6) the tangent's diagonal blocks, lower triangles
-    upper: Floats  # (N - 1, 6, 6) its blocks of one node and the next
+    upper: Floats  # (N, 6, 6) its blocks of a node and its parent
     diagonal_kept: Floats
     upper_kept: Floats
     x_kept: Floats

@@ -3,7 +3,7 @@
 import math
 
 from physics.bed.kernels.state import State, copy_rows
-from physics.bed.kernels.vectors import inner
+from physics.bed.kernels.vectors import Floats, inner
 
 TURN_LIMIT = 0.5
 """Largest rotation of a node in one Newton step, rad: beyond it the quadratic model of the energy
@@ -11,10 +11,10 @@ is far off, and Gibbs vectors grow without bound as neighbours come to be half a
 
 
 @inner
-def keep_shape(s: State) -> None:
+def keep_shape(x_kept: Floats, x: Floats, q_kept: Floats, q: Floats) -> None:
     """Save places and rotations for `move`."""
-    copy_rows(s.x_kept, s.x)
-    copy_rows(s.q_kept, s.q)
+    copy_rows(x_kept, x)
+    copy_rows(q_kept, q)
 
 
 @inner

@@ -9,7 +9,7 @@ a = f'(u) - b, v = r x t and e = l - r the second derivatives are
 
     x x   a t t^T + b I     x w   a t v^T - b [r]     w w   a v v^T + b (sym(e r^T) - (e.r) I)
 
-They touch the block of the strand's node only, so the tangent stays block-tridiagonal (6 x 6).
+They touch the block of the strand's node only, so that they add no blocks (6 x 6) to the tangent.
 A strand that also pushes pulls along its way round a rod, u of that way, but pushes back straight,
 u of |l|: pushed along the way, whose slope falls where its end leaves the rod, it would come to
 rest in that kink, where no forces balance.
@@ -24,8 +24,8 @@ from physics.bed.kernels.rods import (
     any_rod,
     energy_round,
     path_round,
+    press_beam,
     reached,
-    rods_near,
     strand_ends,
 )
 from physics.bed.kernels.state import (
@@ -34,6 +34,7 @@ from physics.bed.kernels.state import (
     ARM_Z,
     BENT_NOW,
     BILATERAL,
+    CONTACT,
     FAILURE,
     FOOT_X,
     FOOT_Y,
@@ -43,6 +44,7 @@ from physics.bed.kernels.state import (
     LENGTH,
     LOST_NOW,
     MOST,
+    RADIUS,
     RELAXED,
     ROD_BROKEN,
     ROD_DISSIPATED,
@@ -54,12 +56,29 @@ from physics.bed.kernels.state import (
     YIELD,
     State,
 )
-from physics.bed.kernels.vectors import Three, added, columns, cross, dot, inner, scaled
+from physics.bed.kernels.vectors import (
+    Floats,
+    Three,
+    added,
+    columns,
+    cross,
+    dot,
+    inlined,
+    inner,
+    scaled,
+)
 
 
 @inner
 def push_straight(
-    s: State, n: int, chord: Three, arm: Three, stiff: float, u: float, kind: int
+    g: Floats,
+    diagonal: Floats,
+    n: int,
+    chord: Three,
+    arm: Three,
+    stiff: float,
+    u: float,
+    kind: int,
 ) -> float:
     """Add the push of a strand of node n that lies round a rod; return its energy, mJ."""
     length = math.sqrt(dot(chord, chord))
@@ -70,9 +89,9 @@ def push_straight(
     b = max(f / length, 0.0) if kind == RELAXED else f / length
     a = stiff - b
     both = (t[0], t[1], t[2], v[0], v[1], v[2])
-    c = s.diagonal[n]
+    c = diagonal[n]
     for r in range(6):
-        s.g[n, r] += f * both[r]
+        g[n, r] += f * both[r]
         for col in range(r + 1):
             c[r, col] += a * both[r] * both[col]
     c[3, 1] -= b * arm[2]
@@ -89,15 +108,35 @@ def push_straight(
     return 0.5 * f * u
 
 
-@inner
+@inlined
 def strand_pass(s: State, kind: int, relaxation: float) -> None:
     """Add the strands' energy, gradient and tangent; damage goes by `relaxation` if RELAXED."""
     strand, damage, side = s.strand, s.damage, s.side
     energy = lost = most = 0.0
     whole = 0
-    rods = any_rod(s)
     for n in range(s.x.shape[0]):
-        near = rods and rods_near(s, n, kind)
+        near = False
+        for m in range(s.rods.shape[0]):
+            if s.rods[m, IN_USE] == 0.0:
+                continue
+            close, away, d = reached(s.x, s.thick, s.rods, n, m)
+            if away < s.thick[n, 0] + s.rods[m, RADIUS] and away > 1e-9:
+                s.sums[CONTACT] += press_beam(
+                    s.x, s.thick, s.rods, s.g, s.diagonal, s.pull, s.press, n, m, away, d, kind
+                )
+            if close or kind != RELAXED:
+                near = True
+                continue
+            # Out of reach strands forget on which side they touched it.
+            for i in range(s.first[n], s.first[n + 1]):
+                if side[m, i] & 1 and damage[i] < 1.0:
+                    end, foot = strand_ends(s.x, s.q, strand, n, i)
+                    path = path_round(end, foot, s.rods[m], side[m, i], False)[1]
+                    if path > 0.0:
+                        d = added(end, scaled(foot, -1.0))
+                        straight = math.sqrt(dot(d, d))
+                        s.sums[SLIPPED_NOW] += energy_round(strand, damage, i, path, straight)
+                side[m, i] = NO_CONTACT
         if s.first[n] == s.first[n + 1]:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
@@ -134,7 +173,9 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                     if kind == RELAXED and path > 0.0 and (was >= NO_CONTACT or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
-                        jump = energy_round(s, i, path, math.sqrt(lx * lx + ly * ly + lz * lz))
+                        jump = energy_round(
+                            strand, damage, i, path, math.sqrt(lx * lx + ly * ly + lz * lz)
+                        )
                         if was == SLIPPED:  # it meets the rod's other side
                             s.sums[SLIPPED_NOW] -= jump
                         else:
@@ -164,7 +205,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             d = damage[i]
             if short < 0.0:
                 stiff, straight, arm = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
-                energy += push_straight(s, n, straight, arm, stiff, short, kind)
+                energy += push_straight(s.g, s.diagonal, n, straight, arm, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
@@ -180,7 +221,9 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                         gone = 0.5 * k * u * u * (new - d)
                         if short < 0.0:
                             less, straight, arm = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
-                            change = push_straight(s, n, straight, arm, less, short, kind)
+                            change = push_straight(
+                                s.g, s.diagonal, n, straight, arm, less, short, kind
+                            )
                             energy += change
                             gone -= change
                         lost += gone
@@ -335,13 +378,13 @@ def update_rod_contacts(s: State, meet: bool) -> int:
         for m in range(s.rods.shape[0]):
             if s.rods[m, IN_USE] == 0.0:
                 continue
-            near = reached(s, n, m)[0]
+            near = reached(s.x, s.thick, s.rods, n, m)[0]
             for i in range(s.first[n], s.first[n + 1]):
                 was = s.side[m, i]
                 if not near or (was == NO_CONTACT and not meet):
                     s.side[m, i] = NO_CONTACT
                     continue
-                end, foot = strand_ends(s, n, i)
+                end, foot = strand_ends(s.x, s.q, s.strand, n, i)
                 before = path_round(end, foot, s.rods[m], was, False)[0]
                 now = path_round(end, foot, s.rods[m], was, True)[0]
                 s.side[m, i] = 0 if now == SLIPPED else now  # it may meet the other side at once
@@ -354,13 +397,13 @@ def update_rod_contacts(s: State, meet: bool) -> int:
 def yielded(s: State) -> float:
     """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
     lost = 0.0
-    rods = any_rod(s)
+    rods = any_rod(s.rods)
     for n in range(s.x.shape[0]):
         for i in range(s.first[n], s.first[n + 1]):
             d = s.damage[i]
             if d >= 1.0:
                 continue
-            end, foot = strand_ends(s, n, i)
+            end, foot = strand_ends(s.x, s.q, s.strand, n, i)
             chord = added(end, scaled(foot, -1.0))
             length = math.sqrt(dot(chord, chord))
             on_rod = False

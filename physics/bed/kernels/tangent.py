@@ -3,7 +3,7 @@
 import math
 
 from physics.bed.kernels.state import State
-from physics.bed.kernels.vectors import Floats, inner
+from physics.bed.kernels.vectors import Floats, Ints, inner
 
 
 @inner
@@ -23,7 +23,7 @@ def hold_nodes(s: State, fraction: float) -> None:
         mask = s.held[i]
         if mask == 0:
             continue
-        b = s.diagonal[i]
+        b, j = s.diagonal[i], s.parent[i]
         for r in range(6):
             if not (mask >> r) & 1:
                 continue
@@ -31,21 +31,25 @@ def hold_nodes(s: State, fraction: float) -> None:
             if displacement != 0.0:
                 for c in range(6):
                     s.step[i, c] += displacement * (b[r, c] if c <= r else b[c, r])
-                if i + 1 < n:
+                if j >= 0:
                     for c in range(6):
-                        s.step[i + 1, c] += displacement * s.upper[i, r, c]
-                if i > 0:
+                        s.step[j, c] += displacement * s.upper[i, r, c]
+                k = s.child[i]
+                while k >= 0:
                     for c in range(6):
-                        s.step[i - 1, c] += displacement * s.upper[i - 1, c, r]
+                        s.step[k, c] += displacement * s.upper[k, c, r]
+                    k = s.sibling[k]
             for c in range(6):
                 if c < r:
                     b[r, c] = 0.0
                 elif c > r:
                     b[c, r] = 0.0
-                if i + 1 < n:
-                    s.upper[i, r, c] = 0.0
-                if i > 0:
-                    s.upper[i - 1, c, r] = 0.0
+                s.upper[i, r, c] = 0.0
+            k = s.child[i]
+            while k >= 0:
+                for c in range(6):
+                    s.upper[k, c, r] = 0.0
+                k = s.sibling[k]
             b[r, r] = 1.0
             s.hold[i, r] = -displacement
     for i in range(n):
@@ -56,16 +60,17 @@ def hold_nodes(s: State, fraction: float) -> None:
 
 
 @inner
-def solve(s: State) -> bool:
+def solve(parent: Ints, diagonal: Floats, upper: Floats, step: Floats) -> bool:
     """Replace `step` by -K^-1 step, by block Cholesky; False if K is not positive definite."""
-    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_i,i+1 in the full blocks of
-    # `upper`, both overwritten: L_ii L_ii^T = K_ii - Y^T Y with Y = L_i-1,i-1^-1 K_i-1,i. The
-    # diagonal of L_ii keeps the inverse, so that there is one division for each freedom.
+    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_ij, j node i's parent, in the
+    # full blocks of `upper`, both overwritten. Children come before parents: L_ii L_ii^T = K_ii
+    # less Y^T Y of each child k, Y = L_kk^-1 K_ki, and no other blocks fill up. The diagonal of
+    # L_ii keeps the inverse, so that there is one division for each freedom.
     # A pivot that falls below 1e-14 of its entry is rounding: K is singular or worse.
-    n = s.x.shape[0]
+    n = parent.size
     for i in range(n):
-        low = s.diagonal[i]
-        b = s.step[i]
+        low, j = diagonal[i], parent[i]
+        b = step[i]
         for c in range(6):
             v = low[c, c]
             was = v
@@ -86,8 +91,8 @@ def solve(s: State) -> bool:
             for k in range(r):
                 v -= low[r, k] * b[k]
             b[r] = v * low[r, r]
-        if i + 1 < n:
-            y = s.upper[i]
+        if j >= 0:
+            y = upper[i]
             for r in range(6):
                 for k in range(r):
                     v = low[r, k]
@@ -96,8 +101,8 @@ def solve(s: State) -> bool:
                 v = low[r, r]
                 for c in range(6):
                     y[r, c] *= v
-            after = s.diagonal[i + 1]
-            b2 = s.step[i + 1]
+            after = diagonal[j]
+            b2 = step[j]
             for k in range(6):
                 for r in range(6):
                     v = y[k, r]
@@ -105,14 +110,14 @@ def solve(s: State) -> bool:
                         after[r, c] -= v * y[k, c]
                     b2[r] -= v * b[k]
     for i in range(n - 1, -1, -1):
-        low = s.diagonal[i]
-        b = s.step[i]
-        if i + 1 < n:
-            b2 = s.step[i + 1]
+        low, j = diagonal[i], parent[i]
+        b = step[i]
+        if j >= 0:
+            b2 = step[j]
             for r in range(6):
                 v = 0.0
                 for c in range(6):
-                    v += s.upper[i, r, c] * b2[c]
+                    v += upper[i, r, c] * b2[c]
                 b[r] -= v
         for r in range(5, -1, -1):
             v = b[r]
@@ -121,7 +126,7 @@ def solve(s: State) -> bool:
             b[r] = v * low[r, r]
     for i in range(n):
         for r in range(6):
-            s.step[i, r] = -s.step[i, r]
+            step[i, r] = -step[i, r]
     return True
 
 

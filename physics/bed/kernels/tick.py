@@ -42,7 +42,7 @@ def tick(s: State, ticks: int, relaxation: float, drag: float) -> bool:
         copy_rows(s.step, s.g)
         hold_nodes(s, 1.0)
         # Not definite, which is rare: more and more drag, until it is.
-        while not solve(s):
+        while not solve(s.parent, s.diagonal, s.upper, s.step):
             used = 16.0 * used + 1e-3
             if used > 1e9:
                 return False
@@ -50,7 +50,7 @@ def tick(s: State, ticks: int, relaxation: float, drag: float) -> bool:
             add_drag(s, used)
             copy_rows(s.step, s.g)
             hold_nodes(s, 1.0)
-        keep_shape(s)
+        keep_shape(s.x_kept, s.x, s.q_kept, s.q)
         turn = largest(s, int(3))
         taken = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
         move(s, taken)

@@ -10,12 +10,22 @@ from kernel_cache import njit
 
 F = TypeVar("F", bound=Callable[..., object])
 
+INNER = {
+    "cache": True,
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+
 
 def inner(function: F) -> F:
     """Return a function compiled for other compiled ones alone: no wrapper, less to compile."""
-    options = {"cache": True, "error_model": "numpy"}
-    compiled = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)  # pyright: ignore
-    return compiled(function)  # pyright: ignore
+    return njit(**INNER)(function)  # pyright: ignore
+
+
+def inlined(function: F) -> F:
+    """Return an `inner` function that is compiled into its callers: a call copies the state."""
+    return njit(forceinline=True, **INNER)(function)  # pyright: ignore
 
 
 Floats = NDArray[np.float64]
