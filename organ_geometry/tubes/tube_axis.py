@@ -34,13 +34,15 @@ Floats = NDArray[np.float64]
 _SAID_SHARE, _REFUSED_SHARE = 0.02, 0.2
 _FEWEST_VOXELS = 12
 # Least radius of a tube, in voxels.
-_THINNEST = 1.0
+_THINNEST = 0.75
 _STEP_SHARE = 0.25  # between points of the axis, of the radius
 # Rounds of moving the axis to the middle of its wall; that of a tube of so many voxels of radius
 # is there from the start, by its sections.
 _ROUNDS, _LARGE_VOXELS = 5, 10.0
 # How far from the surface voxels say where it is, in voxels.
 _NEAR_VOXELS = 2.5
+# How far a voxel of another tube is trusted to be outside this one.
+_FOREIGN_TRUST = 0.03
 _ACROSS = np.array([1.0, 0.0, 0.0])
 
 
@@ -53,8 +55,9 @@ class LabelVoxels:
     inside: NDArray[np.uint8]  # (K, J, I) 255 inside, in a box around the tube
     corner: NDArray[np.intp]  # (3,) first voxel of the box, I, J, K
     volume: float  # mm^3
-    near: Floats  # (V, 3) centres of voxels near the surface, none of another tube's, LPS mm
+    near: Floats  # (V, 3) centres of voxels near the surface, LPS mm
     is_inside: NDArray[np.bool_]  # (V,) whether each is of the tube
+    trust: Floats  # (V,) how far that is trusted: little, of voxels that are another tube's
     doubts: tuple[str, ...]
 
 
@@ -165,8 +168,7 @@ def label_voxels(
     reach = _NEAR_VOXELS * voxel ** (1.0 / 3.0)
     depth = _away(inside, volume.sizes)
     outside = _away(~inside, volume.sizes)
-    known = ~tubes[box] | inside
-    near = known & (depth < reach) & (outside < reach)
+    near = (depth < reach) & (outside < reach)
     indices = np.argwhere(near)[:, ::-1] + corner
     return LabelVoxels(
         name=name,
@@ -176,6 +178,7 @@ def label_voxels(
         volume=float(inside.sum()) * voxel,
         near=volume.places(indices),
         is_inside=inside[near],
+        trust=np.where((tubes[box] & ~inside)[near], _FOREIGN_TRUST, 1.0),
         doubts=tuple(doubts),
     )
 
@@ -187,14 +190,26 @@ def _away(mask: NDArray[np.bool_], sizes: Floats) -> Floats:
 
 def tube_axis(volume: LabelVolume, voxels: LabelVoxels) -> TubeAxis:
     """Return the axis of a label's tube, moved to the middle of its wall, and the wall."""
-    try:
-        line = centreline(Tube(voxels.inside, volume.sizes))
-    except NoTube as error:
+    # Thick slices as several thin ones, if a path from voxel to voxel has too few steps of them.
+    thin = np.maximum(1, np.round(volume.sizes / volume.sizes.min())).astype(np.intp)
+    for parts in (np.ones(3, dtype=np.intp), thin):
+        fine = voxels.inside
+        for axis in range(3):
+            fine = np.repeat(fine, parts[axis], axis=2 - axis)
+        sizes = volume.sizes / parts
+        try:
+            line = centreline(Tube(fine, sizes))
+        except NoTube as error:
+            reason = error
+        else:
+            break
+    else:
         raise ImageStackError(
-            f"label {voxels.label} ({voxels.name}) is no tube: {error}; name it among what is only "
-            f"shown"
-        ) from error
-    places = volume.places(line.points / volume.sizes + voxels.corner)
+            f"label {voxels.label} ({voxels.name}) is no tube: {reason}; give it the kind shown to "
+            f"leave it out"
+        )
+    indices = (line.points / sizes - 0.5 * (parts - 1.0)) / parts
+    places = volume.places(indices + voxels.corner)
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     radius = float(np.sqrt(voxels.volume / (np.pi * length)))
     voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
@@ -215,7 +230,7 @@ def fitted_axis(voxels: LabelVoxels, places: Floats, radius: float, voxel: float
     for _ in range(_ROUNDS - 1 if radius < _LARGE_VOXELS * voxel else 0):
         places, frames = _smoothed(places, radius, gap)
         wall = fitted_wall(
-            places, frames, voxels.near, voxels.is_inside, radius, voxel, harmonics=1
+            places, frames, voxels.near, voxels.is_inside, voxels.trust, radius, voxel, harmonics=1
         )
         stations = np.linspace(0.0, float(wall.knots[-1]), len(places))
         off = np.stack(
@@ -225,7 +240,14 @@ def fitted_axis(voxels: LabelVoxels, places: Floats, radius: float, voxel: float
         places = places + np.einsum("nij,nj->ni", frames[:, :, :2], off)
     places, frames = _smoothed(places, radius, gap)
     wall = fitted_wall(
-        places, frames, voxels.near, voxels.is_inside, radius, voxel, harmonics=harmonics
+        places,
+        frames,
+        voxels.near,
+        voxels.is_inside,
+        voxels.trust,
+        radius,
+        voxel,
+        harmonics=harmonics,
     )
     return TubeAxis(voxels, places, frames, wall, radius)
 

@@ -27,7 +27,7 @@ _REACH_RADII = 1.6  # ahead of an end, of its radius, where voxels of another tu
 _BEHIND_RADII = 0.8
 _RAY_RADII = 1.5  # how far an end's ray goes, of the other's radius
 _MISS_RADII = 1.1  # how near it comes to the other's axis
-_END_RADII = 1.2  # so near to an end of the other it is joined to that end
+_END_RADII = 1.2  # so near to an end of the other, in radii there, it is joined to that end
 # Two ends that found each other so near to the ends meet end to end.
 _MUTUAL_RADII = 3.0
 _SECTION_SHARE = 0.5
@@ -53,7 +53,7 @@ class _Ahead:
 
     point: Floats
     out: Floats
-    radius: float
+    radius: float  # there, mm
     counts: dict[int, int]
     cut: bool
 
@@ -97,8 +97,9 @@ def _ahead(volume: LabelVolume, tubes: dict[int, TubeAxis], label: int, end: int
     out = tube.frames[-end, :, 2] * (1.0 if end else -1.0)
     largest = float(volume.sizes.max())
     inner = min(tube.radius, 0.25 * tube.length)
-    radius = max(tube.radius_at(tube.length - inner if end else inner), 1.5 * largest)
-    reach = _REACH_RADII * radius + 1.5 * largest
+    radius = tube.radius_at(tube.length - inner if end else inner)
+    looked = max(radius, 1.5 * largest)
+    reach = _REACH_RADII * looked + 1.5 * largest
     middle, half = volume.indices(point), reach / volume.sizes
     shape = np.array(volume.values.shape[::-1])
     low = np.clip(np.floor(middle - half), 0, shape - 1).astype(int)
@@ -108,7 +109,7 @@ def _ahead(volume: LabelVolume, tubes: dict[int, TubeAxis], label: int, end: int
     around = ndimage.binary_dilation(mine, np.ones((3, 3, 3))) & ~mine
     indices = np.argwhere(around)[:, ::-1]
     off = volume.places(indices + low) - point
-    wanted = (off @ out > -_BEHIND_RADII * radius) & (np.linalg.norm(off, axis=1) < reach)
+    wanted = (off @ out > -_BEHIND_RADII * looked) & (np.linalg.norm(off, axis=1) < reach)
     labels = box[around][wanted]
     counts = {int(one): int((labels == one).sum()) for one in np.unique(labels) if one in tubes}
     at = volume.indices(point)
@@ -127,7 +128,8 @@ def _join(
     station, _ = other.nearest(ahead.point + theirs * ahead.out)
     ray = ahead.point + np.linspace(0.0, _RAY_RADII * theirs, 13)[:, np.newaxis] * ahead.out
     miss = min(other.nearest(place)[1] for place in ray)
-    close = _END_RADII * max(other.radius, ahead.radius)
+    at_end = other.radius_at(0.0 if station < 0.5 * other.length else other.length)
+    close = _END_RADII * max(min(other.radius, at_end), ahead.radius)
     place: JoinPlace = "middle"
     if min(station, other.length - station) < close:
         place = "begin" if station < other.length - station else "end"

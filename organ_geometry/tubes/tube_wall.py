@@ -10,9 +10,10 @@ where a centre at a distance d inside the wall is in the label with a probabilit
     1/2 + (1/2 - e) tanh(d / 2 t)
 
 with t a part of a voxel and e the share of labels that are wrong. No voxel is smoothed, so slices
-may be thick, and a thin tube does not shrink. Voxels of other tubes are left out: behind them the
-wall is what its surroundings make likely, by a prior on bends along the axis and on harmonics. The
-Fisher scoring is that of logistic regression [McCullagh 1989].
+may be thick, and a thin tube does not shrink. Voxels of other tubes count little: where two tubes
+are drawn into each other the wall is what its surroundings make likely, by a prior on bends and
+slopes along the axis and on harmonics. The Fisher scoring is that of logistic regression
+[McCullagh 1989].
 
 [McCullagh 1989] P. McCullagh, J. A. Nelder, Generalized Linear Models, chapters 2 and 4.
 """
@@ -58,6 +59,7 @@ def fitted_wall(
     frames: Floats,
     places: Floats,
     inside: NDArray[np.bool_],
+    trust: Floats,
     radius: float,
     voxel: float,
     *,
@@ -69,8 +71,9 @@ def fitted_wall(
     ----------
     axis, frames
         (N, 3) points at equal distances and (N, 3, 3) frames, the third column along the axis.
-    places, inside
-        (V, 3) centres of voxels near the tube, mm, and whether each is of it.
+    places, inside, trust
+        (V, 3) centres of voxels near the tube, mm, whether each is of it, and how far that is
+        trusted, 0 to 1.
     radius
         About the tube's, mm.
     voxel
@@ -90,20 +93,22 @@ def fitted_wall(
     knots = np.linspace(0.0, length, count)
     width = 1 + 2 * harmonics
     near = np.isfinite(away)
-    stations, angles, away, sign = stations[near], angles[near], away[near], 2.0 * inside[near] - 1
+    stations, angles, away, trust = stations[near], angles[near], away[near], trust[near]
+    label = inside[near].astype(np.float64)
     design = _design(stations, angles, knots, width)
     prior = _prior(count, width, radius)
     # Voxels near a surface lie on both sides of it: their mean distance is nearly the wall's.
-    first = (design.T @ design).tocsc() / voxel**2 + prior
-    found: Floats = np.asarray(spsolve(first, design.T @ away / voxel**2))
+    weight = trust / voxel**2
+    first = (design.T @ design.multiply(weight[:, np.newaxis])).tocsc() + prior
+    found: Floats = np.asarray(spsolve(first, design.T @ (weight * away)))
     for share in _SHARPNESS:
         sharp = share * voxel
         depth = np.clip((design @ found - away) / sharp, -30.0, 30.0)
         wave = np.tanh(0.5 * depth)
         chance = 0.5 + (0.5 - _WRONG) * wave  # that a centre there is in the label
         slope = 0.5 * (0.5 - _WRONG) * (1.0 - wave * wave) / sharp
-        score = slope * (0.5 * (1.0 + sign) - chance) / (chance * (1.0 - chance))
-        weight = slope * slope / (chance * (1.0 - chance))
+        score = trust * slope * (label - chance) / (chance * (1.0 - chance))
+        weight = trust * slope * slope / (chance * (1.0 - chance))
         information = (design.T @ design.multiply(weight[:, np.newaxis])).tocsc() + prior
         # The mean of the prior is the radius's bend and the harmonics' nothing.
         change: Floats = np.asarray(spsolve(information, design.T @ score - prior @ found))

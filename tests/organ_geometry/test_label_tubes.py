@@ -139,9 +139,8 @@ def test_a_wall_of_wrong_and_missing_labels_is_found(sizes: tuple[float, float, 
     away = np.linalg.norm(off - np.outer(off @ way, way), axis=1)
     known = (away < 4.5) & (off @ frames[0, :, 0] < 1.2)
     voxel = float(np.prod(sizes) ** (1.0 / 3.0))
-    wall = fitted_wall(
-        axis, frames, places[known], (inside ^ wrong)[known], 2.0, voxel, harmonics=2
-    )
+    labels, trust = (inside ^ wrong)[known], np.ones(int(known.sum()))
+    wall = fitted_wall(axis, frames, places[known], labels, trust, 2.0, voxel, harmonics=2)
     angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
     radii = wall.radii(np.linspace(3.0, 36.0, 30), angles)
     assert np.sqrt(((radii - 2.0) ** 2).mean()) < 0.15 * voxel
