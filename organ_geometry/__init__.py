@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from organ_geometry.tubes.label_tubes import LabelTube as LabelTube
     from organ_geometry.tubes.label_tubes import LabelTubes as LabelTubes
     from organ_geometry.tubes.label_tubes import tubes_of_labels as tubes_of_labels
+    from organ_geometry.tubes.round_organ import round_organ as round_organ
     from organ_geometry.tubes.tube_joins import TubeJoin as TubeJoin
 else:
     # The names above by their modules, declared once: read from the lines that type checkers read.

@@ -44,6 +44,15 @@ def anatomy(
             show_default="as the labels' file has them",
         ),
     ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the tubes' surfaces, each closed: .glb (by name), .stl, .ply or .obj."
+        ),
+    ] = None,
+    merged: Annotated[
+        bool, typer.Option("--merged", help="Merge the tubes of --mesh into one closed surface.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in an anatomy of several tubes, draw one by frequencies, find one in labels.
@@ -56,6 +65,14 @@ def anatomy(
         raise ValueError("give an anatomy's name or file, --seed, --labels or --list")
     if names is not None and labels is None:
         raise ValueError("--names goes with --labels")
+    if merged and mesh is None:
+        raise ValueError("--merged goes with --mesh")
+    if mesh is not None:
+        from app.anatomy.anatomy_mesh import mesh_suffix
+
+        mesh_suffix(mesh, merged=merged)
+        if shipped or labels is not None:
+            raise ValueError("--mesh is of one anatomy: give its name or file, or --seed")
     if labels is not None:
         _from_labels(labels, names, output, figure, as_json=as_json)
         return
@@ -73,7 +90,7 @@ def anatomy(
             as_json=as_json,
         )
         return
-    for target in (output, figure):
+    for target in (output, figure, mesh):
         if target is not None:
             check_target(target)
     if seed is not None:
@@ -86,6 +103,12 @@ def anatomy(
         from app.anatomy.figure import anatomy_figure, figure_kind
 
         write_atomic(figure, anatomy_figure(made, lines, figure_kind(figure)))
+    if mesh is not None:
+        from app.anatomy.anatomy_mesh import anatomy_mesh, mesh_suffix
+
+        beside = Path(source or "").parent
+        suffix = mesh_suffix(mesh, merged=merged)
+        write_atomic(mesh, anatomy_mesh(made, lines, beside, suffix, merged=merged))
     if output is not None:
         write_atomic(output, anatomy_toml(made).encode())
     _report(made, lines, {}, [], as_json=as_json)

@@ -1,0 +1,95 @@
+"""The surfaces of an anatomy's tubes, one by one or as one closed surface, as a mesh file."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy.anatomy_geometry import TubeLine
+from app.anatomy.tables import Anatomy, TubeTable
+from organ_geometry import Organ, read_organ, round_organ
+from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
+
+__all__ = ["anatomy_mesh", "mesh_suffix"]
+
+# Of a tube's mean radius: edges of its triangles.
+_EDGE_SHARE = 0.3
+
+
+def mesh_suffix(path: Path, *, merged: bool) -> str:
+    """Return the kind of mesh that a file's name asks for; a ValueError if there is none."""
+    suffix = path.suffix.lower()
+    offered = [each for each in SUFFIXES if not (merged and each == ".glb")]
+    if suffix not in offered:
+        raise ValueError(f"a mesh's name must end in {', '.join(offered)}, not {path.name!r}")
+    return suffix
+
+
+def anatomy_mesh(
+    anatomy: Anatomy, lines: dict[str, TubeLine], folder: Path, suffix: str, *, merged: bool
+) -> bytes:
+    """Return the closed surfaces of an anatomy's tubes as a mesh file.
+
+    Parameters
+    ----------
+    anatomy, lines
+        The anatomy and its tubes' axes.
+    folder
+        Where its organs are; a tube without one is round.
+    suffix
+        Of `mesh_suffix`.
+    merged
+        Whether tubes become one closed surface, as far as they join.
+
+    Returns
+    -------
+    bytes
+        In the patient's LPS, where the anatomy has a place, else in its own frame.
+
+    Raises
+    ------
+    ValueError
+        If an organ cannot be read, or what merges surfaces is not installed.
+    """
+    surfaces: list[Surface] = []
+    for tube in anatomy.tube:
+        organ = _organ(anatomy, tube, lines[tube.name], folder)
+        skin = organ_skin(organ, edge_length=_EDGE_SHARE * organ.mean_radius)
+        surfaces.append(Surface(tube.name, skin, skin.vertices))
+    if not merged:
+        return mesh_content(surfaces, suffix)
+    return _merged(surfaces, suffix)
+
+
+def _organ(anatomy: Anatomy, tube: TubeTable, line: TubeLine, folder: Path) -> Organ:
+    if tube.organ is not None:
+        if Path(tube.organ).name != tube.organ:
+            raise ValueError(
+                f"tube {tube.name!r} has its organ at {tube.organ!r}: it must be a file beside the "
+                f"anatomy"
+            )
+        return read_organ(folder / tube.organ)
+    places: NDArray[np.float64] = line.places
+    if anatomy.place is not None:
+        rows = np.array(anatomy.place.rows_LPS, dtype=np.float64)
+        places = places @ rows + np.array(anatomy.place.origin_LPS_mm, dtype=np.float64)
+    return round_organ(places, line.radius, tube.name)
+
+
+def _merged(surfaces: list[Surface], suffix: str) -> bytes:
+    """Return the union of closed surfaces."""
+    import trimesh
+
+    if find_spec("manifold3d") is None:
+        raise ValueError(
+            "surfaces are merged with manifold3d, which is missing: "
+            "pip install 'bluntdissect[medical]'"
+        )
+    union: Any = trimesh.boolean.union  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
+    closed = [trimesh.Trimesh(one.vertices, one.skin.faces, process=False) for one in surfaces]
+    whole = union(closed, engine="manifold")
+    assert isinstance(whole, trimesh.Trimesh)  # noqa: S101
+    content = whole.export(file_type=suffix.removeprefix("."))  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType,reportCallIssue]
+    return content.encode() if isinstance(content, str) else bytes(content)  # pyright: ignore[reportUnknownArgumentType]
