@@ -30,7 +30,7 @@ from app.anatomy.tables import (
 from app.anatomy.tube_kinds import wall_of
 from physics.bed.space_beam import axis_line
 
-__all__ = ["anatomy_of", "drawn_anatomy"]
+__all__ = ["ARTERY_AT_MM", "anatomy_of", "drawn_anatomy", "wavy_course"]
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ _LIVER_WAY = (0.68, 0.60, 0.42)
 _GALLBLADDER_RADII = (0.2, 0.55, 0.85, 1.0, 0.95, 0.6)
 _GALLBLADDER_SAG = (0.0, 1.0, 2.0, 2.5, 2.0, 1.0)
 # Where cystic arteries end on the gallbladder, mm from its neck.
-_ARTERY_AT_MM, _SECOND_AT_MM = 5.0, 11.0
+ARTERY_AT_MM, _SECOND_AT_MM = 5.0, 11.0
 _CLEARANCE_MM = 0.6
 _LARGEST_WAVE_MM = 3.2
 _MOST_WAVES = 8
@@ -167,9 +167,9 @@ def _tried(case: Case, course: _Course) -> Anatomy:
     artery_r = 0.5 * sizes["cystic_artery_diameter_mm"]
     hepatic_r = 0.5 * sizes["right_hepatic_artery_diameter_mm"]
     gallbladder = lines["gallbladder"]
-    target = gallbladder.at(_ARTERY_AT_MM)
+    target = gallbladder.at(ARTERY_AT_MM)
     # Lengths are from wall to wall, axes run from axis to axis.
-    inside = float(np.interp(_ARTERY_AT_MM, gallbladder.stations, gallbladder.radius))
+    inside = float(np.interp(ARTERY_AT_MM, gallbladder.stations, gallbladder.radius))
     whole = sizes["cystic_artery_length_mm"] + inside + hepatic_r
     rha_points = _hepatic_course(
         case, lines["common"], target, course.chord * whole, hepatic_r + common_r, course.depth
@@ -184,27 +184,27 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         origin = float(
             rha.stations[np.where(right, np.abs(apart - course.chord * whole), np.inf).argmin()]
         )
-        path = _waved(rha.at(origin), target, whole, course.turn)
+        path = wavy_course(rha.at(origin), target, whole, course.turn)
         add("artery", "artery", path, round(artery_r, 3), ("joined", "joined"), 20)
         join("artery", 0, "rha", origin, 2.0)
-        join("artery", 1, "gallbladder", _ARTERY_AT_MM, 2.0)
+        join("artery", 1, "gallbladder", ARTERY_AT_MM, 2.0)
         if number == "double":
             second = min(origin + 8.0, rha.length - 3.0)
             if second < origin + 5.0:
                 second = origin - 8.0
             beyond = gallbladder.at(_SECOND_AT_MM)
             start = rha.at(second)
-            path = _waved(start, beyond, _SLACK * math.dist(start, beyond), course.second_turn)
+            path = wavy_course(start, beyond, _SLACK * math.dist(start, beyond), course.second_turn)
             add("artery2", "artery", path, round(0.8 * artery_r, 3), ("joined", "joined"), 20)
             join("artery2", 0, "rha", second, 2.0)
             join("artery2", 1, "gallbladder", _SECOND_AT_MM, 2.0)
     if number in ("outside", "both"):
-        name, on = ("artery", _ARTERY_AT_MM) if number == "outside" else ("artery2", _SECOND_AT_MM)
+        name, on = ("artery", ARTERY_AT_MM) if number == "outside" else ("artery2", _SECOND_AT_MM)
         end = gallbladder.at(on)
         # From the duodenum's side, right of the common duct.
         right = max(9.0 + common_r, float(end[1]) - 8.0)
         start = np.array([end[0] - 24.0, right, -3.5])
-        path = _waved(start, end, _SLACK * math.dist(start, end), course.second_turn)
+        path = wavy_course(start, end, _SLACK * math.dist(start, end), course.second_turn)
         add(name, "artery", path, round(artery_r, 3), ("clamped", "joined"), 20)
         join(name, 1, "gallbladder", on, 2.0)
     return Anatomy(
@@ -289,7 +289,7 @@ def _hepatic_course(
     return np.stack([first, second, middle, end])
 
 
-def _waved(start: Floats, end: Floats, length: float, turn: float) -> Floats:
+def wavy_course(start: Floats, end: Floats, length: float, turn: float) -> Floats:
     """Return points of a wavy line of a length, mm, or of the chord's, if that is longer."""
     chord = end - start
     along = chord / np.linalg.norm(chord)

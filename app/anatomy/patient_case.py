@@ -6,6 +6,7 @@ the first tube does. What labels do not tell, walls, strengths and tissue, is as
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import cast
 
@@ -21,12 +22,15 @@ from app.anatomy.anatomy_geometry import (
     tube_line,
     tube_lines,
 )
+from app.anatomy.frequencies import frequencies
+from app.anatomy.hepatocystic_triangle import ARTERY_AT_MM, wavy_course
 from app.anatomy.tables import (
     Anatomy,
     JoinTable,
     LayerTable,
     Place,
     Point,
+    TableError,
     TouchTable,
     TubeEnd,
     TubeKind,
@@ -36,12 +40,23 @@ from app.anatomy.tube_kinds import Role, kind_of_name, wall_of
 from app.bounded_file import decoded, read_bounded
 from organ_geometry import LabelTubes, LabelVolume, make_folder, tubes_of_labels, write_organ
 
-__all__ = ["NamedLabel", "PatientCase", "named_labels", "patient_case", "write_case"]
+__all__ = [
+    "NamedLabel",
+    "PatientCase",
+    "named_labels",
+    "patient_case",
+    "with_cystic_artery",
+    "write_case",
+]
 
 Floats = NDArray[np.float64]
 
 MOST_BYTES = 1_000_000
 """Size of a file of names."""
+_HEPATIC_ARTERY = "right_hepatic_artery"
+# What is tried of a cystic artery's course: origins along the hepatic artery from the nearest, and
+# its least length, of the distance.
+_ORIGINS_MM, _SLACKS = (0.0, 5.0, -5.0, 10.0, -10.0), (1.0, 1.1, 1.25)
 _KINDS = ("duct", "artery", "vein", "organ", "shown")
 # Rows of x to the head, y to the right, z to the front, in LPS.
 _ROWS: tuple[Point, Point, Point] = ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
@@ -142,6 +157,7 @@ def patient_case(
     names: Mapping[int, NamedLabel],
     *,
     name: str = "patient",
+    draw_artery: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> PatientCase:
     """Return the anatomy of the tubes among named labels.
@@ -152,6 +168,8 @@ def patient_case(
         The labels and their names; kinds `shown` are left out.
     name
         The anatomy's.
+    draw_artery
+        Whether a cystic artery, which no label has, is drawn in by published frequencies.
     progress
         Called with how many steps of how many are done.
 
@@ -180,7 +198,93 @@ def patient_case(
     order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
     found = tubes_of_labels(volume, {label: tubes[label] for label in order}, progress=progress)
     anatomy = _anatomy(volume, found, kinds, name)
-    return PatientCase(anatomy, found, tuple(left_out), (*found.doubts, *_mirrored(found, kinds)))
+    doubts = [*found.doubts, *_mirrored(found, kinds)]
+    if not any("cystic" in tube and kinds[tube] == "artery" for tube in kinds):
+        if draw_artery:
+            anatomy = with_cystic_artery(anatomy)
+        elif {"gallbladder", _HEPATIC_ARTERY} <= kinds.keys():
+            doubts.append("no label is a cystic artery: --draw-artery draws one in, assumed")
+    elif draw_artery:
+        raise ValueError("a label is a cystic artery already: leave out --draw-artery")
+    return PatientCase(anatomy, found, tuple(left_out), tuple(doubts))
+
+
+def with_cystic_artery(anatomy: Anatomy) -> Anatomy:
+    """Return an anatomy with an artery from the right hepatic one to the gallbladder, assumed.
+
+    It has the mean diameter of the frequencies and, where the two are not further apart, their mean
+    length. Of several origins and courses the first that keeps clear of the other tubes is taken.
+
+    Parameters
+    ----------
+    anatomy
+        With a `gallbladder` and a `right_hepatic_artery`.
+
+    Returns
+    -------
+    Anatomy
+        With a tube `cystic_artery`, its two joins and the tissue around it.
+
+    Raises
+    ------
+    ValueError
+        If one of the two is missing, or no course keeps clear.
+    """
+    lines = tube_lines(anatomy)
+    if not {"gallbladder", _HEPATIC_ARTERY} <= lines.keys():
+        raise ValueError(
+            f"a cystic artery is drawn from a tube named {_HEPATIC_ARTERY} to one named "
+            f"gallbladder; there are {', '.join(lines)}"
+        )
+    gallbladder, hepatic = lines["gallbladder"], lines[_HEPATIC_ARTERY]
+    # The neck is the end that the cystic duct joins, or else the narrower.
+    ends = [join.at_mm for join in anatomy.join if join.to == "gallbladder"]
+    narrow = "begin" if gallbladder.radius[0] < gallbladder.radius[-1] else "end"
+    neck = next((end for end in ends if isinstance(end, str)), narrow)
+    on = ARTERY_AT_MM if neck == "begin" else gallbladder.length - ARTERY_AT_MM
+    target = gallbladder.at(on)
+    nearest = hepatic.nearest(target)
+    sizes = frequencies().size
+    radius = round(0.5 * sizes["cystic_artery_diameter_mm"].mean, 3)
+    inside = float(np.interp(on, gallbladder.stations, gallbladder.radius))
+    length = sizes["cystic_artery_length_mm"].mean + inside + float(hepatic.radius.mean())
+    wall = wall_of("artery")
+    fault: ValueError | None = None
+    turns = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False).tolist()
+    for off, slack, turn in product(_ORIGINS_MM, _SLACKS, turns):
+        origin = min(max(nearest + off, 2.0), hepatic.length - 2.0)
+        start = hepatic.at(origin)
+        least = slack * float(np.linalg.norm(target - start))
+        points = wavy_course(start, target, max(length, least), turn)
+        tube = TubeTable(
+            name="cystic_artery",
+            kind="artery",
+            points_mm=[cast("Point", tuple(point)) for point in (points.round(3) + 0.0).tolist()],
+            radius_mm=radius,
+            wall_mm=wall.thickness([radius]),
+            modulus_MPa=wall.modulus_MPa,
+            strength_MPa=wall.strength_MPa,
+            stretch_at_break=wall.stretch_at_break,
+            ends=("joined", "joined"),
+            fluid=wall.fluid,
+            source="drawn by published frequencies; no label has it",
+            confidence="assumed",
+            confidence_wall=wall.confidence,
+        )
+        joins = [
+            JoinTable(tube=tube.name, end=0, to=_HEPATIC_ARTERY, at_mm=round(origin, 3)),
+            JoinTable(tube=tube.name, end=1, to="gallbladder", at_mm=round(on, 3)),
+        ]
+        drawn = msgspec.structs.replace(
+            anatomy, tube=[*anatomy.tube, tube], join=[*anatomy.join, *joins]
+        )
+        try:
+            lines = tube_lines(drawn)
+        except TableError as error:
+            fault = error
+        else:
+            return msgspec.structs.replace(drawn, layer=_layers(drawn, lines))
+    raise ValueError(f"no course of a cystic artery keeps clear of the other tubes: {fault}")
 
 
 def write_case(case: PatientCase, folder: Path) -> list[Path]:

@@ -44,6 +44,13 @@ def anatomy(
             show_default="as the labels' file has them",
         ),
     ] = None,
+    draw_artery: Annotated[
+        bool,
+        typer.Option(
+            "--draw-artery",
+            help="Draw a cystic artery into --labels that have none, by published frequencies.",
+        ),
+    ] = False,
     mesh: Annotated[
         Path | None,
         typer.Option(
@@ -65,6 +72,8 @@ def anatomy(
         raise ValueError("give an anatomy's name or file, --seed, --labels or --list")
     if names is not None and labels is None:
         raise ValueError("--names goes with --labels")
+    if draw_artery and labels is None:
+        raise ValueError("--draw-artery goes with --labels")
     if merged and mesh is None:
         raise ValueError("--merged goes with --mesh")
     if mesh is not None:
@@ -74,7 +83,7 @@ def anatomy(
         if shipped or labels is not None:
             raise ValueError("--mesh is of one anatomy: give its name or file, or --seed")
     if labels is not None:
-        _from_labels(labels, names, output, figure, as_json=as_json)
+        _from_labels(labels, names, output, figure, draw_artery=draw_artery, as_json=as_json)
         return
     from app.anatomy import anatomy_toml, drawn_anatomy, read_anatomy, shipped_anatomies, tube_lines
     from organ_geometry import check_target, write_atomic
@@ -115,7 +124,13 @@ def anatomy(
 
 
 def _from_labels(
-    labels: Path, names: Path | None, folder: Path | None, figure: Path | None, *, as_json: bool
+    labels: Path,
+    names: Path | None,
+    folder: Path | None,
+    figure: Path | None,
+    *,
+    draw_artery: bool,
+    as_json: bool,
 ) -> None:
     """Find the tubes in labels, write them into a folder and say what was found."""
     from app.anatomy import named_labels, patient_case, tube_lines, write_case
@@ -131,7 +146,13 @@ def _from_labels(
     volume = read_labels(labels)
     named = named_labels(volume, names)
     with progress_bar("Finding tubes") as progress:
-        case = patient_case(volume, named, name=folder.resolve().name, progress=progress)
+        case = patient_case(
+            volume,
+            named,
+            name=folder.resolve().name,
+            draw_artery=draw_artery,
+            progress=progress,
+        )
     write_case(case, folder)
     lines = tube_lines(case.anatomy)
     if figure is not None:

@@ -329,3 +329,31 @@ def test_a_drawn_case_is_found_again_in_its_labels(seed: int) -> None:
         assert np.sqrt((away**2).mean()) < 0.35, tube.name
         radii = np.sqrt(organ.section_properties(at).area / np.pi)
         assert (radii / line.radius[nearest]).mean() == pytest.approx(1.0, abs=0.1), tube.name
+
+
+def test_a_cystic_artery_is_offered_and_drawn_in(tmp_path: Path) -> None:
+    body = {
+        1: Drawn((0.0, 0.0, 0.0), (0.0, 0.0, 50.0), 3.0),
+        2: Drawn((-8.0, 0.0, 20.0), (-45.0, 0.0, 20.0), 6.0),
+        3: Drawn((12.0, 8.0, 34.0), (-20.0, 8.0, 40.0), 2.0),
+    }
+    labels = write(drawn_volume(body, 1.0), tmp_path / "labels.nrrd")
+    names = tmp_path / "names.json"
+    names.write_text('{"1": "common duct", "2": "gallbladder", "3": "right hepatic artery"}')
+    arguments = ["anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case"]
+    assert "--draw-artery draws one in" in run(*arguments).stdout
+    done = run(*arguments, "--draw-artery")
+    assert done.returncode == 0, done.stderr
+    anatomy = read_anatomy(tmp_path / "case" / "anatomy.toml")
+    artery = anatomy.tube_named("cystic_artery")
+    assert artery.confidence == "assumed"
+    assert artery.organ is None
+    assert {join.to for join in anatomy.join if join.tube == "cystic_artery"} == {
+        "right_hepatic_artery", "gallbladder",
+    }  # fmt: skip
+    assert any(layer.tube == "cystic_artery" for layer in anatomy.layer)
+    names.write_text('{"1": "common duct", "2": "gallbladder", "3": "cystic artery"}')
+    assert "already" in refused([*arguments, "--draw-artery"])
+    names.write_text('{"1": "common duct"}')
+    assert "right_hepatic_artery" in refused([*arguments, "--draw-artery"])
+    assert "--draw-artery goes with --labels" in refused(["anatomy", "normal", "--draw-artery"])
