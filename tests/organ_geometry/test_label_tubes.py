@@ -284,3 +284,24 @@ def test_the_atlas_is_found_again(name: str, data_dir: Path) -> None:
         away = TriangleSurface(vertices, faces).distances(points[~np.isin(labels, others)])
         error = 100.0 * float(np.sqrt((away**2).mean())) / organ.mean_radius
         assert error <= (atlas.clean if name == "labels" else atlas.hard), tube
+
+
+def test_an_oblique_volume_s_tubes_stand_where_its_axes_say(tmp_path: Path) -> None:
+    volume = drawn_volume(forked(40.0), RADIUS / 3)
+    turn = turn_about_z(25.0) @ TILT
+    oblique = LabelVolume(
+        volume.source, volume.values, volume.sizes, turn @ volume.origin, turn @ volume.axes
+    )
+    straight = tubes_of_labels(volume, NAMES)
+    found = tubes_of_labels(read_labels(write(oblique, tmp_path / "oblique.nii.gz")), NAMES)
+    for one, other in zip(straight.joins, found.joins, strict=True):
+        assert (one.tube, one.end, one.to, one.place) == (
+            other.tube, other.end, other.to, other.place,
+        )  # fmt: skip
+        assert one.station == pytest.approx(other.station, abs=0.1)
+    for name in NAMES.values():
+        line, turned = straight.tube(name).axis, found.tube(name).axis
+        shares = np.linspace(0.0, 1.0, 20)
+        for share in shares:
+            place = turn @ line.place(share * line.length)
+            assert turned.nearest(place)[1] < 0.1
