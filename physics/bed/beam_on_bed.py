@@ -205,6 +205,11 @@ class BeamOnBed:
             stiff=blank((elements, 6)),
             strain=blank((elements, 6)),
             chord=blank((elements, 2)),
+            wall=blank((0, kernels.WALL_ROWS)) if beam.fibres is None else beam.fibres[0].copy(),
+            strained=blank((0 if beam.fibres is None else elements, 4)),
+            fibres=np.ones(
+                (kernels.FIBRE_ROWS, 0 if beam.fibres is None else kernels.FIBRES * elements)
+            ),
             first=np.searchsorted(self._node, np.arange(nodes + 1)).astype(np.int64),
             strand=table,
             damage=blank(strands.count),
@@ -269,6 +274,16 @@ class BeamOnBed:
             s.stiff[whole, shear] = 1.0 / (1.0 / self._elastic[whole, shear] + within)
             inner = s.stiff[whole, shear] * within
             s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
+        if self.beam.fibres is not None:
+            if s.chord.any():
+                longest = float(s.h[s.chord.any(axis=1)].max())
+                raise ValueError(
+                    f"elements of {longest:g} mm are too long for fibres in so thin a beam: give "
+                    "more elements, or the linear law"
+                )
+            s.wall[:, kernels.SOFT] = 0.0
+            s.wall[whole, kernels.SOFT] = s.stiff[whole, 1] / self._elastic[whole, 1]
+            s.wall[~whole, kernels.STRENGTH] = 0.0
         ends = self.strands.ends[self._order] - self._rest_x[self._node]
         w, x, y, z = self._rest_q[self._node].T
         turn = np.stack(
@@ -720,6 +735,13 @@ class BeamOnBed:
         wall, section = self.beam.wall, self.state.section
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
+        if self.beam.fibres is not None:
+            out = np.empty((section.shape[0], 2, 3))
+            s, radius = self.state, self.beam.radius
+            kernels.end_stresses(
+                s.ends, section, s.strained, self.beam.fibres[1], wall, radius, out
+            )
+            return out
         loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
         return loads / np.stack([wall[:-1], wall[1:]], axis=1)
 
@@ -727,7 +749,7 @@ class BeamOnBed:
         """Return the largest stress of the wall, over the nodes."""
         if self.beam.wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
-        node, normal, up, across = _worst(self.state.section, self.state.ends, self.beam.wall)
+        node, normal, up, across = _worst(self.stresses(), self.state.ends)
         if node < 0:
             return WorstStress(0.0, 0.0, 0.0, 0.0)
         return WorstStress(
@@ -759,20 +781,16 @@ _TICK, _AHEAD = SameTypes(kernels.tick), SameTypes(kernels.assemble_ahead)
 
 
 @njit(cache=True, nogil=True)
-def _worst(
-    section: Floats, ends: NDArray[np.int64], wall: Floats
-) -> tuple[int, float, float, float]:
+def _worst(stresses: Floats, ends: NDArray[np.int64]) -> tuple[int, float, float, float]:
     """Return the node with the largest stress, and its stresses; node -1 where none is pulled."""
     largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
-    for element in range(section.shape[0]):
+    for element in range(stresses.shape[0]):
         for end in range(2):
-            node = ends[element, end]
-            normal = section[element, 9 + end] / wall[node, 0]
-            up = section[element, 4 + 3 * end] / wall[node, 1]
-            across = section[element, 5 + 3 * end] / wall[node, 2]
+            normal = stresses[element, end, 0]
+            up, across = stresses[element, end, 1], stresses[element, end, 2]
             total = normal + np.sqrt(up * up + across * across)
             if total > largest:
-                largest, found = total, (node, normal, up, across)
+                largest, found = total, (ends[element, end], normal, up, across)
     return found
 
 

@@ -15,6 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
+from physics.bed import kernels
+from physics.exact.exact import Law
+from physics.exact.linear_law import Linear
+from physics.exact.neo_hooke_law import NeoHooke
 from physics.quantity import finite, positive
 
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
@@ -27,6 +31,8 @@ HELD: dict[End, int] = {"clamped": 63, "pinned": 7, "sliding": 62, "roller": 6, 
 """Bits of what is held: 1 2 4 along x y z, 8 16 32 turning about them."""
 
 Floats = NDArray[np.float64]
+
+LINEAR = Linear(shear=True)
 
 STIFFNESSES = ("axial", "shear across", "shear up", "torsion", "bending up", "bending across")
 """Columns of `SpaceBeam.stiffness`: bending up is in the plane of the axis and up."""
@@ -53,6 +59,9 @@ class SpaceBeam:
     # (N, 3) area, mm^2, and section moduli I/c for bending up and across, mm^3; None: no stresses
     # are read
     wall: Floats | None = None
+    # (N - 1, WALL_ROWS) of the elements and (N, WALL_ROWS) of the nodes, what `kernels.wall` needs
+    # of a wall that is no linear one
+    fibres: tuple[Floats, Floats] | None = None
 
     def __post_init__(self) -> None:
         for name in ("stations", "places", "rotations", "stiffness", "radius", "wall"):
@@ -79,6 +88,7 @@ class SpaceBeam:
         stations: Floats | None = None,
         radius: float | Floats = 1.0,
         wall: Floats | None = None,
+        fibres: Floats | None = None,
         nodes_at: Sequence[float] = (),
     ) -> "SpaceBeam":
         """Return a beam of elements that are even between the nodes that are asked for.
@@ -93,7 +103,7 @@ class SpaceBeam:
             Length of a straight beam along x, mm; or (P, 3) points of a curved axis at rest, mm.
         ends
             How the two ends are held.
-        stations, radius, wall
+        stations, radius, wall, fibres
             (K,) places from 0 to the span, mm, and what is constant or (K, ...) there.
         nodes_at
             Stations that shall be nodes: where hooks take hold.
@@ -156,23 +166,36 @@ class SpaceBeam:
         positive(float(thick.min()), "radius", "mm")
         positive(float(thick.max()), "radius", "mm")
         walls = None if wall is None else _along(np.asarray(wall), 3, given, nodes, "wall")
-        return cls(nodes, places, rotations, stiff, ends, thick[:, 0], walls)
+        made = None
+        if fibres is not None:
+            made = (
+                _along(fibres, kernels.WALL_ROWS, given, middles, "fibres"),
+                _along(fibres, kernels.WALL_ROWS, given, nodes, "fibres"),
+            )
+        return cls(nodes, places, rotations, stiff, ends, thick[:, 0], walls, made)
 
     @classmethod
     def of(
         cls,
         beam: Beam,
         *,
+        law: Law = LINEAR,
         elements: int = 40,
         ends: tuple[End, End] = ("clamped", "clamped"),
         axis: Floats | None = None,
         nodes_at: Sequence[float] = (),
     ) -> "SpaceBeam":
-        """Return a beam of the other theories in space, equally stiff all round."""
-        # Its shear areas are those of `Exact(Linear(shear=True))`. Along a curved `axis`, which
-        # should be as long, sections are spread in proportion.
+        """Return a beam of the other theories in space, whose wall has a law as in `Exact`."""
+        # It is equally stiff all round. Along a curved `axis`, which should be as long, sections
+        # are spread in proportion.
+        if not law.shear:
+            raise ValueError("a beam in space shears: its law must too, as Linear(shear=True)")
         stations = beam.key_stations
         areas, moments, fibres, shear_areas, _ = beam.sections_at(stations)
+        rows = None
+        if isinstance(law, NeoHooke):
+            rows = law.fibres_in_space(beam, stations)
+            shear_areas = areas * (1.0 - rows[:, kernels.DEFICIT] / rows[:, kernels.SHEAR])
         e = beam.modulus
         g = 0.5 * e / (1.0 + beam.poisson_ratio)
         stiffness = np.stack(
@@ -195,6 +218,7 @@ class SpaceBeam:
             stations=stations if axis is None else stations * (axis_line(axis)[0][-1] / beam.span),
             radius=fibres,
             wall=np.stack([areas, moments / fibres, moments / fibres], axis=1),
+            fibres=rows,
             nodes_at=nodes_at,
         )
 

@@ -318,6 +318,31 @@ class NeoHooke:
             points[WEIGHT, columns] = weight
             points[DEFICIT, columns] = (1.0 - coefficient) * shear_modulus
 
+    def fibres_in_space(self, beam: Beam, stations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (S, 9) rows of sections that `physics.bed.kernels.wall` needs."""
+        nu = beam.poisson_ratio
+        shear_modulus = 0.5 / (1.0 + nu)
+        sections = beam.sections_at(stations, shear_areas=beam.has_shear_areas)
+        rows = np.empty((stations.size, 9))
+        for i, (area, second_moment) in enumerate(
+            zip(sections.areas.tolist(), sections.second_moments.tolist(), strict=True)
+        ):
+            ring = Ring(area, second_moment)
+            coefficient = ring.free_shear_coefficient(nu)
+            if beam.has_shear_areas:
+                coefficient = float(sections.shear_areas[i] / area)
+            rows[i] = (
+                beam.modulus * area,
+                *ring.fibres,
+                (1.0 - coefficient) * shear_modulus,
+                shear_modulus,
+                (1.0 - 2.0 * nu) * shear_modulus,
+                lateral_constant(nu),
+                nu,
+                1.0,
+            )
+        return rows
+
     def bending_stress(
         self,
         beam: Beam,

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from physics import Beam, Exact, Linear
+from physics import Beam, Exact, Linear, NeoHooke
 from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
 from physics.bed.kernels.tangent import hold_nodes, solve
@@ -14,11 +14,16 @@ from physics.bed.kernels.tangent import hold_nodes, solve
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 
 
-def deformed(seed: int) -> BeamOnBed:
+def deformed(seed: int, *, solid: bool = False) -> BeamOnBed:
     """A beam of three elements and nine strands, turned and stretched every way."""
     rng = np.random.default_rng(seed)
+    tube = Beam.round(span=3.0, diameter=0.6, modulus=3.0, wall=0.1)
     beam = SpaceBeam.from_axis(
-        span=3.0, elements=3, stiffness=rng.random(6) * 5 + 1, ends=("free", "free")
+        span=3.0,
+        elements=3,
+        stiffness=rng.random(6) * 5 + 1,
+        ends=("free", "free"),
+        fibres=NeoHooke().fibres_in_space(tube, np.zeros(1)) if solid else None,
     )
     count = 9
     elongations = np.array([0.1, 0.5, 9, 9, 0.5, 0.2, 9, 1, 1])
@@ -34,8 +39,9 @@ def deformed(seed: int) -> BeamOnBed:
     )
     made = BeamOnBed(beam, strands, floor=np.full(4, 0.7), rods=2)
     state = made.state
-    state.x[:] += rng.normal(size=(4, 3)) * 0.3
-    state.q[:] += rng.normal(size=(4, 4)) * 0.3
+    size = 0.1 if solid else 0.3
+    state.x[:] += rng.normal(size=(4, 3)) * size
+    state.q[:] += rng.normal(size=(4, 4)) * size
     state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
     state.strain[:] += rng.normal(size=(3, 6)) * 0.2
     state.damage[::3] = 0.3
@@ -43,11 +49,14 @@ def deformed(seed: int) -> BeamOnBed:
 
 
 @pytest.mark.parametrize("kind", [k.FROZEN, k.INCREMENTAL])
-@pytest.mark.parametrize(("seed", "thin"), [(1, 0.0), (2, 0.0), (2, 0.6)])
+@pytest.mark.parametrize(
+    ("seed", "thin", "solid"),
+    [(1, 0.0, False), (2, 0.0, False), (2, 0.6, False), (1, 0.0, True), (2, 0.0, True)],
+)
 def test_gradient_and_tangent_are_the_energy_s_differences(
-    kind: int, seed: int, thin: float
+    kind: int, seed: int, thin: float, solid: bool
 ) -> None:
-    state = deformed(seed).state
+    state = deformed(seed, solid=solid).state
     state.chord[1:] = thin, 0.5 * thin
     if kind == k.INCREMENTAL and thin:
         # Rods pressed into the first node beside the shaft and into the last past the tip.
@@ -56,6 +65,7 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
     nodes = state.x.shape[0]
     size = 6 * nodes
     k.assemble(state, kind, 0.0)
+    assert not solid or state.fibres[0].min() > 0.5  # below, the tangent is not exact
     gradient = state.g.ravel().copy()
     tangent = np.zeros((size, size))
     for i in range(nodes):
@@ -141,8 +151,9 @@ def test_a_tree_of_beams_is_solved_as_the_full_matrix(seed: int) -> None:
     assert state.step.ravel() == pytest.approx(expected, abs=1e-12)
 
 
-def test_turning_the_whole_changes_nothing() -> None:
-    made = deformed(3)
+@pytest.mark.parametrize("solid", [False, True])
+def test_turning_the_whole_changes_nothing(solid: bool) -> None:
+    made = deformed(3, solid=solid)
     state = made.state
     state.damage[:] = 1.0
     state.floor[:] = 0.0
@@ -256,3 +267,37 @@ def test_euler_s_column_and_the_elastica_beyond_it() -> None:
         complete = math.pi / (2 * a)
         found = pushed((2 * complete / math.pi) ** 2)
         assert abs(found[2]) / span == pytest.approx(2 * modulus / complete, rel=3e-3)
+
+
+TUBE = Beam.round(span=40.0, diameter=6.0, modulus=0.31, wall=0.8)
+
+
+def space_break(beam: Beam, grasp: float, threshold: float, elements: int) -> tuple[float, float]:
+    """Return force and deflection at which a hook that may slide along the axis tears a beam."""
+    held = BeamOnBed(SpaceBeam.of(beam, law=NeoHooke(), elements=elements))
+    node = held.take(grasp, along=(False, True, True))
+    start = held.places[node].copy()
+
+    def stress_at(deflection: float) -> float:
+        held.lead(node, start + np.array([0.0, 0.0, deflection]))
+        held.advance()
+        return held.worst_stress().total
+
+    low, high = 0.0, beam.span / 20
+    while stress_at(high) < threshold:
+        low, high = high, high + beam.span / 20
+    while high - low > 1e-6 * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stress_at(middle) >= threshold else (middle, high)
+    return float(held.hand_force(node)[2]), high
+
+
+@pytest.mark.parametrize("beam", [DUCT, TUBE])
+@pytest.mark.parametrize("place", [0.5, 0.3])
+@pytest.mark.parametrize("share", [0.3, 0.68])
+def test_a_solid_wall_breaks_as_in_the_plane(beam: Beam, place: float, share: float) -> None:
+    threshold, grasp = share * beam.modulus, place * beam.span
+    plane = Exact(NeoHooke()).pull(beam, grasp=grasp).first_break(threshold)
+    assert plane is not None
+    space = space_break(beam, grasp, threshold, 160)
+    assert space == pytest.approx((plane.force, plane.deflection), rel=3e-3)

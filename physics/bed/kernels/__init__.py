@@ -5,8 +5,8 @@ run gives the same bits on every machine that computes by IEEE 754. Indices: e e
 nodes; r and c (or `col`) the freedoms of a node (x, y, z, then the spin about them); m rods.
 Constants are passed as int(constant): else numba compiles a kernel anew for each.
 
-Read in this order: `vectors`, `state`, `beam`, `rods`, `strands`, `assembly`, `tangent`, `step`,
-`newton`, `balance`, `tick`.
+Read in this order: `vectors`, `state`, `wall`, `beam`, `rods`, `strands`, `assembly`, `tangent`,
+`step`, `newton`, `balance`, `tick`.
 """
 
 from physics.bed.kernels.assembly import assemble, assemble_ahead
@@ -50,6 +50,16 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.strands import update_rod_contacts, yielded
 from physics.bed.kernels.tick import tick
+from physics.bed.kernels.wall import (
+    DEFICIT,
+    FIBRE_ROWS,
+    FIBRES,
+    SHEAR,
+    SOFT,
+    STRENGTH,
+    WALL_ROWS,
+    end_stresses,
+)
 
 __all__ = [
     "AHEAD",
@@ -58,9 +68,12 @@ __all__ = [
     "BEAM",
     "BILATERAL",
     "CONTACT",
+    "DEFICIT",
     "DISSIPATED",
     "DRAG",
     "FAILURE",
+    "FIBRES",
+    "FIBRE_ROWS",
     "FOOT_X",
     "FOOT_Z",
     "FROZEN",
@@ -75,19 +88,24 @@ __all__ = [
     "ROD_ROWS",
     "ROD_WORK",
     "SHAFT",
+    "SHEAR",
     "SNAP",
+    "SOFT",
     "STIFF",
     "STORED",
     "STRANDS",
     "STRAND_ROWS",
+    "STRENGTH",
     "SUM_ROWS",
     "TIP",
+    "WALL_ROWS",
     "WORK",
     "YIELD",
     "State",
     "account",
     "assemble",
     "assemble_ahead",
+    "end_stresses",
     "equilibrium",
     "path_round",
     "set_rest",

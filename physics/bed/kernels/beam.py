@@ -48,6 +48,17 @@ from physics.bed.kernels.vectors import (
     scaled,
     times_cross,
 )
+from physics.bed.kernels.wall import (
+    FIBRES,
+    RATIO,
+    SHEAR,
+    SOFT,
+    STRENGTH,
+    congruent,
+    fill_all,
+    place_fibres,
+    section_forces,
+)
 
 
 @inner
@@ -126,6 +137,32 @@ def set_rest(x: Floats, q: Floats, ends: Ints, h: Floats, strain: Floats) -> Non
 
 
 @inner
+def strain_fibres(
+    x: Floats,
+    q: Floats,
+    ends: Ints,
+    h: Floats,
+    strain: Floats,
+    wall: Floats,
+    strained: Floats,
+    fibres: Floats,
+) -> None:
+    """Write stretch, gam^2 and curvatures of all sections, and what their fibres do."""
+    for e in range(h.size):
+        i, j = ends[e, 0], ends[e, 1]
+        t1, t2, t3, c = element_frame(q, i, j)
+        f = 1.0 / h[e]
+        d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
+        g2, g3 = dot(t2, d) - strain[e, 1], dot(t3, d) - strain[e, 2]
+        f += f
+        lam, square = 1.0 + (dot(t1, d) - strain[e, 0]), wall[e, SOFT] * (g2 * g2 + g3 * g3)
+        k2, k3 = f * dot(t2, c) - strain[e, 4], f * dot(t3, c) - strain[e, 5]
+        strained[e, 0], strained[e, 1], strained[e, 2], strained[e, 3] = lam, square, k2, k3
+        place_fibres(fibres, FIBRES * e, wall, e, lam, square, k2, k3)
+    fill_all(fibres, wall[0, SHEAR], wall[0, RATIO])
+
+
+@inner
 def beam_pass(
     x: Floats,
     q: Floats,
@@ -134,6 +171,9 @@ def beam_pass(
     stiff: Floats,
     strain: Floats,
     chord: Floats,
+    wall: Floats,
+    strained: Floats,
+    fibres: Floats,
     g: Floats,
     diagonal: Floats,
     upper: Floats,
@@ -141,6 +181,8 @@ def beam_pass(
 ) -> float:
     """Add the beam's gradient and tangent, write its section forces; return its energy, mJ."""
     energy = 0.0
+    if wall.size:
+        strain_fibres(x, q, ends, h, strain, wall, strained, fibres)
     for e in range(h.size):
         i, j = ends[e, 0], ends[e, 1]
         t1, t2, t3, c = element_frame(q, i, j)
@@ -172,7 +214,28 @@ def beam_pass(
             tight = c1 * g1 / length
             dyad = c1 - tight
             n1, c1, c2, c3 = c1 * g1, tight, c2 + f2 * tight, c3 + f3 * tight
-        energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
+        law = e < wall.shape[0]
+        in_c = in_m = in_x = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if law:
+            ea, soft = wall[e, STRENGTH], wall[e, SOFT]
+            square = strained[e, 1]
+            psi, n1, per, m2, m3, c11, c12, c22, x2, x3, y2, y3, z22, z23, z33 = section_forces(
+                fibres, FIBRES * e, wall, e, strained[e, 0], square, k2, k3
+            )
+            energy += h[e] * (ea * psi + 0.5 * m1 * k1)
+            s2, s3 = ea * soft * g2, ea * soft * g3
+            n1, n2, n3, m2, m3 = ea * n1, per * s2, per * s3, ea * m2, ea * m3
+            c22 *= soft
+            off = c22 * s2 * g3
+            in_c = (
+                ea * c11, c12 * s2, c12 * s3,
+                c12 * s2, ea * soft * per + c22 * s2 * g2, off,
+                c12 * s3, off, ea * soft * per + c22 * s3 * g3,
+            )  # fmt: skip
+            in_x = (0.0, ea * x2, ea * x3, 0.0, y2 * s2, y3 * s2, 0.0, y2 * s3, y3 * s3)
+            in_m = (stiff[e, 3], 0.0, 0.0, 0.0, ea * z22, ea * z23, 0.0, ea * z23, ea * z33)
+        else:
+            energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
         if thin:
             n1, n2, n3 = n1 * e1, n2 + n1 * e2, n3 + n1 * e3
         n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
@@ -213,10 +276,13 @@ def beam_pass(
 
         # The tangent in (u', sigma, D), 3 x 3 blocks by rows: p for u' sigma (over h), w for
         # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
-        big_c = turned(c1, c2, c3, t1, t2, t3)
-        if thin:
-            big_c = with_dyad(big_c, dyad, direction)
-        big_m = turned(stiff[e, 3], stiff[e, 4], stiff[e, 5], t1, t2, t3)
+        if law:
+            big_c, big_m = congruent(in_c, t1, t2, t3), congruent(in_m, t1, t2, t3)
+        else:
+            big_c = turned(c1, c2, c3, t1, t2, t3)
+            if thin:
+                big_c = with_dyad(big_c, dyad, direction)
+            big_m = turned(stiff[e, 3], stiff[e, 4], stiff[e, 5], t1, t2, t3)
         cd = times_cross(big_c, d)  # C [d]
         p = (
             cd[0],
@@ -253,6 +319,28 @@ def beam_pass(
             u[2] * t[1] + y[0],
             diag + u[2] * t[2],
         )
+        xd = in_x
+        if law:
+            # Where stretch and bending go together, u' D: 2 C_x B, and sigma D: -[d] 2 C_x B.
+            cx = congruent(in_x, t1, t2, t3)
+            b2 = 2.0 * (1.0 - tau)
+            xc = (
+                b2 * (cx[0] * c[0] + cx[1] * c[1] + cx[2] * c[2]),
+                b2 * (cx[3] * c[0] + cx[4] * c[1] + cx[5] * c[2]),
+                b2 * (cx[6] * c[0] + cx[7] * c[1] + cx[8] * c[2]),
+            )
+            b2 = 2.0 * b1
+            xd = (
+                b2 * cx[0] + xc[0] * c[0], b2 * cx[1] + xc[0] * c[1], b2 * cx[2] + xc[0] * c[2],
+                b2 * cx[3] + xc[1] * c[0], b2 * cx[4] + xc[1] * c[1], b2 * cx[5] + xc[1] * c[2],
+                b2 * cx[6] + xc[2] * c[0], b2 * cx[7] + xc[2] * c[1], b2 * cx[8] + xc[2] * c[2],
+            )  # fmt: skip
+            dx = cross_times(d, xd)
+            v = (
+                v[0] - dx[0], v[1] - dx[1], v[2] - dx[2],
+                v[3] - dx[3], v[4] - dx[4], v[5] - dx[5],
+                v[6] - dx[6], v[7] - dx[7], v[8] - dx[8],
+            )  # fmt: skip
         # B C_m B with B = b1 I + b2 c c^T: C_m c once, then dyads.
         b2 = 1.0 - tau
         mc = (
@@ -315,6 +403,14 @@ def beam_pass(
                 b[r, col] -= f * big_c[3 * r + col]
                 b[r, 3 + col] -= 0.5 * (p[3 * r + col] - pt[3 * r + col])
                 b[3 + col, r] += 0.5 * (p[3 * r + col] + pt[3 * r + col])
+        if law:
+            for r in range(3):
+                for col in range(3):
+                    term = 0.5 * f * xd[3 * r + col]
+                    diagonal[i, 3 + col, r] += term
+                    diagonal[j, 3 + col, r] += term
+                    b[r, 3 + col] -= term
+                    b[3 + col, r] -= term
         # Skew parts: w [t] + [t] w = wt - wt^T, and v - v^T.
         q00 = w00 + twt[0] - y00 - z00
         q11 = w11 + twt[4] - y11 - z11

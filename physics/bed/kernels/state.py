@@ -68,6 +68,8 @@ class State(NamedTuple):
     strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
     # (N - 1, 2) squares of the parts of both shears that are bending within an element, if thin
     chord: Floats
+    wall: Floats  # (N - 1, WALL_ROWS) what `kernels.wall` needs; (0, WALL_ROWS) of a linear wall
+    strained: Floats  # (N - 1, 4) or (0, 4) stretch, gam^2 and both curvatures of its sections
     first: Ints  # (N + 1,)
     strand: Floats  # (STRAND_ROWS, S)
     damage: Floats  # (S,) 0 whole to 1 parted
@@ -79,6 +81,7 @@ class State(NamedTuple):
     pull: Floats  # (M, 3) forces of hands on rods, N
     press: Floats  # (M, 3) their part against the beam itself, N
     section: Floats  # (N - 1, 11)
+    fibres: Floats  # (FIBRE_ROWS, 7 (N - 1)) or (FIBRE_ROWS, 0) what they do
     g: Floats  # (N, 6) gradient, N and N mm
     step: Floats  # (N, 6) mm and rad
     diagonal: Floats  # (N, 6, 6) the tangent's diagonal blocks, lower triangles
