@@ -148,6 +148,8 @@ def solve(
         "deflection_mm": pulled.deflection,
         "normal_stress_MPa": check.normal_stress,
         "bending_stress_MPa": check.bending_stress,
+        "station_mm": check.station,
+        "side": {1: "pull", -1: "away", 0: None}[check.tension_side],
         "strength": strength,
         "threshold_MPa": limit,
         "distance_to_break": None if limit is None else check.distance_to_break,

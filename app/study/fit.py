@@ -39,6 +39,9 @@ FARTHEST = 5.0
 """Deflection, in spans, beyond which a unit is wrong rather than a duct that long."""
 # Poisson's ratios that are tried first.
 RATIOS = np.linspace(0.0, 0.495, 34)
+# How many times as likely noise in proportion to force must be before it is named: of curves whose
+# noise is the same everywhere at most one in so many is misjudged.
+LIKELIER = 100.0
 TISSUE = 1e-3, 100.0
 """Moduli, MPa, beyond which a unit is probably wrong: of the presets 0.05 to 11.3."""
 BOUND = 0.95
@@ -157,6 +160,7 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
         for part, each in zip(np.split(phi, ends), pulls, strict=True)
     ]
     said += _of_residuals(residuals, measured, theory)
+    said += _of_noise(measured, modulus.value * phi, modulus.value, sought)
     said += _of_curves(residuals, np.split(phi, ends), (modulus.value, alone), count - sought)
     if not TISSUE[0] <= modulus.value <= TISSUE[1]:
         said.append(
@@ -334,6 +338,30 @@ def _of_residuals(residuals: list[Row], measured: Row, theory: Theory) -> list[s
             "know of noise only, are too narrow"
         )
     return said
+
+
+def _of_noise(measured: Row, fitted: Row, modulus: float, sought: int) -> list[str]:
+    """Say whether noise in proportion to force is far likelier than the same noise everywhere."""
+    forced = fitted != 0.0
+    count = int(forced.sum())
+    relative = measured[forced] / fitted[forced]  # about 1
+    factor = float(relative.mean())
+    alike = float(np.sum((measured - fitted) ** 2)) / measured.size
+    apart = float(np.mean((relative - factor) ** 2))
+    if count < max(8, sought + 2) or not (alike > 0.0 and apart > 0.0) or count < measured.size - 1:
+        return []
+    # Logarithms of the likelihoods of these points, each at its own best modulus and noise.
+    fall = 0.5 * count * math.log(alike / apart) - float(np.log(np.abs(fitted[forced])).sum())
+    if fall <= math.log(LIKELIER):
+        return []
+    sd = math.sqrt(apart * count / (count - sought))
+    half = student(count - sought) * sd / math.sqrt(count)
+    low, high = modulus * (factor - half), modulus * (factor + half)
+    return [
+        f"the noise grows with the force, {100.0 * sd:.2g} % of it: the regions, which take it as "
+        "the same everywhere, are too narrow; weighed by that noise the modulus is "
+        f"{modulus * factor:.4g} MPa ({low:.4g} to {high:.4g})"
+    ]
 
 
 def in_streaks(residuals: Row) -> bool:

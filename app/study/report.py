@@ -70,14 +70,16 @@ class TearCurve:
 
     def load_at(self, share: float) -> tuple[float, float, float]:
         """Return the load at which this share of ducts is torn, and its 95 % band; nan: none."""
-        # Between order statistics, by the normal approximation of the binomial distribution.
-        middle = share * self.count
-        half = Z * math.sqrt(middle * (1.0 - share))
-        places = (middle, middle - half, middle + half)
+        from scipy.stats import binom
+
+        # An end is nan, open, where so few ducts lie beyond it that they do not bound it. Order
+        # statistics: fewer than i of the ducts are torn at the load that is sought, and the i-th
+        # is above it, as often as the binomial distribution has it, whatever that of the breaks.
+        low, high = (int(binom.ppf(part, self.count, share)) for part in (0.025, 0.975))
         found = self._sorted
         values = [
-            float(found[int(place)]) if 0 <= int(place) < found.size else math.nan
-            for place in places
+            float(found[at]) if 0 <= at < found.size else math.nan
+            for at in (int(share * self.count), low - 1, high)
         ]
         return values[0], values[1], values[2]
 
@@ -374,7 +376,8 @@ def _cell_table(cell: dict[str, Any]) -> str:
         values = ""
         for share in SHARES:
             load, (low, high) = at[f"{share:g}"]["load"], at[f"{share:g}"]["band_95"]
-            band = f"{_number(low)} to {_number(high)}" if load is not None else ""
+            ends = " to ".join("open" if end is None else _number(end) for end in (low, high))
+            band = ends if load is not None else ""
             values += f'<td class="n" title="95 %: {band}">{_number(load)}</td>'
         rows += f"<tr><td>{WORDS[name]}, {unit}</td>{values}</tr>"
     title = f"<h3>{html.escape(cell['cell'])}</h3>" if cell["cell"] else ""

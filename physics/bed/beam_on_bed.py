@@ -27,7 +27,7 @@ from physics.bed import kernels
 from physics.bed.space_beam import HELD, SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
-from physics.quantity import finite
+from physics.quantity import finite, positive
 
 __all__ = ["BeamOnBed", "EnergyBalance", "WorstStress"]
 
@@ -332,6 +332,8 @@ class BeamOnBed:
         # N/mm, is that of a spring between hand and beam; the beam slides along the axes not in
         # `along`.
         node = self.node_at(station)
+        if not stiffness > 0.0:
+            raise ValueError(f"a hand's spring must be above 0 N/mm, got {stiffness}")
         self._account()
         if abs(self._stations[node] - station) > 1e-9 * self.beam.span:
             self._move_node(node, station)
@@ -356,11 +358,11 @@ class BeamOnBed:
 
     def lead(self, node: int, place: Sequence[float] | Floats) -> None:
         """Set the target of a held node, mm."""
-        self.state.goal_to[node] = place
+        self.state.goal_to[node] = _three(place, "a hand's target", "mm")
 
     def push(self, node: int, force: Sequence[float] | Floats) -> None:
         """Set the target of the dead force on a node, N."""
-        self.state.load_to[node] = force
+        self.state.load_to[node] = _three(force, "a force", "N")
 
     def hand_force(self, node: int) -> Floats:
         """(3,) force of the hand on a node, N."""
@@ -370,9 +372,13 @@ class BeamOnBed:
         self, rod: int, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
     ) -> None:
         """Place a rod: its tip, mm, direction back along the shaft, radius, mm."""
+        direction = np.array(_three(shaft, "a rod's direction", "mm"))
+        length = float(np.sqrt((direction**2).sum()))
+        if length == 0.0:
+            raise ValueError("a rod's direction must not be zero")
+        thick = positive(radius, "a rod's radius", "mm")
+        row = np.array([*_three(tip, "a rod's tip", "mm"), *(direction / length), thick, 1.0])
         self._account()
-        direction = np.asarray(shaft, dtype=np.float64)
-        row = np.array([*tip, *(direction / np.sqrt((direction**2).sum())), radius, 1.0])
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
         self.state.side[rod] = kernels.NO_CONTACT
@@ -384,7 +390,7 @@ class BeamOnBed:
 
     def lead_rod(self, rod: int, tip: Sequence[float] | Floats) -> None:
         """Set the target of a rod's tip, mm."""
-        self.state.rods_to[rod, :3] = tip
+        self.state.rods_to[rod, :3] = _three(tip, "a rod's tip", "mm")
 
     def withdraw_rod(self, rod: int) -> None:
         """Remove a rod at once."""
@@ -618,13 +624,16 @@ class BeamOnBed:
 
     def tick(self, seconds: float, *, ticks: int = 1) -> None:
         """Advance in real time towards the hands' targets, at a fixed cost."""
-        step = seconds / ticks
+        if ticks < 1:
+            raise ValueError(f"a tick must be divided into 1 part or more, got {ticks}")
+        step = positive(seconds, "a tick", "s") / ticks
         if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     def assemble_ahead(self, seconds: float) -> None:
         """Do what the next `tick` of so many seconds does wherever hands lead; the same bits."""
-        _AHEAD(self.state, seconds / (DELAY + seconds))
+        step = positive(seconds, "a tick", "s")
+        _AHEAD(self.state, step / (DELAY + step))
 
     # What there is to read
 
@@ -775,6 +784,17 @@ class BeamOnBed:
         self._measure_rest()
         # The discrete energy changes slightly with the nodes: that is residual, no work.
         self._changed()
+
+
+def _three(values: Sequence[float] | Floats, name: str, unit: str) -> tuple[float, float, float]:
+    """Return three finite numbers, or raise a `ValueError` that names them."""
+    x, y, z = values
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise ValueError(
+            f"{name} must be three finite numbers of {unit}, got "
+            f"{', '.join(f'{each:g}' for each in (x, y, z))}"
+        )
+    return x, y, z
 
 
 _TICK, _AHEAD = SameTypes(kernels.tick), SameTypes(kernels.assemble_ahead)

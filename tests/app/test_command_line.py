@@ -36,6 +36,8 @@ KEYS = {
     "deflection_mm",
     "normal_stress_MPa",
     "bending_stress_MPa",
+    "station_mm",
+    "side",
     "distance_to_break",
     "breaks_at_N",
 }

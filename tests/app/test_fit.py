@@ -1,6 +1,7 @@
 """Fits to measured pulls: of made data, of the thesis's ANSYS columns, and of wrong files."""
 
 import json
+import re
 from pathlib import Path
 
 import msgspec
@@ -78,6 +79,29 @@ def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
     assert found.correlation is not None
     assert found.condition is not None
     assert found.condition > 1.0
+
+
+def test_noise_in_proportion_to_force_is_named_and_weighed() -> None:
+    theory, noise = Exact(), np.random.default_rng(6)
+    places = np.linspace(0.8, 16.0, 20)
+    exact = forces_of(theory, places=places)
+    held = named = wrongly = 0
+    for _ in range(200):
+        by_force = exact * (1.0 + noise.normal(0.0, 0.03, exact.size))
+        even = exact + noise.normal(0.0, 0.03 * exact.max(), exact.size)
+        for forces in (by_force, even):
+            curve = Curve("made", places, forces, {}, False)
+            found = fit_pulls([MeasuredPull(curve, DUCT, 20.0)], theory)
+            said = [line for line in found.said if "noise grows with the force" in line]
+            if forces is even:
+                wrongly += len(said)
+            elif said:
+                low, high = map(float, re.findall(r"\(([\d.]+) to ([\d.]+)\)", said[0])[0])
+                named += 1
+                held += int(low <= 0.4 <= high)
+    assert wrongly <= 2  # of 200, 1 in 100 at most
+    assert named >= 190  # the rest look even by chance
+    assert 0.90 * named <= held <= 0.995 * named
 
 
 def test_strength_is_the_stress_at_the_break() -> None:

@@ -1,6 +1,7 @@
 """Studies: plans, draws, ensembles that are the same to the bit, and what comes of them."""
 
 import json
+import math
 import multiprocessing
 import os
 import re
@@ -178,6 +179,20 @@ def test_the_band_of_a_probability_holds_it_as_often_as_it_says() -> None:
     # Of 200 with 95 %: 190 +- 4.4 (3 sd = 9).
     assert 176 <= held <= 200
     assert 176 <= total <= 200
+
+
+@pytest.mark.parametrize("count", [64, 128, 256])
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.5, 0.95, 0.99])
+def test_bands_of_rare_breaks_hold_them_or_are_open(count: int, share: float) -> None:
+    generator = np.random.default_rng(7)
+    held = np.zeros(400, dtype=bool)
+    for k in range(400):
+        _, low, high = TearCurve(generator.random(count)).load_at(share)
+        held[k] = not low > share and not high < share  # nan, an open end, bounds nothing
+        # As many ducts are needed as let fewer than 1 in 40 lie all on one side.
+        assert math.isnan(low) == (1.0 - (1.0 - share) ** count < 0.975)
+        assert math.isnan(high) == (1.0 - share**count < 0.975)
+    assert held.mean() >= 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
 
 
 def test_rows_are_what_each_duct_bears_and_carry_their_units(tmp_path: Path) -> None:

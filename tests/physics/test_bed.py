@@ -544,6 +544,43 @@ def test_what_is_wrong_is_named(wrong: object, said: str) -> None:
         wrong()  # type: ignore[operator]
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda b, _: b.tick(math.nan), "a tick must be above 0 s, got nan"),
+        (lambda b, _: b.tick(math.inf), "a tick must be above 0 s, got inf"),
+        (lambda b, _: b.tick(0.0), "a tick must be above 0 s, got 0"),
+        (lambda b, _: b.tick(-1e-3), "a tick must be above 0 s, got -0.001"),
+        (lambda b, _: b.tick(1e-3, ticks=0), "divided into 1 part or more, got 0"),
+        (lambda b, _: b.assemble_ahead(-1e-3), "a tick must be above 0 s"),
+        (lambda b, n: b.lead(n, (0.0, math.nan, 0.0)), "a hand's target must be three finite"),
+        (lambda b, n: b.push(n, (math.inf, 0.0, 0.0)), "a force must be three finite"),
+        (lambda b, _: b.lead_rod(0, (math.nan,) * 3), "a rod's tip must be three finite"),
+        (lambda b, _: b.set_rod(0, (0, 0, -9), (0, 0, 0), 1.0), "direction must not be zero"),
+        (lambda b, _: b.set_rod(0, (0, 0, -9), (0, 1, 0), -1.0), "a rod's radius must be above"),
+        (lambda b, _: b.take(30.0, stiffness=math.nan), "a hand's spring must be above 0"),
+    ],
+)
+def test_what_is_wrong_in_real_time_leaves_the_state_as_it_was(
+    wrong: Callable[[BeamOnBed, int], object], said: str
+) -> None:
+    beam = SpaceBeam.of(DUCT)
+    live, same = (BeamOnBed(beam, LAYER.strands_under(beam), rods=1) for _ in range(2))
+    for each in (live, same):
+        node = each.take(20.0)
+        each.lead(node, each.places[node] + [0.0, 0.0, 4.0])
+        each.tick(0.2, ticks=200)
+        if each is live:
+            with pytest.raises(ValueError, match=said):
+                wrong(each, node)
+        each.lead(node, each.places[node] + [0.0, 0.0, 1.0])
+        each.tick(0.1, ticks=100)
+    assert np.isfinite(live.places).all()
+    assert live.energy.dissipated > 0.0
+    for before, after in zip(same.state, live.state, strict=True):
+        assert np.array_equal(before, after)
+
+
 def test_a_bed_outside_the_duct_is_named() -> None:
     beam = SpaceBeam.of(DUCT)
     with pytest.raises(ValueError, match="from 0 to 60 mm lies outside the beam"):
