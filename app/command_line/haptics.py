@@ -72,7 +72,15 @@ def haptics(
     coupling: Annotated[
         float | None,
         typer.Option(
-            help="Virtual coupling, N/mm.", show_default="2 x device's friction x rate, at most 5"
+            help="Virtual coupling, N/mm.",
+            show_default="what the device's friction bears at its delay, at most 5",
+        ),
+    ] = None,
+    delay: Annotated[
+        float | None,
+        typer.Option(
+            help="Delay of the device, ms, from a state to the force that answers it, as measured.",
+            show_default="what its driver states",
         ),
     ] = None,
     seconds: Annotated[float | None, typer.Option(help="For how long.")] = None,
@@ -109,6 +117,8 @@ def haptics(
         raise ValueError(f"--rate must be from 100 to 4000, not {rate}")
     if not 0.01 <= scale <= 10.0:
         raise ValueError(f"--scale must be from 0.01 to 10, not {scale:g}")
+    if delay is not None and not 0.0 <= delay <= 1000.0:
+        raise ValueError(f"--delay must be from 0 to 1000 ms, not {delay:g}")
     if seconds is not None and not 0.0 < seconds < math.inf:
         raise ValueError(f"--seconds must be above 0, not {seconds:g}")
     if second is None and (second_device is not None or second_at):
@@ -148,7 +158,8 @@ def haptics(
     with _ending() as why:
         made, run = felt_run(
             choice, opened, settings, why,
-            coupling=coupling, assist=second_at, seconds=seconds, scheduling=real_time(),
+            coupling=coupling, delay=None if delay is None else 1e-3 * delay,
+            assist=second_at, seconds=seconds, scheduling=real_time(),
         )  # fmt: skip
     if record is not None:
         write_atomic(record, msgspec.json.encode(run))

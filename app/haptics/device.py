@@ -43,6 +43,9 @@ class DeviceLimits:
     damping: float
     added_damping: float = 20.0  # most that the passivity controller adds, N s/m
     speed: float = 5.0  # above which a state is taken for an error, m/s
+    # from when a state is measured to when the force that answers it acts, s, without the period
+    # for which that force is held
+    delay: float = 0.0
 
 
 @dataclass(slots=True)

@@ -11,18 +11,26 @@ from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.simulation import OrganIdentity, Specimen, TheoryChoice
 from app.simulation.bed import ELEMENTS
 
-__all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "played_again"]
+__all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "passive_delay", "played_again"]
 
 # N/mm: above the stiffness of any duct here.
 STIFFEST = 5.0
 
 
-def passive_coupling(damping: float, rate: int) -> float:
-    """Return the stiffest coupling that a device can show at a rate without giving energy."""
-    # A spring K sampled with the period T is passive on a device with the friction b while
-    # b > K T / 2 (Colgate and Schenkel 1997, J. Robotic Systems 14:37). 2 b/T, from N s/m and Hz,
-    # is N/mm by the factor 1e-3.
-    return min(2e-3 * damping * rate, STIFFEST)
+def passive_coupling(limits: DeviceLimits, settings: LoopSettings) -> float:
+    """Return the stiffest coupling, N/mm, that a device can show without giving energy."""
+    # A spring K that is sampled with the period T and answered late by tau is passive on a device
+    # with the friction b while b > K (T/2 + tau), for any motion: the force that is given differs
+    # from the one that is due by K times the way since, at most, and by Cauchy and Schwarz the
+    # integral of |x'(t) x'(t - s)| is no more than that of x'^2 [tau = 0: Colgate and Schenkel
+    # 1997, J. Robotic Systems 14:37]. To the hand the scale makes the spring stiffer.
+    late = 0.5 * settings.period + limits.delay
+    return min(1e-3 * limits.damping / (settings.scale * late), STIFFEST)
+
+
+def passive_delay(coupling: float, limits: DeviceLimits, settings: LoopSettings) -> float:
+    """Return the delay, s, up to which a coupling, N/mm, gives no energy; below zero for none."""
+    return 1e-3 * limits.damping / (settings.scale * coupling) - 0.5 * settings.period
 
 
 @dataclass(frozen=True, slots=True)

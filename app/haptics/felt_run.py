@@ -36,7 +36,8 @@ def opened_devices(named: Sequence[tuple[str, DeviceOptions]]) -> Generator[list
 def least_limits(devices: Sequence[Device]) -> DeviceLimits:
     """Return the bounds that keep every device within its own."""
     limits = (astuple(device.limits) for device in devices)
-    return DeviceLimits(*map(min, zip(*limits, strict=True)))
+    least = DeviceLimits(*map(min, zip(*limits, strict=True)))
+    return replace(least, delay=max(device.limits.delay for device in devices))
 
 
 def felt_run(
@@ -46,16 +47,20 @@ def felt_run(
     stopped: Callable[[], str | None],
     *,
     coupling: float | None = None,
+    delay: float | None = None,
     assist: float = 0.0,
     seconds: float | None = None,
     scheduling: str = ORDINARY,
 ) -> tuple[ServoReport, DeviceRun]:
     """Open devices and let them feel a duct until the time is over or somebody stops it."""
+    # `coupling` in N/mm; `delay`, s, in the place of the devices' own.
     with opened_devices(opened) as devices:
         limits = least_limits(devices)
+        if delay is not None:
+            limits = replace(limits, delay=delay)
         stiffness = coupling
         if stiffness is None:
-            stiffness = passive_coupling(limits.damping, settings.rate)
+            stiffness = passive_coupling(limits, settings)
         model, twin = (choice.felt(stiffness, settings.period) for _ in range(2))
         loop = ServoLoop(model, settings, limits, len(devices), twin)
     alone = len(choice.grasps) > len(devices)

@@ -34,8 +34,9 @@ from app.haptics.haply_messages import (
 __all__ = ["HaplyDevice", "open_haply"]
 
 PROFILE = "org.bluntdissect:duct"
-LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5)
-"""An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed."""
+LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5, delay=1e-3)
+"""An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed. The
+force that answers a state leaves with the next message; the device's own delay is not known."""
 CONNECT_SECONDS = 3.0
 # Age, s, of a message beyond which the state that answers it is ignored.
 STALE_SECONDS = 0.02

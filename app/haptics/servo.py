@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice
 from app.haptics.device_run import Recorder
+from app.haptics.duct_choice import passive_delay
 from app.haptics.felt_duct import FeltDuct
 from app.haptics.regulator import ALLOWED, BRAKED, LEAST, SAMPLED, WITHHELD, WORK
 from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, ServoLoop
@@ -241,6 +242,7 @@ class Servo:
             ducts=self._ducts + pulled,
             grasps_mm=model.grasps,
             coupling_N_per_mm=model.coupling,
+            passive_to_delay_ms=1e3 * passive_delay(model.coupling, loop.limits, loop.settings),
             scheduling=self._scheduling,
             wanted_rate_Hz=loop.settings.rate,
             rate_Hz=periods / seconds,

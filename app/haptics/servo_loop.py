@@ -232,7 +232,7 @@ class ServoLoop:
         twin: FeltModel | None = None,
     ) -> None:
         self.settings, self.hands = settings, hands
-        self._limits = limits
+        self.limits = limits
         self._to_mm = 1e3 * settings.scale
         self.ended = False
         self.holds = [settings.hold] * hands
@@ -245,7 +245,7 @@ class ServoLoop:
         A `twin` of the model is for `rehearse`.
         """
         self.leaving()
-        hands, hooks, limits = self.hands, len(model.forces), self._limits
+        hands, hooks, limits = self.hands, len(model.forces), self.limits
         self.model = model
         self.regulator = Regulator(hands, self.settings.period, limits)
         self.given = self.regulator.given

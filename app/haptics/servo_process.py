@@ -313,7 +313,7 @@ def _serve(
     try:
         with opened_devices(named) as devices:
             limits = least_limits(devices)
-            coupling = passive_coupling(limits.damping, settings.rate)
+            coupling = passive_coupling(limits, settings)
             model, twin = (setting.model(coupling, settings.period, len(devices)) for _ in range(2))
             loop = ServoLoop(
                 model, replace(settings, hold=setting.hold), limits, len(devices), twin

@@ -85,6 +85,8 @@ class ServoReport(Struct, frozen=True):
     ducts: int  # pulled one after the other; in a bed a new one begins when the device lets go
     grasps_mm: tuple[float, ...]  # of the last
     coupling_N_per_mm: float  # noqa: N815
+    # how late devices may answer for their friction still to take what the delay makes
+    passive_to_delay_ms: float
     scheduling: str  # whether other processes wait for it
     wanted_rate_Hz: int  # noqa: N815
     rate_Hz: float  # noqa: N815
@@ -123,6 +125,9 @@ class ServoReport(Struct, frozen=True):
         lines = [
             ("device", self.device),
             ("theory", f"{self.theory}, coupling {self.coupling_N_per_mm:g} N/mm"),
+            ("passive", f"for any motion with a delay of up to {self.passive_to_delay_ms:.3g} ms"
+             if self.passive_to_delay_ms >= 0.0 else "not for every motion: the coupling is too "
+             "stiff for the device's friction"),
             ("ended by", self.ended_by),
             ("scheduled", self.scheduling),
             ("rate", f"{self.rate_Hz:.1f} of {self.wanted_rate_Hz} Hz for {self.seconds:.1f} s"),

@@ -17,7 +17,10 @@ class VirtualDevice:
         self.simulated = SimulatedDevice(options.script)
         hardware = options.script.device
         self.limits = DeviceLimits(
-            hardware.force_limit_N, hardware.force_rate_limit_N_per_s, hardware.damping_N_s_per_m
+            hardware.force_limit_N,
+            hardware.force_rate_limit_N_per_s,
+            hardware.damping_N_s_per_m,
+            delay=1e-3 * hardware.latency_ms,
         )
         self._periods = options.period / STEP
         self._due = 0.0

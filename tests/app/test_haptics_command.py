@@ -115,7 +115,7 @@ def test_a_driver_is_written_in_forty_lines() -> None:
     exec(source, names)
     device = names["open_box"](DeviceOptions("", 0.001))
     setting = DuctSetting(Cubic(), preset_named("thesis-bile-duct").round_beam(), 25.4, 0.2115)
-    model = setting.model(passive_coupling(device.limits.damping, 1000), 0.001, 1)
+    model = setting.model(passive_coupling(device.limits, LoopSettings()), 0.001, 1)
     loop = ServoLoop(model, LoopSettings(), device.limits)
     periods = iter(range(2000))
     report = Servo([device], loop).run(

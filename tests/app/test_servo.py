@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,12 @@ from hypothesis import strategies as st
 from app.haptics import servo as servo_module
 from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
 from app.haptics.device_run import read_device_run
-from app.haptics.duct_choice import DuctChoice, passive_coupling, played_again
+from app.haptics.duct_choice import (
+    DuctChoice,
+    passive_coupling,
+    passive_delay,
+    played_again,
+)
 from app.haptics.felt_bed import FeltBed
 from app.haptics.felt_duct import FeltDuct
 from app.haptics.felt_run import felt_run
@@ -191,6 +197,63 @@ def test_a_stiff_hand_with_a_delay_is_steady(reaction: float, latency: float) ->
     assert run.books[:, LEAST].min() > -0.02
 
 
+def moved(seed: int, settings: LoopSettings, millimetres: float) -> np.ndarray:
+    """Places, m, of 2 s of a motion up to 6 Hz that begins at rest."""
+    random = np.random.default_rng(seed)
+    time = np.arange(2 * settings.rate) * settings.period
+    place = np.zeros((time.size, 3))
+    for j in range(3):
+        for f in random.uniform(0.2, 6.0, 6).tolist():
+            wave = random.normal() * np.sin(2.0 * np.pi * f * time) / max(f, 1.0) ** 0.7
+            place[:, j] += millimetres / 3.0 * wave
+    return 1e-3 * place * np.minimum(time / 0.3, 1.0)[:, None]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("bed", ["firm", None])
+@pytest.mark.parametrize(("late", "scale"), [(1, 1.0), (5, 1.0), (5, 0.5), (0, 1.0)])
+def test_no_motion_gets_energy_out_of_a_device_that_is_late(
+    late: int, scale: float, bed: str | None, seed: int
+) -> None:
+    """Whatever moves it, the device's friction takes at any time what its delay has made."""
+    settings, friction = LoopSettings(scale=scale), 0.5
+    limits = DeviceLimits(20.0, 1e6, friction, delay=1e-3 * late)
+    chosen = choice(Exact()) if bed is None else in_bed(bed)
+    coupling = passive_coupling(limits, settings)
+    assert passive_delay(coupling, limits, settings) == pytest.approx(1e-3 * late, abs=1e-12)
+    loop = ServoLoop(chosen.felt(coupling, settings.period), settings, limits)
+    places = moved(seed, settings, 12.0)
+    held = [np.zeros(3)] * late
+    taken = work = 0.0
+    for before, place in pairwise(places):
+        loop.step(np.rint(before[None] / PLACE_UNIT).astype(np.int64), [FRESH | LIVE])
+        held.append(loop.given[0].copy())
+        way = place - before
+        work -= 1e3 * float(held.pop(0) @ way)
+        taken += 1e3 * friction * float(way @ way) / settings.period
+        assert work + taken > -1e-3
+    assert taken > 1.0
+
+
+def test_a_coupling_that_is_too_stiff_for_a_late_device_gives_energy() -> None:
+    """The bound is near: with twelve times the stiffness a hand that moves it is given energy."""
+    late = hand(
+        (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(0.2, (0.0, 0.0, 12.0)),
+         Waypoint(0.3, (0.0, 0.0, 0.5))), device={"latency_ms": 5.0}, stiffness_N_per_m=3000.0,
+        damping_N_s_per_m=12.0,
+    )  # fmt: skip
+    late = msgspec.structs.replace(late, repeats=True)
+    limits = VirtualDevice(DeviceOptions("", 1e-3, late)).limits
+    assert limits.delay == 5e-3
+    bound = passive_coupling(limits, LoopSettings())
+    given = []
+    for coupling in (bound, 12.0 * bound):
+        run = felt(late, in_bed(), coupling=coupling)
+        by_motors, by_friction = run.device.simulated.work[1:]
+        given.append(1e3 * (by_motors + by_friction) + run.loop.model.stored)
+    assert given[0] < 0.0 < given[1]
+
+
 @pytest.mark.parametrize("stall", [3, 15])
 @pytest.mark.parametrize("reaction", [1.0, 5.0])
 def test_a_process_that_stalls_gives_the_hand_nothing(reaction: float, stall: int) -> None:
@@ -246,7 +309,7 @@ def test_limits_scale_and_start() -> None:
     half = felt(hand(), scale=0.5)
     assert half.hooks.max() < 5.2
     assert half.books[-1, MODELLED] == pytest.approx(half.loop.model.stored / 0.5, abs=1e-5)
-    assert passive_coupling(0.5, 1000) == 1.0  # 2 b/T
+    assert passive_coupling(DeviceLimits(8.0, 200.0, 0.5), LoopSettings()) == 1.0  # 2 b/T
 
 
 def units(z: float) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
