@@ -9,13 +9,11 @@ from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
 from physics.mass_spring import MassSpring
 from physics.mass_spring_chain import MassSpringChain
-from physics.pull import Pull
+from physics.pull import Pull, break_of, calibrated_threshold
 from physics.rayleigh import BentBeam, RayleighBeam, Support
 from physics.rupture import (
     BreakEvent,
     RuptureCheck,
-    break_of,
-    calibrated_threshold,
     check_rupture,
     critical_stations,
 )

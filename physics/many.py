@@ -20,7 +20,8 @@ from physics.cubic import Cubic
 from physics.equilibrium import NoEquilibrium
 from physics.exact import Exact
 from physics.exact import many as exact
-from physics.rupture import break_of, check_rupture, critical_stations
+from physics.pull import break_of
+from physics.rupture import check_rupture, critical_stations
 from physics.section import Ring
 from physics.taut_string import TautString
 from physics.theory import Theory

@@ -1,18 +1,17 @@
-"""A pull: one beam grasped at one place, solved for one load after the other."""
+"""A pull: one beam grasped at one place, solved for one load after the other; where it breaks."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
-from physics.equilibrium import Equilibrium
+from physics.equilibrium import Equilibrium, NoEquilibrium
+from physics.quantity import positive
+from physics.rupture import BreakEvent, check_rupture, critical_stations
 
-if TYPE_CHECKING:
-    from physics.rupture import BreakEvent
-
-__all__ = ["Pull"]
+__all__ = ["Pull", "break_of", "calibrated_threshold"]
 
 
 class Pull(ABC):
@@ -50,10 +49,49 @@ class Pull(ABC):
     def to_deflection(self, deflection: float) -> Self:
         """Find the equilibrium at a displacement of the grasp along the pull, mm."""
 
-    def first_break(self, threshold: float) -> "BreakEvent | None":
+    def first_break(self, threshold: float) -> BreakEvent | None:
         """Find the first load at which the stress reaches a threshold, MPa; None if none does."""
         raise NotImplementedError
 
     @abstractmethod
     def sample(self, stations: NDArray[np.float64]) -> Equilibrium:
         """Return the present equilibrium at (N,) stations, mm from the first clamp."""
+
+
+def calibrated_threshold(pull: Pull, force: float) -> float:
+    """Return the threshold, MPa, at which a pulled beam breaks under a known force, N."""
+    # A threshold belongs to its theory: two theories that see the same break read other stresses.
+    positive(force, "force at the break", "N")
+    stations = critical_stations(pull.beam, pull.grasp)
+    return float(pull.to_force(force).sample(stations).total_stress.max())
+
+
+def break_of(pull: Pull, threshold: float) -> BreakEvent | None:
+    """Pull a beam until it reaches its threshold, MPa; return where, None if it never does."""
+    # The stress grows with the deflection, so the root is bracketed by doubling and bisected down
+    # to neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
+    # None: the beam bears deflections of a thousand spans, or all that its theory can follow.
+    positive(threshold, "threshold", "MPa")
+    if pull.softens:
+        return pull.first_break(threshold)
+    span, stations = pull.beam.span, critical_stations(pull.beam, pull.grasp)
+
+    def reaches(deflection: float) -> bool:
+        try:
+            pulled = pull.to_deflection(deflection).sample(stations)
+        except NoEquilibrium:
+            return True
+        return float(pulled.total_stress.max()) >= threshold
+
+    low, high = 0.0, 1e-3 * span
+    while not reaches(high):
+        low, high = high, 2.0 * high
+        if high > 1e3 * span:
+            return None
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (low, middle) if reaches(middle) else (middle, high)
+    try:
+        pulled = pull.to_deflection(high).sample(stations)
+    except NoEquilibrium:
+        return None
+    return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

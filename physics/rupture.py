@@ -6,15 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.beam import Beam
-from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.pull import Pull
+from physics.equilibrium import Equilibrium
 from physics.quantity import positive
 
 __all__ = [
     "BreakEvent",
     "RuptureCheck",
-    "break_of",
-    "calibrated_threshold",
     "check_rupture",
     "critical_stations",
 ]
@@ -95,42 +92,3 @@ def check_rupture(equilibrium: Equilibrium, threshold: float) -> RuptureCheck:
         bending_stress=float(equilibrium.bending_stress[place]),
         threshold=float(threshold),
     )
-
-
-def calibrated_threshold(pull: Pull, force: float) -> float:
-    """Return the threshold, MPa, at which a pulled beam breaks under a known force, N."""
-    # A threshold belongs to its theory: two theories that see the same break read other stresses.
-    positive(force, "force at the break", "N")
-    stations = critical_stations(pull.beam, pull.grasp)
-    return float(pull.to_force(force).sample(stations).total_stress.max())
-
-
-def break_of(pull: Pull, threshold: float) -> BreakEvent | None:
-    """Pull a beam until it reaches its threshold, MPa; return where, None if it never does."""
-    # The stress grows with the deflection, so the root is bracketed by doubling and bisected down
-    # to neighbouring numbers; the upper one is returned, at which the criterion is met or touched.
-    # None: the beam bears deflections of a thousand spans, or all that its theory can follow.
-    positive(threshold, "threshold", "MPa")
-    if pull.softens:
-        return pull.first_break(threshold)
-    span, stations = pull.beam.span, critical_stations(pull.beam, pull.grasp)
-
-    def reaches(deflection: float) -> bool:
-        try:
-            pulled = pull.to_deflection(deflection).sample(stations)
-        except NoEquilibrium:
-            return True
-        return float(pulled.total_stress.max()) >= threshold
-
-    low, high = 0.0, 1e-3 * span
-    while not reaches(high):
-        low, high = high, 2.0 * high
-        if high > 1e3 * span:
-            return None
-    while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (low, middle) if reaches(middle) else (middle, high)
-    try:
-        pulled = pull.to_deflection(high).sample(stations)
-    except NoEquilibrium:
-        return None
-    return BreakEvent(pulled.force, high, check_rupture(pulled, threshold))

@@ -24,8 +24,9 @@ from physics.beam import Beam
 from physics.equilibrium import NoEquilibrium
 from physics.exact import Exact, ExactPull
 from physics.ligament_section import ligament
+from physics.pull import break_of
 from physics.quantity import positive
-from physics.rupture import BreakEvent, break_of
+from physics.rupture import BreakEvent
 from physics.section import Ring
 from physics.varying_beam import VaryingBeam
 

@@ -1,8 +1,9 @@
 """A beam in space on a bed of strands that part: blunt dissection, in mm, N and MPa."""
 
-from physics.bed.beam_on_bed import BeamOnBed, EnergyBalance, WorstStress
+from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed, Patch
 from physics.bed.pull import Hand, History, Rod, pull, step_places
+from physics.bed.readings import EnergyBalance, WorstStress
 from physics.bed.space_beam import End, SpaceBeam
 from physics.bed.strands import Strands
 

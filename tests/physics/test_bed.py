@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from physics.bed import (
     kernels,
     pull,
 )
+from physics.bed.kernels import State
+from physics.bed.layout import Rest, shapes
 from physics.bed.peel_theory import (
     cantilever_compliance,
     crack_force,
@@ -603,3 +606,28 @@ def test_no_kernel_is_compiled_anew_for_a_constant() -> None:
     }
     assert compiled
     assert not [signature for signature in compiled if "Literal[int]" in signature]
+
+
+def test_a_bed_in_rows_of_a_batch_moves_as_one_of_its_own() -> None:
+    """The arrays are made in a given place: a row of a table of beds, used before."""
+    beam = SpaceBeam.of(DUCT, elements=16)
+    strands, floor = LAYER.strands_under(beam), LAYER.floor_under(beam)
+    rest = Rest.of(beam, strands)
+    batch = [np.full((3, *size), 7, dtype=kind) for size, kind in shapes(rest, 1).values()]
+    row: list[Any] = [each[1] for each in batch]
+    beds = [
+        BeamOnBed(beam, strands, floor=floor, rods=1),
+        BeamOnBed(beam, strands, floor=floor, rods=1, out=State(*row)),
+    ]
+    for bed in beds:
+        node = bed.take(0.4 * beam.span)
+        bed.set_rod(0, (0.6 * beam.span, -8.0, -3.0), (0.0, -1.0, 0.0), 1.2)
+        for step in range(40):
+            bed.lead(node, bed.rest_place(node) + np.array([0.0, 0.0, 0.2 * step]))
+            bed.lead_rod(0, (0.6 * beam.span, -8.0 + 0.2 * step, -3.0))
+            bed.tick(1 / 240, ticks=2)
+    assert beds[0].broken > 0
+    for name, one, other in zip(State._fields, beds[0].state, beds[1].state, strict=True):
+        np.testing.assert_array_equal(one, other, name)
+    for each in batch:
+        assert np.all(each[[0, 2]] == 7)

@@ -171,13 +171,13 @@ class DissectionMeasureTaker:
         damage = beam.damage
         new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
         self._damage = damage
-        ends, arms = beam.strand_ends(), beam.strand_arms()
-        seen = (arms[new] * TOWARDS_VIEWER).sum(axis=1) > 0.0
+        ends, arms = beam.strand_ends(new), beam.strand_arms(new)
+        seen = (arms * TOWARDS_VIEWER).sum(axis=1) > 0.0
         nearest = np.full(new.size, np.inf)
         owner = np.zeros(new.size, dtype=np.int64)
         for hand, holder in enumerate(duct.hands):
             rods = duct.rods_of(hand)
-            away = np.abs(ends[new, 0] - holder.place[0])
+            away = np.abs(ends[:, 0] - holder.place[0])
             away = np.maximum(away - 0.5 * holder.opening, 0.0)  # from the nearer jaw or between
             if holder.node is not None or rods:
                 seen |= away <= WORKING_DISTANCE

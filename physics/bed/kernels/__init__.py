@@ -13,7 +13,7 @@ from physics.bed.kernels.assembly import assemble, assemble_ahead
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
 from physics.bed.kernels.newton import equilibrium
-from physics.bed.kernels.rods import NO_CONTACT, path_round, strand_ends
+from physics.bed.kernels.rods import NO_CONTACT, path_round, set_arms, strand_ends, turn_arms
 from physics.bed.kernels.state import (
     AHEAD,
     ARM_X,
@@ -108,9 +108,11 @@ __all__ = [
     "end_stresses",
     "equilibrium",
     "path_round",
+    "set_arms",
     "set_rest",
     "strand_ends",
     "tick",
+    "turn_arms",
     "update_rod_contacts",
     "yielded",
 ]

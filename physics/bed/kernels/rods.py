@@ -11,6 +11,7 @@ past the tip: these two jump, so that in a search for equilibrium they stand as 
 
 import math
 
+from kernel_cache import njit
 from physics.bed.kernels.state import (
     ARM_X,
     ARM_Y,
@@ -28,6 +29,7 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.vectors import (
     Floats,
+    Ints,
     Three,
     added,
     columns,
@@ -151,6 +153,33 @@ def strand_ends(x: Floats, q: Floats, strand: Floats, n: int, i: int) -> tuple[T
         x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
     )
     return end, (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats) -> None:
+    """Write the arms of strands that hold their nodes at (S, 3) places of this shape, mm."""
+    for i in range(nodes.size):
+        n = int(nodes[i])
+        t1, t2, t3 = columns(q[n, 0], q[n, 1], q[n, 2], q[n, 3])
+        out = (ends[i, 0] - x[n, 0], ends[i, 1] - x[n, 1], ends[i, 2] - x[n, 2])
+        strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i] = (
+            dot(t1, out),
+            dot(t2, out),
+            dot(t3, out),
+        )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def turn_arms(q: Floats, nodes: Ints, strand: Floats, which: Ints, out: Floats) -> None:
+    """Write the arms of some strands as their nodes turn them now, (S, 3) mm."""
+    for k in range(which.size):
+        i = int(which[k])
+        n = int(nodes[i])
+        t1, t2, t3 = columns(q[n, 0], q[n, 1], q[n, 2], q[n, 3])
+        for r in range(3):
+            out[k, r] = (
+                t1[r] * strand[ARM_X, i] + t2[r] * strand[ARM_Y, i] + t3[r] * strand[ARM_Z, i]
+            )
 
 
 @inner

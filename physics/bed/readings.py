@@ -1,0 +1,238 @@
+"""What there is to read of a beam on its bed: energies, strands, and stresses of the wall."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kernel_cache import njit
+from physics.bed import kernels
+from physics.bed.layout import Rest
+
+__all__ = ["EnergyBalance", "Readings", "WorstStress", "worst_stress"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyBalance:
+    """The energy balance, mJ: work = stored + dissipated + snap + drag + residual.
+
+    In real time it stands at the beginning of the last tick.
+    """
+
+    work: float  # of all hands on the beam and on rods
+    stored: float  # in beam, strands, floor, contact and hands' springs
+    dissipated: float  # in strands that yielded and parted, by their law
+    snap: float  # released in jumps while the hands stand still, by letting go and by tearing
+    drag: float  # taken by the drag in real time
+    residual: float  # what the trapezoidal rule leaves unexplained
+    rod_work: float  # the part of the work that was done on rods
+    rod_dissipated: float  # the part dissipated in strands that lay against a rod
+
+
+@dataclass(frozen=True, slots=True)
+class WorstStress:
+    """The largest normal plus bending stress in the beam's wall."""
+
+    station: float  # mm from the first end
+    normal: float  # MPa
+    bending: float  # MPa
+    # angle about the axis at which bending stretches most: rad from up, positive towards y
+    side: float
+
+    @property
+    def total(self) -> float:
+        """Normal plus bending stress, MPa."""
+        return self.normal + self.bending
+
+
+class Readings:
+    """A beam on its bed in its last state, to be read.
+
+    Attributes
+    ----------
+    beam, strands
+        At rest.
+    state
+        The arrays that the kernels share.
+    """
+
+    def __init__(self, rest: Rest, state: kernels.State) -> None:
+        self._rest, self.state = rest, state
+        self.beam, self.strands = rest.beam, rest.strands
+
+    @property
+    def stations(self) -> Floats:
+        """(N,) the nodes' distances from the first end along the axis at rest, mm."""
+        return self._rest.stations
+
+    @property
+    def places(self) -> Floats:
+        """(N, 3) where the nodes are, mm; a view that the next step changes."""
+        return self.state.x
+
+    def rest_place(self, node: int) -> Floats:
+        """(3,) where a node is at rest, mm."""
+        return self._rest.x[node]
+
+    @property
+    def rotations(self) -> Floats:
+        """(N, 4) the nodes' rotations; a view that the next step changes."""
+        return self.state.q
+
+    @property
+    def rest_places(self) -> Floats:
+        """(N, 3) where the nodes are at rest, mm; not to be written to."""
+        return self._rest.x
+
+    @property
+    def rest_rotations(self) -> Floats:
+        """(N, 4) the nodes' rotations at rest; not to be written to."""
+        return self._rest.q
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """(S,) numbers in `strands` of the strands as they are stored in `state`."""
+        return self._rest.order
+
+    @property
+    def damage(self) -> Floats:
+        """(S,) from 0, whole, to 1, parted, in the order of `strands`."""
+        out = np.empty(self.strands.count)
+        out[self.order] = self.state.damage
+        return out
+
+    @property
+    def broken(self) -> int:
+        """How many strands have parted."""
+        return int((self.state.damage >= 1.0).sum())
+
+    @property
+    def broken_by_rods(self) -> int:
+        """How many of them lay against a rod when they parted."""
+        return int(self.state.sums[kernels.ROD_BROKEN])
+
+    @cached_property
+    def _tributary(self) -> Floats:
+        return self.strands.tributary_lengths[self.order]
+
+    @property
+    def freed(self) -> float:
+        """Length of beam whose strands have parted, mm: the sum of their tributary lengths."""
+        return float(self._tributary[self.state.damage >= 1.0].sum())
+
+    @cached_property
+    def _stored_at(self) -> NDArray[np.int64]:
+        """(S,) the columns of `state.strand` of all strands."""
+        out = np.empty(self.strands.count, dtype=np.int64)
+        out[self.order] = np.arange(self.strands.count)
+        return out
+
+    def strand_arms(self, which: NDArray[np.intp] | None = None) -> Floats:
+        """(S, 3) from the nodes on the axis to the ends of all strands, or of some, mm."""
+        at = self._stored_at if which is None else self._stored_at[which]
+        out = np.empty((at.size, 3))
+        kernels.turn_arms(self.state.q, self._rest.nodes, self.state.strand, at, out)
+        return out
+
+    def strand_ends(self, which: NDArray[np.intp] | None = None) -> Floats:
+        """(S, 3) where all strands, or some, hold the beam now, mm."""
+        at = self._stored_at if which is None else self._stored_at[which]
+        return self.state.x[self._rest.nodes[at]] + self.strand_arms(which)
+
+    def touched_by(self, rod: int, *, including_no_contact: bool = False) -> NDArray[np.bool_]:
+        """(S,) whether each strand touches a rod, or did so when it parted."""
+        # `including_no_contact`: also those that it has not met, or that have slipped off.
+        out = np.empty(self.strands.count, dtype=np.bool_)
+        side = self.state.side[rod]
+        out[self.order] = side != 0 if including_no_contact else np.abs(side) == 1
+        return out
+
+    def hand_force(self, node: int) -> Floats:
+        """(3,) force of the hand on a node, N."""
+        return self.state.react[node] + self.state.load[node]
+
+    def rod_force(self, rod: int) -> Floats:
+        """(3,) force of the hand on a rod, N."""
+        return self.state.pull[rod].copy()
+
+    def rod_contact(self, rod: int) -> Floats:
+        """(3,) the part of that force that presses the rod against the beam itself, N."""
+        return self.state.press[rod].copy()
+
+    @property
+    def stored_in_beam(self) -> float:
+        """Elastic energy of the beam alone, mJ."""
+        return float(self.state.sums[kernels.BEAM])
+
+    @property
+    def energy(self) -> EnergyBalance:
+        """The energy balance."""
+        sums: list[float] = self.state.sums.tolist()
+        work, stored = sums[kernels.WORK], sums[kernels.STORED]
+        dissipated, snap, drag = sums[kernels.DISSIPATED], sums[kernels.SNAP], sums[kernels.DRAG]
+        return EnergyBalance(
+            work,
+            stored,
+            dissipated,
+            snap,
+            drag,
+            residual=work - (stored + dissipated + snap + drag),
+            rod_work=sums[kernels.ROD_WORK],
+            rod_dissipated=sums[kernels.ROD_DISSIPATED],
+        )
+
+    def stresses(self) -> Floats:
+        """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
+        # Normal, and of bending at the outermost fibres up and across the beam: above zero, bending
+        # stretches the side up and the one away from y.
+        wall, section = self.beam.wall, self.state.section
+        if wall is None:
+            raise ValueError("the beam has no wall from which stresses could be read")
+        if self.beam.fibres is not None:
+            out = np.empty((section.shape[0], 2, 3))
+            s, radius = self.state, self.beam.radius
+            kernels.end_stresses(
+                s.ends, section, s.strained, self.beam.fibres[1], wall, radius, out
+            )
+            return out
+        loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
+        return loads / np.stack([wall[:-1], wall[1:]], axis=1)
+
+    def worst_stress(self) -> WorstStress:
+        """Return the largest stress of the wall, over the nodes."""
+        node, normal, up, across = worst_stress(self.stresses(), self.state.ends)
+        if node < 0:
+            return WorstStress(0.0, 0.0, 0.0, 0.0)
+        bending = math.sqrt(up * up + across * across)
+        return WorstStress(float(self.stations[node]), normal, bending, math.atan2(-across, up))
+
+    @cached_property
+    def _tightest(self) -> float:
+        """The largest stiffness of the strands at one node, N/mm."""
+        stiffness, nodes = self.state.strand[kernels.STIFF], self._rest.nodes
+        return float(np.bincount(nodes, stiffness, self.stations.size).max(initial=0.0))
+
+    @property
+    def rounding(self) -> float:
+        """Error of forces from places rounded to their last digit, N."""
+        s = self.state
+        beam = float(s.stiff[:, :3].max()) / float(s.h.min())
+        return 1e-15 * max(beam, self._tightest) * self.beam.span
+
+
+@njit(cache=True, nogil=True)
+def worst_stress(stresses: Floats, ends: NDArray[np.int64]) -> tuple[int, float, float, float]:
+    """Return the node with the largest stress, and its stresses; node -1 where none is pulled."""
+    largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
+    for element in range(stresses.shape[0]):
+        for end in range(2):
+            normal = stresses[element, end, 0]
+            up, across = stresses[element, end, 1], stresses[element, end, 2]
+            total = normal + np.sqrt(up * up + across * across)
+            if total > largest:
+                largest, found = total, (ends[element, end], normal, up, across)
+    return found
