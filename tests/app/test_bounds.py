@@ -25,7 +25,8 @@ from app.command_line.client_bounds import client_bounds
 from app.compression.image_upload import UploadBounds
 from app.trainer.connections.bounds import Bounds, Connections, socket_options
 from app.trainer.connections.guard import Guard
-from app.trainer.viser_bridge.page_messages import page_message_decoder, viser_message
+from app.trainer.viser_bridge.fast_transport import viser_message
+from app.trainer.viser_bridge.page_messages import page_message_decoder
 from app.trainer.viser_bridge.private_api import start_server, stop_server
 from benchmarks.page_protocol import CAMERA
 from benchmarks.served_trainer import served_trainer

@@ -3,18 +3,16 @@
 import asyncio
 import re
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 import viser
 import websockets.asyncio.server
-import zstandard
 from browser import new_context, newest, trainer_page
 from playwright.sync_api import Browser
 from program import LONGEST
@@ -38,13 +36,11 @@ from app.trainer.viser_bridge.page import (
 from app.trainer.viser_bridge.private_api import (
     close_page,
     page_of,
-    place_node,
     start_server,
     stop_server,
-    stream,
 )
 from app.trainer.viser_bridge.recording import recording_page
-from benchmarks.page_protocol import CAMERA, Page, connected
+from benchmarks.page_protocol import CAMERA, connected
 
 
 @pytest.fixture
@@ -74,98 +70,6 @@ def test_a_connection_leads_to_its_page_and_a_page_can_be_closed(
             close_page(server, number, "it has gone already")
 
     # In a thread of its own: playwright's loop may be running in this one.
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), LONGEST))).result()
-
-
-def test_what_is_streamed_comes_as_viser_would_send_it(server: viser.ViserServer) -> None:
-    places = np.arange(9, dtype=np.float32).reshape(3, 3)
-    mesh = server.scene.add_mesh_simple("/mesh", places, np.array([[0, 1, 2]], np.uint32))
-    label = server.scene.add_label("/label", "before")
-    buffer = server._websock_server._broadcast_buffer
-
-    def queued(act: Callable[[], None]) -> list[Any]:
-        before = buffer.message_counter
-        act()
-        return [buffer.message_from_id[each] for each in range(before, buffer.message_counter)]
-
-    def streamed(up: float) -> None:
-        for _ in range(2):  # once, as it does not differ then
-            stream(mesh, "vertices", places + np.float32(up))
-            stream(label, "text", f"{up}")
-            place_node(label, up, 0.0, 0.0)
-
-    def assigned(up: float) -> None:
-        mesh.vertices, label.text = places + np.float32(up), f"{up}"
-        label.position = np.array([up, 0.0, 0.0])
-
-    def keys(messages: list[Any]) -> list[Any]:
-        return [(type(one), one.redundancy_key(), one.owner) for one in messages]
-
-    ours = queued(lambda: streamed(1.0))
-    with server.atomic():  # as pictures are drawn
-        together = keys(queued(lambda: streamed(1.5)))
-        held = len(buffer.message_from_id)
-        visers = queued(lambda: assigned(2.0))
-        assert len(buffer.message_from_id) == held  # each in place of what has not gone out yet
-        again = queued(lambda: streamed(2.0))
-    assert keys(ours) == together == keys(visers)
-    assert again == []
-    np.testing.assert_array_equal(mesh.vertices, places + 2.0)
-    arrays: list[memoryview] = []
-    wanted = [each.as_serializable_dict(arrays) for each in visers]
-    sent = private_api._packed(visers, zstandard.ZstdCompressor(level=1).compress)
-    size, packed = (int.from_bytes(sent[8 * part :][:8], "little") for part in range(2))
-    content = zstandard.ZstdDecompressor().decompress(sent[16 : 16 + packed])
-    assert len(content) == size
-    told = msgspec.msgpack.decode(content)
-    assert msgspec.msgpack.encode(told["messages"], order="sorted") == msgspec.msgpack.encode(
-        wanted, order="sorted"
-    )
-    assert told["binaryBufferLengths"] == [each.nbytes for each in arrays] == [36]
-    assert sent[-(-(16 + packed) // 8) * 8 :] == bytes(arrays[0])
-
-
-def test_the_trainer_packs_its_pages_messages_itself(
-    server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    windows: list[Any] = []
-    pack = private_api._packed
-
-    def packed(messages: Any, compress: Any) -> bytes:
-        windows.append(messages)
-        return pack(messages, compress)
-
-    monkeypatch.setattr(private_api, "_packed", packed)
-
-    async def page() -> None:
-        async with connected(f"http://127.0.0.1:{server.get_port()}") as connection:
-            await connection.send(msgspec.msgpack.encode(CAMERA))
-            while not (clients := server.get_clients()):
-                await asyncio.sleep(0.01)
-            with clients[0].atomic():
-                for number in range(300):  # more than one frame takes
-                    clients[0].scene.add_frame(f"/frame_{number}")
-            reader, named = Page(connection), dict[str, None]()
-            while len(named) < 300:
-                each = await reader.messages()
-                names = (one.get("name", "") for one in each)
-                named |= {name: None for name in names if name.startswith("/frame_")}
-            assert [*named] == [f"/frame_{number}" for number in range(300)]
-
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: asyncio.run(asyncio.wait_for(page(), LONGEST))).result()
-    assert len(windows) > 1
-
-
-def test_no_other_thread_sets_the_event_that_wakes_a_page() -> None:
-    async def both() -> None:
-        event = private_api._LoopEvent()
-        await asyncio.to_thread(event.set)
-        assert not event.is_set()
-        asyncio.get_running_loop().call_soon(event.set)
-        await event.wait()
-
     with ThreadPoolExecutor(1) as pool:
         pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), LONGEST))).result()
 

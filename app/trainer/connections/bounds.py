@@ -22,7 +22,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode, Frame, Opcode
 from websockets.protocol import Event
 
-from app.trainer.viser_bridge.page_messages import page_message_decoder, viser_message
+from app.trainer.viser_bridge.fast_transport import received
+from app.trainer.viser_bridge.page_messages import page_message_decoder
 
 __all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
 
@@ -241,7 +242,7 @@ class PageConnection(ServerConnection):
         super().process_event(event)
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """Return the next message that a page may send, as viser's own."""
+        """Return the next message that a page may send, as viser is to read it."""
         while True:
             raw = await self._next(decode)
             try:
@@ -256,7 +257,7 @@ class PageConnection(ServerConnection):
                     await super().recv(decode)
             self._hear()
             if passes:
-                return viser_message(message)
+                return received(raw, message)
 
     async def recv_text(self) -> str:
         """Return the next text, of a page that is not viser's."""

@@ -19,7 +19,7 @@ from app.trainer.panel.plots import (
     key_html,
     line,
 )
-from app.trainer.viser_bridge.private_api import set_plot
+from app.trainer.viser_bridge.fast_transport import set_plot
 
 __all__ = ["DissectPlot"]
 

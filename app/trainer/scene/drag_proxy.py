@@ -18,7 +18,7 @@ from app.simulation import Dissection
 from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.solids import Solid, grid_faces
 from app.trainer.stage.strands import differ
-from app.trainer.viser_bridge.private_api import stream
+from app.trainer.viser_bridge.fast_transport import stream
 from organ_geometry.mesh import Skin
 
 __all__ = ["DragProxy", "Hold"]

@@ -7,7 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import Drawn
-from app.trainer.viser_bridge.private_api import place_node, stream
+from app.trainer.viser_bridge.fast_transport import place_node, stream
 
 __all__ = ["ForceArrow"]
 

@@ -40,6 +40,7 @@ from app.trainer.server.warm_up import WarmUp
 from app.trainer.stage.camera import OVERVIEW
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.view.client_view import ClientView
+from app.trainer.viser_bridge.fast_transport import wakes_once
 from app.trainer.viser_bridge.page import asked_by_address, kept_by_tab, prepare_page, tab_keeps
 from app.trainer.viser_bridge.private_api import (
     close_page,
@@ -47,7 +48,6 @@ from app.trainer.viser_bridge.private_api import (
     page_of,
     start_server,
     stop_server,
-    wakes_once,
 )
 from organ_geometry import Organ
 

@@ -19,8 +19,8 @@ from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
 from app.trainer.stage.solids import Part, Solid, solids_glb
 from app.trainer.stage.tone import light_for, light_table
+from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import float32_text, run_function, run_module
-from app.trainer.viser_bridge.private_api import stream
 from organ_geometry.mesh import Finish
 
 __all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]

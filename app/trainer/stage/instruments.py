@@ -25,8 +25,8 @@ from app.trainer.stage.solids import (
     solids_glb,
     swept_solid,
 )
+from app.trainer.viser_bridge.fast_transport import place_node
 from app.trainer.viser_bridge.page import run_function
-from app.trainer.viser_bridge.private_api import place_node
 from organ_geometry.mesh import Finish
 
 __all__ = ["DrawnInstrument"]

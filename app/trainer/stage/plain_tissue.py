@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from app.trainer.stage.contact import Contact
 from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.tissue import Tissue, TornEnd
-from app.trainer.viser_bridge.private_api import stream
+from app.trainer.viser_bridge.fast_transport import stream
 from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
 
 __all__ = ["PlainTissue"]

@@ -20,8 +20,8 @@ from app.trainer.stage.neighbours import neighbours_glb
 from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.stage.wall_texture import mean_color
+from app.trainer.viser_bridge.fast_transport import place_node
 from app.trainer.viser_bridge.page import keep_in_sight
-from app.trainer.viser_bridge.private_api import place_node
 
 _SETTLING_TIME = 3.0  # s after a framing has arrived, in which a camera elsewhere is framed again
 _HOMING_TIME = 0.3  # s of the same once the page has settled: nobody has looked elsewhere so soon

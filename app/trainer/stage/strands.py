@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import add_mesh
 from app.trainer.stage.stage import Stage
+from app.trainer.viser_bridge.fast_transport import hand_over
 from app.trainer.viser_bridge.page import float32_text, run_function, run_module
-from app.trainer.viser_bridge.private_api import hand_over
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 

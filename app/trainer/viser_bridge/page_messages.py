@@ -2,15 +2,13 @@
 
 import dataclasses
 import typing
-from collections.abc import Callable
-from operator import attrgetter
 from typing import Annotated, Any
 
 import msgspec
 
 from app.trainer.viser_bridge.private_api import PAGE_MESSAGES
 
-__all__ = ["page_message_decoder", "viser_message"]
+__all__ = ["page_message_decoder"]
 
 
 def page_message_decoder() -> msgspec.msgpack.Decoder[Any]:
@@ -30,41 +28,6 @@ def page_message_decoder() -> msgspec.msgpack.Decoder[Any]:
         for hints in (typing.get_type_hints(kind),)
     ]
     return msgspec.msgpack.Decoder(typing.Union[tuple(structs)])  # noqa: UP007
-
-
-def viser_message(decoded: msgspec.Struct) -> Any:
-    """Return what was decoded as viser's own message, as viser would have made it."""
-    kind, fields, changed = _KINDS[type(decoded).__name__]
-    values = [getattr(decoded, name) for name in fields]
-    for place, change in changed:
-        values[place] = change(values[place])
-    return kind(*values)
-
-
-def _whole(number: float) -> float:
-    return int(number) if number.is_integer() else number
-
-
-def _changes(hint: Any) -> Callable[[Any], Any] | None:
-    """Return what makes viser's value of a field's decoded one, if that is another."""
-    if hint is int:
-        return int
-    if hint == typing.Optional[int]:  # noqa: UP045
-        return lambda value: None if value is None else _whole(value)
-    if typing.get_origin(hint) is dict:
-        value_of = attrgetter("value")
-        return lambda updates: {"value": value_of(updates)}
-    return tuple if typing.get_args(hint)[1:] == (...,) else None
-
-
-def _kind(kind: type[Any]) -> tuple[type[Any], list[str], list[tuple[int, Callable[[Any], Any]]]]:
-    hints = typing.get_type_hints(kind)
-    names = [field.name for field in dataclasses.fields(kind)]
-    changes = [(place, _changes(hints[name])) for place, name in enumerate(names)]
-    return kind, names, [(place, change) for place, change in changes if change is not None]
-
-
-_KINDS = {kind.__name__: _kind(kind) for kind in PAGE_MESSAGES}
 
 
 # Not NaN, which no comparison holds of; and JavaScript has one type for whole and other numbers.
