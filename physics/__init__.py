@@ -3,7 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import BeyondLaw, Exact, ExactPull, Hold, Linear, NeoHooke
+from physics.exact import BeyondLaw, Exact, ExactPull, Hold, Law, Linear, NeoHooke
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -25,7 +25,7 @@ from physics.tear_growth import (
     tear_under_grip,
     torn_beam,
 )
-from physics.theory import THEORIES, Theory, theory_named
+from physics.theory import THEORIES, LawName, Theory, law_named, theory_named
 from physics.varying_beam import VaryingBeam
 
 __all__ = [
@@ -42,6 +42,8 @@ __all__ = [
     "Fem",
     "FittedQ",
     "Hold",
+    "Law",
+    "LawName",
     "LigamentSection",
     "Linear",
     "MassSpring",
@@ -61,6 +63,7 @@ __all__ = [
     "check_rupture",
     "critical_stations",
     "fitted_to",
+    "law_named",
     "ligament",
     "tear_by_pull",
     "tear_under_force",

@@ -113,11 +113,12 @@ def lateral_constant(poisson_ratio: float) -> float:
     for _ in range(30):
         bottom = 1.0 + (constant + poisson_ratio) * excess
         error = (1.0 + constant * excess) / (bottom * lateral) - 1.0
-        slope = poisson_ratio * excess**2 / (bottom**2 * lateral)
-        square = float(slope @ slope)
+        # Neither BLAS's products nor powers, whose last digits differ between processors.
+        slope = poisson_ratio * excess * excess / (bottom * bottom * lateral)
+        square = float((slope * slope).sum())
         if square == 0.0:
             return 0.0
-        constant = max(constant - float(slope @ error) / square, 0.0)
+        constant = max(constant - float((slope * error).sum()) / square, 0.0)
     return constant
 
 
@@ -126,7 +127,9 @@ def _lateral_stretch(stretch: NDArray[np.float64], poisson_ratio: float) -> NDAr
     ratio = (1.0 - 2.0 * poisson_ratio) / (2.0 * (1.0 + poisson_ratio))
     j = np.ones_like(stretch)
     for _ in range(60):
-        value = j**8 - j**5 + ratio * (j**3 / stretch - stretch**2)
-        slope = 8.0 * j**7 - 5.0 * j**4 + 3.0 * ratio * j**2 / stretch
+        j2 = j * j
+        j3 = j2 * j
+        value = j2 * j3 * (j3 - 1.0) + ratio * (j3 / stretch - stretch * stretch)
+        slope = j2 * (j2 * (8.0 * j3 - 5.0) + 3.0 * ratio / stretch)
         j -= np.clip(value / slope, -0.5 * j, 0.5 * j)
-    return np.sqrt(j**3 / stretch)
+    return np.sqrt(j * j * j / stretch)

@@ -5,13 +5,13 @@ from typing import ClassVar, Literal, Protocol, get_args
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.exact import Exact, Linear, NeoHooke
+from physics.exact import Exact, Law, Linear, NeoHooke
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.pull import Pull
 from physics.taut_string import TautString
 
-__all__ = ["THEORIES", "LawName", "Theory", "theory_named"]
+__all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named"]
 
 LawName = Literal["linear", "neo-hooke"]
 
@@ -52,8 +52,13 @@ def theory_named(
         raise ValueError(f"shear and law belong to the exact theory, the {name} theory has none")
     if name == "cubic" and q is not None:
         return Cubic(q=q)
-    if law not in (None, *get_args(LawName)):
-        raise ValueError(f"law must be one of {', '.join(get_args(LawName))}, got {law!r}")
     if name == "exact":
-        return Exact(NeoHooke() if law == "neo-hooke" else Linear(shear=shear))
+        return Exact(law_named(law or "linear", shear=shear))
     return THEORIES[name]()
+
+
+def law_named(name: str, *, shear: bool = True) -> Law:
+    """Return the law of a wall of that name; `shear` only matters to the linear one."""
+    if name not in get_args(LawName):
+        raise ValueError(f"law must be one of {', '.join(get_args(LawName))}, got {name!r}")
+    return NeoHooke() if name == "neo-hooke" else Linear(shear=shear)

@@ -18,6 +18,7 @@ from app.command_line.load import (
     chosen_theory,
     organ_from,
     theory_options,
+    with_law,
 )
 from app.command_line.shared_options import options_of
 
@@ -110,13 +111,16 @@ def export(
     if table not in ("curve", "axis"):
         raise ValueError(f"--table must be curve or axis, not {table}")
     in_bed = BedOptions(**options)
-    of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--law": law, "--shear": shear or None}
+    of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None, "--torn": torn or None}
     of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
     in_bed.check(of_bed={}, of_pull=of_pull)
     tissue = organ_from(organ)
     specimen = Specimen(
-        chosen_preset(preset) if preset else default_preset(tissue),
+        with_law(
+            chosen_preset(preset) if preset else default_preset(tissue),
+            None if in_bed.bed is None else law,
+        ),
         tissue,
         None if in_bed.bed is None else bed_named(in_bed.bed),
         bed_seed=in_bed.seed,

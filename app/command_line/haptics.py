@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from app.command_line.answer import AsJson, answer, print_lines
-from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from
+from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from, with_law
 
 __all__ = ["haptics"]
 
@@ -46,7 +46,7 @@ def haptics(
         str | None, typer.Option(help="cubic or exact.", show_default="cubic; exact in a bed")
     ] = None,
     shear: Annotated[bool, typer.Option("--shear", help="exact: sections shear.")] = False,
-    law: Annotated[str | None, typer.Option(help="exact: linear or neo-hooke.")] = None,
+    law: Annotated[str | None, typer.Option(help="exact, or --bed: linear or neo-hooke.")] = None,
     grasp: Annotated[
         float | None,
         typer.Option(help="Where the hook is, mm from the first clamp.", show_default="the middle"),
@@ -133,13 +133,13 @@ def haptics(
     from app.simulation import Specimen, chosen_preset
     from app.simulation.bed import bed_named
 
-    if bed is not None and (theory is not None or shear or law is not None):
+    if bed is not None and (theory is not None or shear):
         raise ValueError(
-            "a duct in a bed is solved by the exact beam in space, linear and with shear: leave "
-            "out --theory, --shear and --law"
+            "a duct in a bed is solved by the exact beam in space, with shear: leave out --theory "
+            "and --shear"
         )
     specimen = Specimen.of_sections(
-        chosen_preset(preset),
+        with_law(chosen_preset(preset), law),
         None if organ is None else organ_from(organ),
         None if bed is None else bed_named(bed),
         bed_seed=seed,
@@ -206,7 +206,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
     specimen = Specimen.of_sections(
-        chosen_preset(run.preset),
+        with_law(chosen_preset(run.preset), run.theory.law),
         tissue,
         None if run.bed is None else bed_named(run.bed),
         bed_seed=run.bed_seed,

@@ -2,14 +2,14 @@
 
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
 if TYPE_CHECKING:
     from app.simulation import Preset, Specimen
     from organ_geometry import Organ
-    from physics import Theory
+    from physics import LawName, Theory
 
 PRESET_NAMES = (
     "thesis-bile-duct, assumed-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, "
@@ -31,7 +31,9 @@ AxialCoupling = Annotated[
 Shear = Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.")]
 Law = Annotated[
     str | None,
-    typer.Option(help="Exact: linear or neo-hooke (with shear); linear if not given."),
+    typer.Option(
+        help="Exact: linear or neo-hooke (with shear); linear if not given. Bed: the preset's own."
+    ),
 ]
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "specimen_from",
     "theory_options",
     "theory_words",
+    "with_law",
 ]
 
 
@@ -80,11 +83,22 @@ def duct_of(preset: str | None, organ: Path | None) -> "Preset":
     return chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
 
 
-def specimen_from(preset: str | None, organ: Path | None, **settings: Any) -> "Specimen":
+def with_law(preset: "Preset", law: str | None) -> "Preset":
+    """Return a preset with another law of its wall in space, if one is given."""
+    from msgspec.structs import replace
+
+    if law is None:
+        return preset
+    return replace(preset, law=_law_name(law))
+
+
+def specimen_from(
+    preset: str | None, organ: Path | None, *, law: str | None = None, **settings: Any
+) -> "Specimen":
     """Return a specimen by a preset and an organ's file; the shipped organ where one is needed."""
     from app.simulation import RoundBeam, Specimen
 
-    duct = duct_of(preset, organ)
+    duct = with_law(duct_of(preset, organ), law)
     needed = organ is not None or not isinstance(duct.beam, RoundBeam)
     return Specimen.of_sections(duct, organ_from(organ) if needed else None, **settings)
 
@@ -93,14 +107,22 @@ def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> 
     """Return the theory that the options ask for."""
     from physics import theory_named
 
-    if law not in (None, "linear", "neo-hooke"):
-        raise ValueError(f"--law must be linear or neo-hooke, not {law}")
+    chosen = None if law is None else _law_name(law)
     number: float | Literal["fitted"] | None
     try:
         number = None if q is None else "fitted" if q == "fitted" else float(q)
     except ValueError:
         raise ValueError(f"--q must be a number or 'fitted', not {q}") from None
-    return theory_named(name, q=number, shear=shear, law=law)
+    return theory_named(name, q=number, shear=shear, law=chosen)
+
+
+def _law_name(law: str) -> "LawName":
+    from physics import LawName
+
+    for name in get_args(LawName):
+        if law == name:
+            return name
+    raise ValueError(f"--law must be {' or '.join(get_args(LawName))}, not {law}")
 
 
 def theory_options(theory: "Theory") -> dict[str, object]:

@@ -37,13 +37,21 @@ def peel(
     except ValueError as error:
         raise ValueError(f"{scene}: {error}") from None
     limit = found.beam.break_stress_MPa
-    report_history(history, None if limit is None else float(limit), output, as_json=as_json)
+    law = None if limit is None else found.beam.law or "linear"
+    report_history(
+        history, None if limit is None else float(limit), output, law=law, as_json=as_json
+    )
 
 
 def report_history(
-    history: "History", threshold: float | None, output: Path | None, *, as_json: bool
+    history: "History",
+    threshold: float | None,
+    output: Path | None,
+    *,
+    law: str | None,
+    as_json: bool,
 ) -> None:
-    """Write a history as CSV where asked for, and print it."""
+    """Write a history as CSV where asked for, and print it; `law` is its wall's."""
     import numpy as np
 
     from organ_geometry import write_atomic
@@ -58,6 +66,7 @@ def report_history(
     if threshold is not None:
         stress = history.stress
         assert stress is not None  # noqa: S101
+        result["law"], result["threshold_MPa"] = law, threshold
         result["distance_to_break_percent"] = last["distance_to_break_percent"]
         result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress.max()) / threshold)
     lines: list[tuple[str, str]] = [("steps", str(history.steps))]
@@ -80,6 +89,7 @@ def report_history(
     if threshold is not None:
         lines += [
             ("distance to break", f"{result['distance_to_break_percent']:.2f} %"),
+            ("threshold", f"{1e3 * threshold:.6g} kPa, {law} law; stresses are nominal"),
             ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
         ]
     lines += [("note", each) for each in history.notes]

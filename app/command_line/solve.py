@@ -73,11 +73,11 @@ def solve(
     in_bed = BedOptions(**options)
     of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
     of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
-    of_pull |= {"--poisson": poisson, "--law": law, "--shear": shear or None}
+    of_pull |= {"--poisson": poisson, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None}
     in_bed.check(of_bed={"-o": output}, of_pull=of_pull)
     if in_bed.bed is not None:
-        _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, as_json=as_json)
+        _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, law, as_json=as_json)
         return
     from physics import Beam, break_of, check_rupture, critical_stations
     from physics.quantity import positive
@@ -199,6 +199,7 @@ def _solve_in_bed(
     organ: Path | None,
     threshold: float | None,
     output: Path | None,
+    law: str | None,
     *,
     as_json: bool,
 ) -> None:
@@ -212,10 +213,15 @@ def _solve_in_bed(
     if output is not None:
         check_target(output)
     specimen = specimen_from(
-        preset, organ, bed=bed_named(name), bed_seed=options.seed, threshold_MPa=threshold
+        preset,
+        organ,
+        law=law,
+        bed=bed_named(name),
+        bed_seed=options.seed,
+        threshold_MPa=threshold,
     )
     at = 0.5 * specimen.beam.span if options.hook is None else options.hook
     beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
     hand = Hand(at=at, path=path, steps=options.steps)
     history = pull(beam, specimen.layer(beam, options.strands), [hand])
-    report_history(history, specimen.threshold, output, as_json=as_json)
+    report_history(history, specimen.threshold, output, law=specimen.preset.law, as_json=as_json)

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def _worst_stress(section: NDArray[np.float64], wall: NDArray[np.float64]) -> float:
-    """Return `BeamOnBed.worst_stress`'s total, MPa, in a third of its time."""
+    """Return `BeamOnBed.worst_stress`'s total by the linear law, MPa, in a third of its time."""
     worst = 0.0
     for e in range(section.shape[0]):
         for end in range(2):
@@ -191,9 +191,7 @@ class FeltBed:
             self._lead_touch()
         try:
             beam.tick(self._period)
-            broken = self._steps % STRESS_STEPS == 0 and (
-                _worst_stress(beam.state.section, self._wall) > self.threshold
-            )
+            broken = self._steps % STRESS_STEPS == 0 and self._stress() > self.threshold
         except NoEquilibrium:
             broken = True
         state = beam.state
@@ -230,6 +228,12 @@ class FeltBed:
         """Return where a hook holds the beam, mm from its first end, or None."""
         node = self._nodes[hook]
         return None if node is None or self.torn else float(self.beam.stations[node])
+
+    def _stress(self) -> float:
+        """Return the largest stress in the wall, MPa."""
+        if self.beam.beam.fibres is not None:
+            return self.beam.worst_stress().total
+        return _worst_stress(self.beam.state.section, self._wall)
 
     @property
     def solved_by(self) -> str:

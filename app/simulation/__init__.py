@@ -48,7 +48,7 @@ from app.simulation.run_log import (
 )
 from app.simulation.scripted_hand import CAREFUL, do_exercise
 from app.simulation.session import VERTICES, Session
-from app.simulation.specimen import IN_SPACE, Specimen
+from app.simulation.specimen import Specimen
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 
 __all__ = [
@@ -56,7 +56,6 @@ __all__ = [
     "ASSUMED_PRESET",
     "CAREFUL",
     "FRONT_SECONDS",
-    "IN_SPACE",
     "LIMITS",
     "MOST_BYTES",
     "PIECES",

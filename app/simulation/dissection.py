@@ -19,7 +19,7 @@ from app.simulation.preset import (
 from assets import BILE_DUCT
 from organ_geometry import DrivingPoints, Organ, SectionProperties
 from organ_geometry.mesh import TornPiece, torn_pieces
-from physics import Beam, Equilibrium, Exact, RuptureCheck, Theory, VaryingBeam
+from physics import Beam, Equilibrium, Exact, Linear, RuptureCheck, Theory, VaryingBeam
 from physics.bed import SpaceBeam
 from physics.section import Ring
 
@@ -87,27 +87,35 @@ class Dissection:
     def space_beam(self, *, elements: int, nodes_at: Sequence[float] = ()) -> SpaceBeam:
         """Return the beam in space that stands for the duct, with nodes at some stations, mm."""
         # A beam of the organ's own sections lies along its axis, a round one is straight.
-        beam = self.beam
+        beam, law = self.beam, self.preset.law_in_space
         if not self.own_sections:
-            return SpaceBeam.of(beam, elements=elements, nodes_at=nodes_at)
+            return SpaceBeam.of(beam, law=law, elements=elements, nodes_at=nodes_at)
         at = np.linspace(0.0, beam.span, SECTIONS_ALONG)
         axis = self.in_frame(self.organ.axis_at(self.clamps[0] + at))
         up = self.sections_at(at, self.frame[:, 2])
         across = self.sections_at(at, self.frame[:, 1])
         e, nu = beam.modulus, beam.poisson_ratio
         g = 0.5 * e / (1.0 + nu)
-        shear = [
-            [
-                area * Ring(float(area), float(moment)).shear_coefficient(nu)
-                for area, moment in zip(sections.area, sections.second_moment, strict=True)
-            ]
-            for sections in (across, up)
-        ]
         moments = np.stack([up.second_moment, across.second_moment])
-        stiffness = np.stack(
-            [e * up.area, *(g * np.array(shear)), g * moments.sum(axis=0), *(e * moments)], axis=1
-        )
         fibres = np.stack([up.fibre_distance, across.fibre_distance])
+        rows = None
+        if isinstance(law, Linear):
+            shear = np.array(
+                [
+                    [
+                        area * Ring(float(area), float(moment)).shear_coefficient(nu)
+                        for area, moment in zip(sections.area, sections.second_moment, strict=True)
+                    ]
+                    for sections in (across, up)
+                ]
+            )
+        else:
+            both = (moments[0], moments[1]), (fibres[0], fibres[1])
+            rows, areas = law.fibres_in_space(e, nu, up.area, *both)
+            shear = np.stack([areas, areas])
+        stiffness = np.stack(
+            [e * up.area, *(g * shear), g * moments.sum(axis=0), *(e * moments)], axis=1
+        )
         chords = np.sqrt((np.diff(axis, axis=0) ** 2).sum(axis=1))
         along = np.concatenate([[0.0], np.cumsum(chords)])
         return SpaceBeam.from_axis(
@@ -117,6 +125,7 @@ class Dissection:
             stations=along * (1.0 + 1e-3),
             radius=fibres.mean(axis=0),
             wall=np.stack([up.area, *(moments / fibres)], axis=1),
+            fibres=rows,
             nodes_at=nodes_at,
         )
 

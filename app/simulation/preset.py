@@ -16,7 +16,7 @@ import msgspec
 
 from app.bounded_file import decoded, read_bounded
 from assets import PRESETS
-from physics import Beam, Theory, calibrated_threshold
+from physics import Beam, Law, LawName, Theory, calibrated_threshold, law_named
 
 __all__ = [
     "ASSUMED_PRESET",
@@ -115,6 +115,8 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     title: str = ""  # in the panel
     description: str = ""  # what it feels like
     poisson_ratio: float = 0.3
+    # of the wall where the duct is a beam in space
+    law: LawName = "neo-hooke"
     # at mid-span; each theory's threshold is fitted to it
     break_force_N: float | None = None  # noqa: N815
     break_stress_MPa: float | None = None  # the threshold in every theory  # noqa: N815
@@ -160,6 +162,11 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             wall=self.beam.wall_mm,
         )
 
+    @property
+    def law_in_space(self) -> Law:
+        """The law of the wall where the duct is a beam in space."""
+        return law_named(self.law)
+
     def threshold(self, theory: Theory, beam: Beam) -> float:
         """Return a theory's threshold, MPa: as given, or its stress at the break force."""
         if self.break_stress_MPa is not None:
@@ -171,7 +178,8 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def strength(self) -> str:
         """The strength as it is given, and how each theory's threshold T follows from it."""
         if self.break_stress_MPa is not None:
-            return f"a stress of {1e3 * self.break_stress_MPa:.6g} kPa, which is T in every theory"
+            kilopascals = 1e3 * self.break_stress_MPa
+            return f"a nominal stress of {kilopascals:.6g} kPa, which is T in every theory"
         return (
             f"a break at {self.break_force_N:.6g} N at mid-span; T is the stress that each theory "
             "reads there"

@@ -8,14 +8,11 @@ from app.simulation.bed_preset import BedPreset
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
 from organ_geometry import Organ
-from physics import Beam, Exact, Linear, Theory
+from physics import Beam, Exact, Theory
 from physics.bed import BeamOnBed, Bed, SpaceBeam
 from physics.quantity import positive
 
-__all__ = ["IN_SPACE", "Specimen"]
-
-IN_SPACE = Exact(Linear(shear=True))
-"""The theory that the beam in space equals where no bed holds it; its threshold is that one's."""
+__all__ = ["Specimen"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,8 @@ class Specimen:
     """A duct of a preset's beam or an organ's sections, and what holds and solves it.
 
     Without an `organ` it is the preset's own round beam. A `theory` solves a free duct in the plane
-    of its pull; without one the duct is a beam in space, free or in a `bed`.
+    of its pull; without one the duct is a beam in space, free or in a `bed`, whose wall has the
+    preset's law.
     """
 
     preset: Preset
@@ -76,8 +74,8 @@ class Specimen:
 
     @property
     def solved_by(self) -> Theory:
-        """The theory, or the one that the beam in space equals."""
-        return IN_SPACE if self.theory is None else self.theory
+        """The theory, or the one that the beam in space equals where no bed holds it."""
+        return Exact(self.preset.law_in_space) if self.theory is None else self.theory
 
     @cached_property
     def threshold(self) -> float:
@@ -98,7 +96,8 @@ class Specimen:
     def space_beam(self, *, elements: int, nodes_at: Sequence[float] = ()) -> SpaceBeam:
         """Return the beam in space, with nodes at some stations, mm from the first clamp."""
         if self.organ is None:
-            return SpaceBeam.of(self.beam, elements=elements, nodes_at=nodes_at)
+            law = self.preset.law_in_space
+            return SpaceBeam.of(self.beam, law=law, elements=elements, nodes_at=nodes_at)
         return self.dissection.space_beam(elements=elements, nodes_at=nodes_at)
 
     def layer(self, beam: SpaceBeam, strands: int | None = None) -> Bed | None:

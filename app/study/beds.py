@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from app.simulation import ASSUMED_PRESET, IN_SPACE, THESIS_PRESET, Preset, Specimen
+from app.simulation import ASSUMED_PRESET, THESIS_PRESET, Preset, Specimen
 from app.simulation.bed import BedPreset, bed_named
 from app.study.ducts import (
     Block,
@@ -14,7 +14,7 @@ from app.study.ducts import (
 from app.study.inputs import BED
 from app.study.plan import Plan
 from organ_geometry import Organ
-from physics import NoEquilibrium
+from physics import Exact, NoEquilibrium
 from physics.bed import Bed, Hand, History, SpaceBeam, pull
 
 __all__ = ["bed_of", "lift", "solve_beds"]
@@ -78,6 +78,8 @@ def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
     of_bed = {key.removeprefix(BED): v for key, v in numbers.items() if key.startswith(BED)}
     organ = plan.organ(words["organ"]) if "organ" in words else None
     preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
+    if "law" in words:
+        preset = msgspec.structs.replace(preset, law=words["law"].removesuffix(" with shear"))
     elements = int(of_bed.get("elements", ELEMENTS))
     hook = of_bed.get("hook_mm")
     specimen = Specimen.of_sections(
@@ -116,7 +118,7 @@ def _threshold(preset: Preset, organ: Organ | None, numbers: dict[str, float]) -
     if "break_force_N" in numbers:
         return None
     given = numbers.get("break_stress_MPa", preset.break_stress_MPa)
-    return strength_of(preset, organ, IN_SPACE) if given is None else given
+    return strength_of(preset, organ, Exact(preset.law_in_space)) if given is None else given
 
 
 def lift(beam: SpaceBeam, bed: Bed | None, *, at: float, to: float, steps: int) -> History:

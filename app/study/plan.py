@@ -332,11 +332,11 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
     if "organ" in given:
         refuse(("organ", "diameter_mm"), "an organ has its own sections")
     if plan.has_bed:
-        for name in ("theory", "law", "q", "force_N", "deflection_mm", "grasp_mm", "grasp_share"):
+        for name in ("theory", "q", "force_N", "deflection_mm", "grasp_mm", "grasp_share"):
             if name in given:
                 raise lines.wrong(
                     _place(plan, name),
-                    "goes not with a bed: a duct in its bed is a linear beam in space with shear, "
+                    "goes not with a bed: a duct in its bed is a beam in space with shear, "
                     "lifted by bed.hook_mm and bed.lift_mm",
                 )
         if "bed.lift_mm" not in given:

@@ -101,14 +101,9 @@ class Rest:
             inner = s.stiff[whole, shear] * within
             s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
         if self.beam.fibres is not None:
-            if s.chord.any():
-                longest = float(s.h[s.chord.any(axis=1)].max())
-                raise ValueError(
-                    f"elements of {longest:g} mm are too long for fibres in so thin a beam: give "
-                    "more elements, or the linear law"
-                )
-            s.wall[:, kernels.SOFT] = 0.0
-            s.wall[whole, kernels.SOFT] = s.stiff[whole, 1] / self.stiffness[whole, 1]
+            for column, shear in ((kernels.SOFT_2, 1), (kernels.SOFT_3, 2)):
+                s.wall[:, column] = 0.0
+                s.wall[whole, column] = s.stiff[whole, shear] / self.stiffness[whole, shear]
             s.wall[~whole, kernels.STRENGTH] = 0.0
         kernels.set_arms(self.x, self.q, self.nodes, self.strands.ends[self.order], s.strand)
 

@@ -187,17 +187,15 @@ class Readings:
 
     def stresses(self) -> Floats:
         """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
-        # Normal, and of bending at the outermost fibres up and across the beam: above zero, bending
-        # stretches the side up and the one away from y.
+        # Nominal, forces over areas at rest: normal, and of bending at the outermost fibres up and
+        # across the beam. Above zero, bending stretches the side up and the one away from y.
         wall, section = self.beam.wall, self.state.section
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
         if self.beam.fibres is not None:
             out = np.empty((section.shape[0], 2, 3))
-            s, radius = self.state, self.beam.radius
-            kernels.end_stresses(
-                s.ends, section, s.strained, self.beam.fibres[1], wall, radius, out
-            )
+            s = self.state
+            kernels.end_stresses(s.ends, section, s.strained, self.beam.fibres[1], wall, out)
             return out
         loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
         return loads / np.stack([wall[:-1], wall[1:]], axis=1)

@@ -192,11 +192,11 @@ class SpaceBeam:
             raise ValueError("a beam in space shears: its law must too, as Linear(shear=True)")
         stations = beam.key_stations
         areas, moments, fibres, shear_areas, _ = beam.sections_at(stations)
-        rows = None
+        rows, e = None, beam.modulus
         if isinstance(law, NeoHooke):
-            rows = law.fibres_in_space(beam, stations)
-            shear_areas = areas * (1.0 - rows[:, kernels.DEFICIT] / rows[:, kernels.SHEAR])
-        e = beam.modulus
+            own = shear_areas if beam.has_shear_areas else None
+            both = (moments, moments), (fibres, fibres)
+            rows, shear_areas = law.fibres_in_space(e, beam.poisson_ratio, areas, *both, own)
         g = 0.5 * e / (1.0 + beam.poisson_ratio)
         stiffness = np.stack(
             [

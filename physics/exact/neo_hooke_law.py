@@ -7,6 +7,7 @@ each call. Three fibres, at 0 and +-y with weights 1 - 2 w and w, integrate over
 small strains, for warping.
 """
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -18,6 +19,8 @@ from physics.beam import Beam, Sections
 from physics.exact.state import KERNEL, Array, Five, State, gauss_points
 from physics.exact.symbols import *
 from physics.section import Ring, lateral_constant
+
+Row = NDArray[np.float64]
 
 
 @njit(**KERNEL)
@@ -318,30 +321,60 @@ class NeoHooke:
             points[WEIGHT, columns] = weight
             points[DEFICIT, columns] = (1.0 - coefficient) * shear_modulus
 
-    def fibres_in_space(self, beam: Beam, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (S, 9) rows of sections that `physics.bed.kernels.wall` needs."""
-        nu = beam.poisson_ratio
+    def fibres_in_space(
+        self,
+        modulus: float,
+        poisson_ratio: float,
+        areas: Row,
+        moments: tuple[Row, Row],
+        outer: tuple[Row, Row],
+        shear_areas: Row | None = None,
+    ) -> tuple[NDArray[np.float64], Row]:
+        """Return the rows of sections that `physics.bed.kernels.wall` needs, and shear areas.
+
+        Parameters
+        ----------
+        modulus, poisson_ratio
+            Of the material; the modulus in MPa.
+        areas
+            (S,) mm^2.
+        moments, outer
+            (S,) second moments, mm^4, and distances of the outermost fibres, mm: of bending up and
+            across.
+        shear_areas
+            (S,) mm^2; None: those of rings.
+
+        Returns
+        -------
+        rows, shear_areas
+            (S, 13) in the order of that module's columns; (S,) at small strains, mm^2.
+        """
+        nu = poisson_ratio
         shear_modulus = 0.5 / (1.0 + nu)
-        sections = beam.sections_at(stations, shear_areas=beam.has_shear_areas)
-        rows = np.empty((stations.size, 9))
-        for i, (area, second_moment) in enumerate(
-            zip(sections.areas.tolist(), sections.second_moments.tolist(), strict=True)
-        ):
-            ring = Ring(area, second_moment)
+        rows = np.empty((areas.size, 13))
+        for i, area in enumerate(areas.tolist()):
+            up, across = float(moments[0][i]), float(moments[1][i])
+            ring = Ring(area, 0.5 * (up + across))
+            distance, weight = ring.fibres
             coefficient = ring.free_shear_coefficient(nu)
-            if beam.has_shear_areas:
-                coefficient = float(sections.shear_areas[i] / area)
+            if shear_areas is not None:
+                coefficient = float(shear_areas[i]) / area
             rows[i] = (
-                beam.modulus * area,
-                *ring.fibres,
+                modulus * area,
+                distance * math.sqrt(up / ring.second_moment),
+                distance * math.sqrt(across / ring.second_moment),
+                weight,
                 (1.0 - coefficient) * shear_modulus,
                 shear_modulus,
                 (1.0 - 2.0 * nu) * shear_modulus,
                 lateral_constant(nu),
                 nu,
+                float(outer[0][i]),
+                float(outer[1][i]),
+                1.0,
                 1.0,
             )
-        return rows
+        return rows, areas * (1.0 - rows[:, 4] / shear_modulus)
 
     def bending_stress(
         self,

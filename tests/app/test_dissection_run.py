@@ -348,3 +348,33 @@ def test_an_idle_instrument_parts_no_strand() -> None:
     assert swept.strands_parted_by_hand[1] >= swept.strands_parted - settled
     content = run_json(session.run_file())
     assert run_json(replayed(content).run_file()) == content
+
+
+def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:
+    linear = msgspec.structs.replace(preset_named("porcine-bile-duct"), law="linear")
+    session = BedSession(phantom(), linear, SCATTERED, bed_seed=7, vertices=300)
+    tree = json.loads(run_json(dissected(session)))
+    start = tree["log"]["start"]
+    assert start.pop("law") == "linear"
+    start["preset"] = "porcine-bile-duct"
+    again = replay_end(json.dumps(tree).encode())
+    assert bits(again) == bits(session)
+    start["law"] = "neo-hooke"
+    assert bits(replay_end(json.dumps(tree).encode())) != bits(session)
+
+
+@pytest.mark.parametrize("preset", ["assumed-duct", "porcine-bile-duct"])
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_a_duct_of_its_own_sections_is_torn_within_the_hand_s_reach(
+    preset: str, share: float
+) -> None:
+    session = BedSession(phantom(), preset_named(preset), vertices=300)
+    start = session.grab(0, share * session.duct.dissection.beam.span)
+    assert start is not None
+    lift, seen = 0.0, 0.0
+    while session.duct.torn is None:
+        assert session.duct.share >= 0.999 * seen
+        seen, lift = session.duct.share, lift + 0.25
+        assert lift < 60.0
+        session.move_hand(0, start + np.array([0.0, 0.0, lift]))
+        session.advance()

@@ -47,7 +47,7 @@ def test_the_readout_says_which_organ_and_section_are_solved(
         tab.open("Model")
         tab.choose("Duct", "Own sections, assumed tissue")
         expect(duct).to_contain_text("the organ's own hollow sections, the weakest one, 50.83")
-        expect(duct).to_contain_text("a stress of 211.5 kPa, which is T in every theory")
+        expect(duct).to_contain_text("a nominal stress of 211.5 kPa, which is T in every theory")
         expect(duct).to_have_attribute("data-own-sections", "1")
         found = solved("--preset", "assumed-duct", "--force", 1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,9 +78,10 @@ class DissectionReplay(BaseReplay[BedSession, DissectionInput]):
         start = log.start
         try:
             preset, bed = start.preset, start.bed
+            preset = preset_named(preset) if isinstance(preset, str) else preset
             session = BedSession(
                 organ,
-                preset_named(preset) if isinstance(preset, str) else preset,
+                msgspec.structs.replace(preset, law=start.law),
                 bed_named(bed) if isinstance(bed, str) else bed,
                 bed_seed=start.bed_seed,
                 threshold=start.threshold_MPa,

@@ -78,6 +78,7 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
                 threshold_MPa=duct.threshold,
                 strands_sha256=strands_digest(duct.beam.strands),
                 by_touch=self._taker.by_touch,
+                law=preset.law,
             ),
             seed=seed,
             tick_seconds=TICK_SECONDS,

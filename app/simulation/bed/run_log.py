@@ -25,6 +25,7 @@ from app.simulation.run_log import (
     run_version,
     same_figures,
 )
+from physics import LawName
 from physics.bed import Strands
 
 __all__ = [
@@ -49,13 +50,14 @@ class DissectionStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str | Preset  # name of a shipped preset, or another in full
     bed: str | BedPreset  # likewise
     bed_seed: int  # of the bed's scatter
-    threshold_MPa: float  # stress at which the duct tears  # noqa: N815
+    threshold_MPa: float  # nominal stress at which the duct tears  # noqa: N815
     strands_sha256: str  # digest of the strands that came of bed and seed
     elements: int = ELEMENTS  # of the beam
     substeps: int = SUBSTEPS  # of a tick
     # whether a parted strand is an instrument's only if it touched it; in runs made before also if
     # it had not met it
     by_touch: bool = False
+    law: LawName = "linear"  # of the wall, instead of the preset's; runs made before had no other
 
 
 class DissectionInput(msgspec.Struct, frozen=True, array_like=True):

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.bounded_file import decoded, read_bounded
 from app.simulation.bed_preset import bed_named
-from physics import Beam
+from physics import Beam, LawName, law_named
 from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
 from physics.bed.space_beam import axis_line
 from physics.quantity import finite, positive
@@ -55,6 +55,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     modulus_MPa: Number | None = None  # noqa: N815
     poisson_ratio: Number = 0.3
     break_stress_MPa: Number | None = None  # noqa: N815
+    law: LawName | None = None
     radius_mm: Numbers | None = None
     plane: bool = False
 
@@ -83,11 +84,14 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 modulus=self.modulus_MPa,
                 poisson_ratio=self.poisson_ratio,
             )
+            law = law_named(self.law or "linear")
             return SpaceBeam.of(
-                bar, elements=self.elements, ends=self.ends, axis=axis, nodes_at=nodes_at
+                bar, law=law, elements=self.elements, ends=self.ends, axis=axis, nodes_at=nodes_at
             )
         if self.break_stress_MPa is not None:
             raise ValueError("break_stress_MPa of [beam] goes with diameter_mm and modulus_MPa")
+        if self.law is not None:
+            raise ValueError("law of [beam] goes with diameter_mm and modulus_MPa")
         missing = [name for name in STIFFNESSES if getattr(self, name) is None]
         if missing:
             raise ValueError(f"[beam] needs {', '.join(missing)}")

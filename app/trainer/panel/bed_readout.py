@@ -19,7 +19,7 @@ __all__ = ["HANDS", "bed_html", "bed_phase", "bed_readout_html", "bed_zone"]
 HANDS = ("Left hand", "Right hand")
 FREED = "Length of duct about which all strands but a few have parted"
 PARTED = "Strands that have parted, of all that held the duct; they never heal"
-PEAK = "The highest stress so far by the threshold; the mark on the bar is there too"
+PEAK = "The highest nominal stress so far by the threshold; the mark on the bar is there too"
 FORCE = "What this hand feels: its pull on the duct, or its push on strands, newtons"
 ENERGY = (
     "Part of the work of both hands that went into strands that parted; the rest has stretched the "

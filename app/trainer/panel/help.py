@@ -87,7 +87,8 @@ the length about which nearly all strands have parted. *Into strands* is the par
 has parted strands; the rest has stretched the duct. Arrows show the force of each hand.
 
 **What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
-heals; the duct tears where normal stress + bending stress > threshold T. Strands part only as far
+heals; the duct tears where normal stress + bending stress, nominal (force by the area at rest), >
+threshold T. Strands part only as far
 as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and tissue that creeps.
 """,
     "pull": """\
@@ -98,7 +99,8 @@ as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and ti
 to look around, scroll to come nearer.
 
 **What is computed.** The duct is one beam between two clamps. It tears where normal stress +
-bending stress > threshold T. How the torn ends gape and swing is drawn, not computed.
+bending stress, nominal (force by the area at rest), > threshold T. How the torn ends gape and swing
+is drawn, not computed.
 """,
 }
 _ARROWS: dict[Mode, str] = {

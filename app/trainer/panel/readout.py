@@ -27,7 +27,7 @@ BAND = (
     "Ducts of this shape, bent and stretched like this one, whose modulus and strength are within "
     "the factors chosen"
 )
-DISTANCE = "1 less the highest stress by the threshold: 100 % is a slack duct, 0 % tears"
+DISTANCE = "1 less the highest nominal stress by the threshold: 100 % is a slack duct, 0 % tears"
 FORCE = "The whole force of the grasper across the duct, newtons"
 DEFLECTION = "How far the duct is pulled out where the hook holds it"
 BREAKS = "Force at which this duct tears when it is held here"

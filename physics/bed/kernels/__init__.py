@@ -51,11 +51,10 @@ from physics.bed.kernels.state import (
 from physics.bed.kernels.strands import update_rod_contacts, yielded
 from physics.bed.kernels.tick import tick
 from physics.bed.kernels.wall import (
-    DEFICIT,
     FIBRE_ROWS,
     FIBRES,
-    SHEAR,
-    SOFT,
+    SOFT_2,
+    SOFT_3,
     STRENGTH,
     WALL_ROWS,
     end_stresses,
@@ -68,7 +67,6 @@ __all__ = [
     "BEAM",
     "BILATERAL",
     "CONTACT",
-    "DEFICIT",
     "DISSIPATED",
     "DRAG",
     "FAILURE",
@@ -88,9 +86,9 @@ __all__ = [
     "ROD_ROWS",
     "ROD_WORK",
     "SHAFT",
-    "SHEAR",
     "SNAP",
-    "SOFT",
+    "SOFT_2",
+    "SOFT_3",
     "STIFF",
     "STORED",
     "STRANDS",

@@ -52,7 +52,8 @@ from physics.bed.kernels.wall import (
     FIBRES,
     RATIO,
     SHEAR,
-    SOFT,
+    SOFT_2,
+    SOFT_3,
     STRENGTH,
     congruent,
     fill_all,
@@ -143,6 +144,7 @@ def strain_fibres(
     ends: Ints,
     h: Floats,
     strain: Floats,
+    chord: Floats,
     wall: Floats,
     strained: Floats,
     fibres: Floats,
@@ -155,7 +157,10 @@ def strain_fibres(
         d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
         g2, g3 = dot(t2, d) - strain[e, 1], dot(t3, d) - strain[e, 2]
         f += f
-        lam, square = 1.0 + (dot(t1, d) - strain[e, 0]), wall[e, SOFT] * (g2 * g2 + g3 * g3)
+        lam = 1.0 + (dot(t1, d) - strain[e, 0])
+        square = wall[e, SOFT_2] * g2 * g2 + wall[e, SOFT_3] * g3 * g3
+        if chord[e, 0] > 0.0 or chord[e, 1] > 0.0:
+            lam = math.sqrt(lam * lam + chord[e, 0] * g2 * g2 + chord[e, 1] * g3 * g3)
         k2, k3 = f * dot(t2, c) - strain[e, 4], f * dot(t3, c) - strain[e, 5]
         strained[e, 0], strained[e, 1], strained[e, 2], strained[e, 3] = lam, square, k2, k3
         place_fibres(fibres, FIBRES * e, wall, e, lam, square, k2, k3)
@@ -182,7 +187,7 @@ def beam_pass(
     """Add the beam's gradient and tangent, write its section forces; return its energy, mJ."""
     energy = 0.0
     if wall.size:
-        strain_fibres(x, q, ends, h, strain, wall, strained, fibres)
+        strain_fibres(x, q, ends, h, strain, chord, wall, strained, fibres)
     for e in range(h.size):
         i, j = ends[e, 0], ends[e, 1]
         t1, t2, t3, c = element_frame(q, i, j)
@@ -204,7 +209,7 @@ def beam_pass(
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
         f2, f3 = chord[e, 0], chord[e, 1]
         thin = f2 > 0.0 or f3 > 0.0
-        e1, e2, e3 = 1.0, 0.0, 0.0
+        e1, e2, e3, length = 1.0, 0.0, 0.0, 1.0
         direction, dyad = t1, 0.0  # e in space, and EA - N/L
         if thin:
             length = math.sqrt((1.0 + g1) ** 2 + f2 * g2**2 + f3 * g3**2)
@@ -217,22 +222,42 @@ def beam_pass(
         law = e < wall.shape[0]
         in_c = in_m = in_x = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if law:
-            ea, soft = wall[e, STRENGTH], wall[e, SOFT]
+            ea, soft2, soft3 = wall[e, STRENGTH], wall[e, SOFT_2], wall[e, SOFT_3]
             square = strained[e, 1]
             psi, n1, per, m2, m3, c11, c12, c22, x2, x3, y2, y3, z22, z23, z33 = section_forces(
                 fibres, FIBRES * e, wall, e, strained[e, 0], square, k2, k3
             )
             energy += h[e] * (ea * psi + 0.5 * m1 * k1)
-            s2, s3 = ea * soft * g2, ea * soft * g3
-            n1, n2, n3, m2, m3 = ea * n1, per * s2, per * s3, ea * m2, ea * m3
-            c22 *= soft
-            off = c22 * s2 * g3
+            n1, m2, m3 = ea * n1, ea * m2, ea * m3
+            # Half the derivatives of gam^2, and the force's by the stretch and by those.
+            v2, v3 = soft2 * g2, soft3 * g3
+            n2, n3, per = ea * per * v2, ea * per * v3, ea * per
+            c11, c12, c22 = ea * c11, ea * c12, ea * c22
             in_c = (
-                ea * c11, c12 * s2, c12 * s3,
-                c12 * s2, ea * soft * per + c22 * s2 * g2, off,
-                c12 * s3, off, ea * soft * per + c22 * s3 * g3,
+                c11, c12 * v2, c12 * v3,
+                c12 * v2, per * soft2 + c22 * v2 * v2, c22 * v2 * v3,
+                c12 * v3, c22 * v2 * v3, per * soft3 + c22 * v3 * v3,
             )  # fmt: skip
-            in_x = (0.0, ea * x2, ea * x3, 0.0, y2 * s2, y3 * s2, 0.0, y2 * s3, y3 * s3)
+            x2, x3, y2, y3 = ea * x2, ea * x3, ea * y2, ea * y3
+            in_x = (0.0, x2, x3, 0.0, y2 * v2, y3 * v2, 0.0, y2 * v3, y3 * v3)
+            if thin:
+                # The stretch is the chord's: its gradient is e, its second (diag(1, f^2) - e e)/L.
+                tight = n1 / length
+                c11 -= tight
+                w2, w3 = c12 * v2, c12 * v3
+                a12 = c11 * e1 * e2 + e1 * w2
+                a13 = c11 * e1 * e3 + e1 * w3
+                a23 = c11 * e2 * e3 + e2 * w3 + w2 * e3 + c22 * v2 * v3
+                in_c = (
+                    tight + c11 * e1 * e1, a12, a13,
+                    a12, f2 * tight + c11 * e2 * e2 + 2.0 * e2 * w2 + per * soft2 + c22 * v2 * v2,
+                    a23, a13, a23,
+                    f3 * tight + c11 * e3 * e3 + 2.0 * e3 * w3 + per * soft3 + c22 * v3 * v3,
+                )  # fmt: skip
+                in_x = (
+                    0.0, e1 * x2, e1 * x3, 0.0, e2 * x2 + y2 * v2, e2 * x3 + y3 * v2,
+                    0.0, e3 * x2 + y2 * v3, e3 * x3 + y3 * v3,
+                )  # fmt: skip
             in_m = (stiff[e, 3], 0.0, 0.0, 0.0, ea * z22, ea * z23, 0.0, ea * z23, ea * z33)
         else:
             energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)

@@ -8,7 +8,8 @@ Six fibres lie on a hexagon about the axis and one on it. Bent in a plane throug
 hexagon's corners or between two, they are the three fibres of the plane law: distance y and weight
 w of those are the hexagon's radius 2 y/sqrt(3), a weight w/2 for each corner and 1 - 3 w for the
 middle (`physics.section.Ring.fibres`). So the rule is exact to the fifth power of the distance all
-round, from a full disc to a thin ring. With lam = 1 + Gamma_1, gam^2 = Gamma_2^2 + Gamma_3^2 and
+round, from a full disc to a thin ring. Of a section that is not equally stiff both ways the hexagon
+is stretched likewise. With lam = 1 + Gamma_1, gam^2 = Gamma_2^2 + Gamma_3^2 and
 u_i = kappa . r_i the energy of an element for each mm is
 
     E A (sum w_i psi(lam + t u_i, gam) - deficit (t/lam)^2 gam^2 / (2 (1 + gam^2)))
@@ -25,12 +26,17 @@ import numpy as np
 from kernel_cache import njit
 from physics.bed.kernels.vectors import Floats, Ints, Nine, Three, added, inlined, inner, scaled
 
-# Columns of a table of walls: E A, N; distance, mm, and weight of the plane law's outer fibres;
-# the share of warping, shear modulus and G/(3 K) in E; constants of the lateral stretch; and of an
-# element the factor of gam^2 that leaves bending within it out.
-STRENGTH, REACH, WEIGHT, DEFICIT, SHEAR, RATIO, SHRINK, POISSON, SOFT = range(9)
-WALL_ROWS = 9
+# Columns of a table of walls: E A, N; the plane law's outer fibres, their distances, mm, where the
+# section bends by kappa_2 and by kappa_3, and their weight; the share of warping, shear modulus and
+# G/(3 K) in E; constants of the lateral stretch; distances of the outermost fibres, mm; and of an
+# element the factors of Gamma_2^2 and Gamma_3^2 that leave bending within it out of gam^2.
+STRENGTH, REACH_2, REACH_3, WEIGHT, DEFICIT, SHEAR, RATIO, SHRINK, POISSON = range(9)
+OUTER_2, OUTER_3, SOFT_2, SOFT_3 = range(9, 13)
+WALL_ROWS = 13
 LEAST, STIFF = 0.5, 3.0
+# Of the strains of a section under given forces: most steps, the farthest of them and the last one,
+# in its stretch.
+MOST_STEPS, FARTHEST, ENOUGH = 30, 0.5, 1e-7
 # Rows of a table of fibres, a column each: seven of a section one after the other.
 STRETCH, SQUARE, ENERGY, PULL, PULL_S, PULL_G, CROSS, MORE = range(8)
 FIBRE_ROWS, FIBRES = 8, 7
@@ -71,8 +77,8 @@ def place_fibres(
     k3: float,
 ) -> None:  # fmt: skip
     """Write the stretches and gam^2 of a section's seven fibres."""
-    y = wall[row, REACH] * lateral(wall, row, lam)[0][0]
-    one, two = y * k3 / HALF_ROOT, y * k2
+    t = lateral(wall, row, lam)[0][0]
+    one, two = wall[row, REACH_3] * t * k3 / HALF_ROOT, wall[row, REACH_2] * t * k2
     each = (0.0, one, 0.5 * one + two, -0.5 * one + two)
     for i in range(4):
         fibres[STRETCH, first + i] = lam + each[i]
@@ -138,7 +144,7 @@ def section_forces(
     """Return energy, n, q/gam, m_2, m_3 and their derivatives of seven fibres, in E A."""
     # The derivatives: n_lam, n_gam/gam, (q_gam - q/gam)/gam^2, n_k2, n_k3, q_k2/gam, q_k3/gam,
     # m_22, m_23, m_33.
-    y, w = wall[row, REACH], 0.5 * wall[row, WEIGHT]
+    near, w = wall[row, REACH_2], 0.5 * wall[row, WEIGHT]
     (t, t1, t2), warping = lateral(wall, row, lam)
     deficit = wall[row, DEFICIT]
     warp, warp1, warp2 = deficit * warping[0], deficit * warping[1], deficit * warping[2]
@@ -152,8 +158,8 @@ def section_forces(
     n_gam = middle * fibres[PULL_G, at] - warp1 * fade2
     q_more = middle * fibres[MORE, at] + 4.0 * warp * fade2 * fade
     m2 = m3 = n2 = n3 = q2 = q3 = m22 = m23 = m33 = 0.0
-    far = y / HALF_ROOT
-    corners = ((0.0, far), (y, 0.5 * far), (y, -0.5 * far))
+    far = wall[row, REACH_3] / HALF_ROOT
+    corners = ((0.0, far), (near, 0.5 * far), (near, -0.5 * far))
     for corner in range(3):
         a, b = corners[corner]
         bent = k2 * a + k3 * b
@@ -215,13 +221,14 @@ def fill_all(fibres: Floats, g: float, ratio: float) -> None:
 
 @inner
 def node_stress(
-    fibres: Floats, wall: Floats, row: int, radius: float, n: float, m2: float, m3: float,
-    lam: float, square: float, k2: float, k3: float,
+    fibres: Floats, wall: Floats, row: int, n: float, m2: float, m3: float, lam: float,
+    square: float, k2: float, k3: float,
 ) -> Three:  # fmt: skip
     """Return the outermost fibre's stress, in E, and the part of each curvature in the bending."""
     # The strains at which the section has the forces n, m_2 and m_3, in E A, by Newton's method
-    # from those in the middle of the element.
-    for _ in range(4):
+    # from those in the middle of the element; no fibre is stretched by more than half at once.
+    outer2, outer3 = wall[row, OUTER_2], wall[row, OUTER_3]
+    for _ in range(MOST_STEPS):
         place_fibres(fibres, 0, wall, row, lam, square, k2, k3)
         fill_all(fibres, wall[row, SHEAR], wall[row, RATIO])
         found = section_forces(fibres, 0, wall, row, lam, square, k2, k3)
@@ -230,24 +237,29 @@ def node_stress(
         c11, c12, c13 = d * f - e * e, c * e - b * f, b * e - c * d
         c22, c23, c33 = a * f - c * c, b * c - a * e, a * d - b * b
         over = 1.0 / (a * c11 + b * c12 + c * c13)
-        lam += over * (c11 * r1 + c12 * r2 + c13 * r3)
-        k2 += over * (c12 * r1 + c22 * r2 + c23 * r3)
-        k3 += over * (c13 * r1 + c23 * r2 + c33 * r3)
-        if abs(r1) + (abs(r2) + abs(r3)) / radius < 1e-7:
+        d1 = over * (c11 * r1 + c12 * r2 + c13 * r3)
+        d2 = over * (c12 * r1 + c22 * r2 + c23 * r3)
+        d3 = over * (c13 * r1 + c23 * r2 + c33 * r3)
+        far = abs(d1) + outer2 * abs(d2) + outer3 * abs(d3)
+        part = min(1.0, FARTHEST * lam / far) if far > 0.0 else 1.0
+        lam += part * d1
+        k2 += part * d2
+        k3 += part * d3
+        if far < ENOUGH * lam:
             break
-    bent = math.sqrt(k2 * k2 + k3 * k3)
-    fibres[STRETCH, 0] = lam + lateral(wall, row, lam)[0][0] * bent * radius
+    b2, b3 = outer2 * k2, outer3 * k3
+    bent = math.sqrt(b2 * b2 + b3 * b3)
+    fibres[STRETCH, 0] = lam + lateral(wall, row, lam)[0][0] * bent
     fill_all(fibres, wall[row, SHEAR], wall[row, RATIO])
     over = 1.0 / bent if bent > 0.0 else 0.0
-    return fibres[PULL, 0], over * k2, over * k3
+    return fibres[PULL, 0], over * b2, over * b3
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def end_stresses(
-    ends: Ints, section: Floats, strained: Floats, wall: Floats, sections: Floats, radius: Floats,
-    out: Floats,
-) -> None:  # fmt: skip
-    """Write the (N - 1, 2, 3) normal stress and both of bending at the elements' ends, MPa.
+    ends: Ints, section: Floats, strained: Floats, wall: Floats, sections: Floats, out: Floats
+) -> None:
+    """Write the (N - 1, 2, 3) nominal normal stress and both of bending at elements' ends, MPa.
 
     `wall` and `sections` are of the nodes; bending is what the outermost fibre has beyond the mean.
     """
@@ -262,7 +274,7 @@ def end_stresses(
             if section[e, 0] == 0.0 and section[e, 4 + 3 * end] == 0.0:
                 continue  # at rest, or torn
             most, up, across = node_stress(
-                fibres, wall, node, float(radius[node]), n / force, section[e, 4 + 3 * end] / force,
+                fibres, wall, node, n / force, section[e, 4 + 3 * end] / force,
                 section[e, 5 + 3 * end] / force, strained[e, 0], strained[e, 1], strained[e, 2],
                 strained[e, 3],
             )  # fmt: skip
