@@ -142,6 +142,7 @@ def pulled_in_real_time(seed: int) -> float:
         raise ArithmeticError(f"a node is {far:g} mm away")
     energy = live.energy
     gross = abs(energy.work) + energy.stored + energy.dissipated + abs(energy.snap)
+    gross += abs(energy.lag)
     return abs(energy.residual) / gross if gross > ROUNDING else 0.0
 
 

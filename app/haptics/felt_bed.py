@@ -8,10 +8,10 @@ the tick itself has made shows a period later.
 Energy of a tick. It leads the coupling's end from z_0 to z_1 while the node stands at x_0, books
 K (z_1 - x_0) as the force at its end, and takes one Newton step to x_1. The hand feels
 K (z_1 - x_1). So the beam's books have more work than the hands by the sum of
-K (x_1 - x_0) . (z_1 - z_0)/2, and what relaxes in the step is in their `snap`. The difference is
-`released`:
+K (x_1 - x_0) . (z_1 - z_0)/2, and what relaxes in the step is in their `snap` and `lag`. The
+difference is `released`:
 
-    W = stored + spent + released,  released = snap - (W_booked - W) - W of the last tick
+    W = stored + spent + released,  released = snap + lag - (W_booked - W) - W of the last tick
 
 to what the trapezoidal rule leaves `open`. Another hand that no device has, the trainer page's,
 may hold the duct or part strands meanwhile: `Touch` says how, some thirty times a second.
@@ -145,7 +145,7 @@ class FeltBed:
             self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
         books = self.beam.energy
         self._spent_at_first = books.stored + books.dissipated + books.drag
-        self._snap_at_first = books.snap
+        self._snap_at_first = books.snap + books.lag
         self._booked = self._booked_at_first = books.work  # by the couplings, and before
         self._felt = 0.0  # work of the hands by the forces that they feel, mJ
         self.stored = self.spent = self.released = 0.0
@@ -204,14 +204,16 @@ class FeltBed:
         books = beam.energy
         self.stored = books.stored + work
         self._felt += work
-        # Not `books.snap`: a tick moves the coupling's end before the beam follows, and books the
-        # spring's energy that this frees. The hand holds its force meanwhile and has not given it.
-        # What the other hand has put in is no work of these.
+        # Not `books.snap` nor `lag`: a tick moves the coupling's end before the beam follows, and
+        # books the spring's energy that this frees. The hand holds its force meanwhile and has not
+        # given it. What the other hand has put in is no work of these.
         others = 0.0 if self._touch is None else books.work - self._booked
         spent = books.dissipated + books.drag + self._let_go
         self.spent = spent - others - self._spent_at_first
         staggered = self._booked - self._booked_at_first - self._felt
-        self.released = books.snap - self._snap_at_first - self._let_go - staggered - work
+        self.released = (
+            books.snap + books.lag - self._snap_at_first - self._let_go - staggered - work
+        )
         if broken:
             self.torn = True
             self.spent += self.stored

@@ -235,7 +235,9 @@ class BeamOnBed(Readings):
         """Advance in real time towards the hands' targets, at a fixed cost."""
         if ticks < 1:
             raise ValueError(f"a tick must be divided into 1 part or more, got {ticks}")
-        step = positive(seconds, "a tick", "s") / ticks
+        if not 0.0 < seconds < math.inf:
+            positive(seconds, "a tick", "s")
+        step = seconds / ticks
         if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 

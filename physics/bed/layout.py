@@ -20,8 +20,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Shapes = dict[str, tuple[tuple[int, ...], type[np.generic]]]
 
-CONTACT = 1.6
-"""Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
 REACH_OF_RODS = 12.0
 """How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
 # Bits of what is held in the plane of x and z: y, and turning about x and z.
@@ -215,7 +213,11 @@ def state_of(
     widths = np.zeros(nodes.size)
     widths[:-1] += 0.5 * np.diff(rest.stations)
     widths[1:] += 0.5 * np.diff(rest.stations)
-    s.thick[:, 0], s.thick[:, 1], s.thick[:, 2] = beam.radius, CONTACT * widths, REACH_OF_RODS
+    s.thick[:, 0], s.thick[:, 1], s.thick[:, 2] = (
+        beam.radius,
+        kernels.CONTACT_STIFFNESS * widths,
+        REACH_OF_RODS,
+    )
     s.side[:] = kernels.NO_CONTACT
     s.sums[kernels.RETRACED] = retrace
     rest.write(s)

@@ -162,13 +162,21 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
     audit = EnergyAudit(s, gross, 2.0 * rounding)
     done, size, largest = 0.0, 1.0, 1.0
     # A rod goes no farther at once than half its radius, lest it should jump over a strand.
+    farthest = 0.0
     for a, b in zip(s.rods_from, s.rods_to, strict=True):
         if b[kernels.IN_USE]:
             distance = float(np.sqrt(((b[:3] - a[:3]) ** 2).sum()))
+            farthest = max(farthest, distance)
             if distance > 0.0:
                 largest = min(largest, 0.5 * b[kernels.RADIUS] / distance)
     while done < 1.0:
         size = min(size, largest, 1.0 - done)
+        if size * farthest > s.sums[kernels.CLEAR]:  # nor past the beam
+            _set_goals(s, done)
+            clear = kernels.rods_clear_of(s, size / (1.0 - done)) * (1.0 - done)
+            if clear < SHORTEST:
+                raise NoEquilibrium("a rod would have to pass through the beam to go on")
+            size = min(size, clear)
         back = tuple(each.copy() for each in (s.x, s.q, s.damage, s.side, s.sums))
         _set_goals(s, done + size)
         spent = _settle(s, rounding)

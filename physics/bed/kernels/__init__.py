@@ -5,13 +5,14 @@ run gives the same bits on every machine that computes by IEEE 754. Indices: e e
 nodes; r and c (or `col`) the freedoms of a node (x, y, z, then the spin about them); m rods.
 Constants are passed as int(constant): else numba compiles a kernel anew for each.
 
-Read in this order: `vectors`, `state`, `wall`, `beam`, `rods`, `strands`, `assembly`, `tangent`,
-`step`, `newton`, `balance`, `tick`.
+Read in this order: `vectors`, `state`, `wall`, `beam`, `rods`, `core`, `strands`, `assembly`,
+`tangent`, `step`, `newton`, `balance`, `tick`.
 """
 
 from physics.bed.kernels.assembly import assemble, assemble_ahead
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
+from physics.bed.kernels.core import rods_clear_of
 from physics.bed.kernels.newton import equilibrium
 from physics.bed.kernels.rods import NO_CONTACT, path_round, set_arms, strand_ends, turn_arms
 from physics.bed.kernels.state import (
@@ -20,7 +21,9 @@ from physics.bed.kernels.state import (
     ARM_Z,
     BEAM,
     BILATERAL,
+    CLEAR,
     CONTACT,
+    CONTACT_STIFFNESS,
     DISSIPATED,
     DRAG,
     FAILURE,
@@ -29,6 +32,7 @@ from physics.bed.kernels.state import (
     FROZEN,
     IN_USE,
     INCREMENTAL,
+    LAG,
     LENGTH,
     RADIUS,
     RETRACED,
@@ -66,7 +70,9 @@ __all__ = [
     "ARM_Z",
     "BEAM",
     "BILATERAL",
+    "CLEAR",
     "CONTACT",
+    "CONTACT_STIFFNESS",
     "DISSIPATED",
     "DRAG",
     "FAILURE",
@@ -77,6 +83,7 @@ __all__ = [
     "FROZEN",
     "INCREMENTAL",
     "IN_USE",
+    "LAG",
     "LENGTH",
     "NO_CONTACT",
     "RADIUS",
@@ -106,6 +113,7 @@ __all__ = [
     "end_stresses",
     "equilibrium",
     "path_round",
+    "rods_clear_of",
     "set_arms",
     "set_rest",
     "strand_ends",

@@ -1,12 +1,16 @@
 """Energy, gradient and tangent of all: the beam, its strands, the floor, forces and springs."""
 
+import math
+
 from kernel_cache import njit
 from physics.bed.kernels.beam import beam_pass
+from physics.bed.kernels.core import core_pass
 from physics.bed.kernels.rods import any_rod
 from physics.bed.kernels.state import (
     AHEAD,
     BEAM,
     BENT_NOW,
+    CLEAR,
     CONTACT,
     LOADS,
     RELAXED,
@@ -71,6 +75,24 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.section,
     )
     strand_pass(s, kind, relaxation)
+    s.sums[CLEAR] = math.inf
+    if any_rod(s.rods):
+        energy, clear = core_pass(
+            s.x,
+            s.ends,
+            s.h,
+            s.stiff,
+            s.thick,
+            s.rods,
+            s.g,
+            s.diagonal,
+            s.upper,
+            s.pull,
+            s.press,
+            kind,
+        )
+        s.sums[CONTACT] += energy
+        s.sums[CLEAR] = clear
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -7,7 +7,9 @@ rods that there were. Along it the energy U changes by the work of all forces,
     U_1 - U_0 = int g . dx - int p . dr - int f . dl ...      (g gradient, p forces on rods)
 
 The part of held freedoms, of springs' goals, of dead forces and of rods is the hands' work; what
-free nodes lose goes to the drag, and the rest is released (`SNAP`). Each integral is taken by the
+free nodes lose goes to the drag, and the rest is the `LAG` of one Newton step a tick, of either
+sign: at hands that tremble or leap nodes are dragged back and forth about an equilibrium that they
+do not reach. What is released in jumps is `SNAP`. Each integral is taken by the
 trapezoidal rule; where U_1 - U_0 says that together they are off, as where a strand's end comes out
 of a rod and its force jumps, by Simpson's over shorter and shorter parts (`retrace`). Then
 strands jump on or off rods and damage grows, at places that stand still: what these change is the
@@ -24,6 +26,7 @@ from physics.bed.kernels.state import (
     DRAG,
     DRAG_NOW,
     FROZEN,
+    LAG,
     LOST_NOW,
     MOVED,
     RETRACED,
@@ -88,12 +91,14 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
     lost += sums[SLIPPED_NOW]
     stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
     missing = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    jumped = False
     if sums[RETRACED] == 0.0:
         # A jump, in which forces are anything but linear, takes all that is missing: where much is
         # lost, or where the rule cannot tell what free nodes lose, so much do their forces change.
         much = 1e-4 * (stored + sums[STORED] + sums[DISSIPATED])
         if lost - sums[DRAG_NOW] > much or (unsure > much and 0.0 < missing - lost <= unsure):
             lost = missing
+            jumped = lost > sums[DRAG_NOW]
     missing -= lost
     close = CLOSED_OF_ALL * size * (stored + sums[STORED] + sums[DISSIPATED])
     close += CLOSED * gross + ROUNDING
@@ -117,7 +122,12 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
     sums[WORK] += work + swept
     sums[ROD_WORK] += swept
     sums[DRAG] += sums[DRAG_NOW]
-    sums[SNAP] += lost - sums[DRAG_NOW]
+    slipped = max(sums[SLIPPED_NOW], 0.0)
+    beyond = lost - sums[DRAG_NOW]
+    if not jumped:
+        sums[LAG] += beyond - slipped
+        beyond = slipped
+    sums[SNAP] += beyond
     sums[DISSIPATED] += sums[LOST_NOW]
     sums[STORED] = stored
     sums[DRAG_NOW] = sums[MOVED] = 0.0

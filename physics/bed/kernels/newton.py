@@ -10,6 +10,7 @@ import math
 
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
+from physics.bed.kernels.core import clear_of_rods
 from physics.bed.kernels.rods import any_rod
 from physics.bed.kernels.state import BEAM, FORCE_SCALE, LOADS, MOST, STRANDS, State, copy_rows
 from physics.bed.kernels.step import (
@@ -138,7 +139,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
             if left > UNSTABLE_TRIES:
                 return -1
             nudge(s, 1e-6 * 4.0**left * length)
-            move(s, 1.0)
+            move(s, clear_of_rods(s.x, s.ends, s.stiff, s.rods, s.step, 1.0))
             energy = assemble(s, kind, 0.0)
             continue
         if not found:
@@ -148,6 +149,8 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         if turn > TURN_LIMIT:
             fraction = TURN_LIMIT / turn
         far = largest(s, int(0))
+        if rods:
+            fraction = clear_of_rods(s.x, s.ends, s.stiff, s.rods, s.step, fraction)
         # Nor does any node go farther in one step than a quarter of the beam.
         if fraction * far > 0.25 * span:
             fraction = 0.25 * span / far
@@ -163,7 +166,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
                         s.hold[n, r] = s.step[n, r]
                         if not (s.held[n] >> r) & 1:
                             s.step[n, r] = 0.0
-                move(s, 1.0)
+                alone = 1.0
+                if rods:
+                    alone = clear_of_rods(s.x_kept, s.ends, s.stiff, s.rods, s.step, alone)
+                move(s, alone)
                 energy = assemble(s, kind, 0.0)
                 if not energy < taken:
                     copy_rows(s.step, s.hold)
@@ -197,6 +203,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         while accepted and shift > 0.0 and before - energy > -0.75 * fraction * slope:
             if 4.0 * fraction * turn > TURN_LIMIT or 4.0 * fraction * far > 0.25 * span:
                 break
+            if rods:
+                clear = clear_of_rods(s.x_kept, s.ends, s.stiff, s.rods, s.step, 4.0 * fraction)
+                if clear < 4.0 * fraction:
+                    break
             lowest = energy
             move(s, 4.0 * fraction)
             energy = assemble(s, kind, 0.0)

@@ -27,7 +27,16 @@ WORK, STORED, DISSIPATED, SNAP, DRAG, ROD_WORK, ROD_DISSIPATED, ROD_BROKEN, DRAG
 BENT_NOW, SLIPPED_NOW, MOVED, RETRACED, AHEAD = range(17, 22)
 
 
-SUM_ROWS = 22
+# How far a rod may move at once lest it pass the beam, mm, no limit without rods; and since the
+# beginning what free nodes have lost in ticks besides the drag, mJ.
+CLEAR, LAG = 22, 23
+
+
+SUM_ROWS = 24
+
+
+CONTACT_STIFFNESS = 1.6
+"""Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
 
 
 # Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
